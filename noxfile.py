@@ -47,10 +47,11 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test the outside solvers, whose wheels are installed with the extra ``peers``."""
-    session.install(".[test,peers]")
+    """Test the outside solvers and captures, whose wheels are installed with the extras ``peers`` and ``mujoco``."""
+    session.install(".[test,peers,mujoco]")
     _keep_compiled_kernels(session)
-    session.run("pytest", "tests/solvers/peers", *session.posargs)
+    captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
+    session.run("pytest", "tests/solvers/peers", *captures, *session.posargs)
 
 
 @nox.session

@@ -1,4 +1,4 @@
-"""Errors of measuring and showing."""
+"""Errors of bench."""
 
 from pathlib import Path
 
@@ -6,11 +6,11 @@ from ..problems.errors import ProxbenchError
 
 
 class BenchError(ProxbenchError):
-    """A run, its options or its files do not hold together."""
+    """A run, its options or its files are invalid."""
 
 
 class UnwritableError(BenchError):
-    """A file cannot be written where it should be; what it would show can be shown all the same."""
+    """A file cannot be written; its content can still be printed."""
 
 
 class FailedSimulationError(BenchError):
@@ -18,11 +18,11 @@ class FailedSimulationError(BenchError):
 
 
 class InterruptedWorkError(ProxbenchError):
-    """Something was interrupted from outside; what was finished is kept."""
+    """A run or simulation was interrupted; finished work is kept."""
 
 
 class InterruptedRunError(InterruptedWorkError):
-    """A run was interrupted from outside; what was measured is kept, and the sentence says so where there is any.
+    """A run was interrupted; its measurements are kept.
 
     Attributes:
         run_dir: the folder of the run, from which it can be resumed.
@@ -36,7 +36,7 @@ class InterruptedRunError(InterruptedWorkError):
 
 
 class InterruptedSimulationError(InterruptedWorkError):
-    """A simulation was interrupted from outside; the steps taken are kept.
+    """A simulation was interrupted; its steps are kept.
 
     Attributes:
         file: its result file, from which it can be resumed.

@@ -1,4 +1,4 @@
-"""Runs in Python: begin one, finish one, load one."""
+"""The Python interface of runs: measure, resume, load, merge and compare."""
 
 import itertools
 import os
@@ -14,6 +14,7 @@ import msgspec
 
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
+from ..problems.exchange.families import Sampling
 from .errors import BenchError
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
@@ -24,13 +25,14 @@ from .plugins.problems import problem_of
 from .report.build_report import Report, build_report
 from .report.comparison.comparison import SLOWDOWN, Comparison, compare_runs
 from .simulation.starts import DEFAULT_START
+from .store.bundles.bundle import bundle as bundle
+from .store.bundles.bundle import open_run
 from .store.bundles.merge import merge as merge_sources
-from .store.bundles.packing import OnCase
-from .store.bundles.packing import bundle as bundle
-from .store.bundles.packing import rejudge as rejudge
+from .store.bundles.rejudge import OnCase
+from .store.bundles.rejudge import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
 from .store.plans import Limits, RunSettings
-from .store.store import UNFIT_NAME, Store, plain_name
+from .store.store import UNFIT_NAME, plain_name
 
 
 def _ignore(*shown: object) -> None:
@@ -39,7 +41,7 @@ def _ignore(*shown: object) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(RunFrames, os.PathLike[str]):
-    """A stored run as it was when it was loaded; usable as the path of its folder.
+    """A stored run as it was when it was loaded; usable as the path of its folder or bundle.
 
     Its attributes are those of ``RunFrames``: the frames cases, points, rounds, iterations and errors, the record info,
     and the sentences damaged.
@@ -49,7 +51,7 @@ class Run(RunFrames, os.PathLike[str]):
         return str(self.folder)
 
     def __str__(self) -> str:
-        """Return how its cases ended, and where it is stored."""
+        """Return the number of cases by outcome, and the path."""
         from .report.tables import results_table
 
         endings = results_table(self)["outcome"].value_counts()
@@ -78,9 +80,9 @@ class Run(RunFrames, os.PathLike[str]):
         Args:
             charts: draw charts.
             residual: "judged", or "local" (relative to the surroundings of each contact); that of the run if None.
-            baseline: the solver that speed-ups are against; the one that solves most if empty.
-            page: write the page too, unless the run has none; see ``page``.
-            profiles: problems that charts of profiles are over: "common" to all solvers, or "all".
+            baseline: solver that speed-ups relate to; the one that solves most problems if empty.
+            page: write the page too, if the run has one; see ``page``.
+            profiles: problems that profiles cover, "common" to all solvers or "all".
 
         Returns:
             The tables and files; ``unwritten`` gives the reason why files are missing.
@@ -91,7 +93,7 @@ class Run(RunFrames, os.PathLike[str]):
         return build_report(self.judged_by(residual or self.residual), charts, baseline, page, profiles)
 
     def page(self, residual: str | None = None, baseline: str = "") -> Path:
-        """Write one offline HTML page into the folder of the run, as ``proxbench report --page`` does; return its file.
+        """Write one offline HTML page, as ``proxbench report --page`` does, and return its file.
 
         The arguments are those of ``report``.
 
@@ -104,7 +106,7 @@ class Run(RunFrames, os.PathLike[str]):
         return write_page(self.judged_by(residual or self.residual), baseline)
 
     def plot(self, problem: str) -> Any:
-        """Return a chart of altair of one problem: what accuracy costs, and how the solvers converge.
+        """Return an altair chart of one problem: time against accuracy, and convergence.
 
         Raises:
             BenchError: if the run has no such problem, or no solver has a finite residual on it.
@@ -114,11 +116,11 @@ class Run(RunFrames, os.PathLike[str]):
         return plot_problem(self, problem)
 
     def plot_profile(self, kind: str = "performance", baseline: str = "", profiles: str = "common") -> Any:
-        """Return a chart of altair of one kind of profile over the problems of the run.
+        """Return an altair chart of one kind of profile over the problems of the run.
 
         Args:
             kind: "performance", "data", "accuracy", "speedup" or "families".
-            baseline: the solver that speed-ups are against; the one that solves most if empty.
+            baseline: solver that speed-ups relate to; the one that solves most problems if empty.
             profiles: "common" for the problems that all solvers support, or "all".
 
         Raises:
@@ -135,16 +137,16 @@ class Run(RunFrames, os.PathLike[str]):
         plugins: Sequence[Path | str] = (),
         mix: bool = False,
     ) -> "Run":
-        """Measure what is missing, and return the run as it then is; see ``resume``."""
+        """Measure what is missing and return the new state of the run; see ``resume``."""
         return resume(self.folder, retry_failed, on_event, plugins, mix)
 
     def problem(self, name: str) -> ContactProblem:
-        """Return one of its problems, also where what made it is gone.
+        """Return a problem of the run, from the run itself if it stores the problem.
 
         Raises:
-            ProblemError: if it has none of that name, or the problem's file is damaged.
+            ProblemError: if there is no problem of that name, or its file is damaged.
         """
-        return problem_of(Store.open(self.folder), self.info, name)
+        return problem_of(open_run(self.folder), self.info, name)
 
 
 def run(
@@ -164,6 +166,7 @@ def run(
     passes: int | None = None,
     seed: int = 0,
     sample: int | None = None,
+    sampling: Sampling = "proportional",
     thorough: bool = False,
     shard: str = "",
     executor: Executor | None = None,
@@ -172,29 +175,28 @@ def run(
 
     Args:
         problems: names, problem files (.npz, or .hdf5 of FCLIB), folders of such files or problems, or one of them; the
-            members of ``suite`` if None. What is missing is generated.
+            members of ``suite`` if None. Missing problems are generated.
         solvers: names with options, or solvers, or one of them; the default variants if None.
-        suite: a named suite, or a folder of problem files; those that cannot be read are left out, and the plan of the
-            run says why.
-        results: the folder in which the folder of the run is made.
-        run_id: its name; date and time if None.
+        suite: a named suite, or a folder of problem files; the plan of the run lists unreadable files.
+        results: the folder that contains the folder of the run.
+        run_id: name of the run; date and time if None.
         tolerances: the ladder, or one tolerance; 1e-2, 1e-4, 1e-6, 1e-8 if None.
-        limits: of each case.
-        on_event: called as the run goes on.
+        limits: limits of each case.
+        on_event: called with the events of the run.
         plugins: plugin files whose solvers and problems can be named, or one of them.
         solve_seconds: limit of one solve [s], instead of that of ``limits``.
-        case_seconds: limit of everything in a case [s], instead of that of ``limits``.
-        memory: limit of what a case takes beyond the framework [MiB], instead of that of ``limits``.
-        passes: over all problems; 2 if None. With one alone, ratios of times have no intervals.
-        seed: of the orders of problems and solvers in each pass, and of the sample.
-        sample: number of problems to draw, families in proportion; all if None.
-        thorough: take ten tolerances, 1e-1 … 1e-10, and five passes, where they are not given.
-        shard: measure every n-th problem from the i-th on, for "i/n": ``merge`` puts shards together.
-        executor: measures the problems, each as a task that any of its workers may do, on any machine with this version
-            of Proxbench; this process if None.
+        case_seconds: limit of a whole case [s], instead of that of ``limits``.
+        memory: limit of the memory of a case beyond that of the framework [MiB], instead of that of ``limits``.
+        passes: number of passes over all problems; 2 if None. With one pass, ratios of times have no intervals.
+        seed: seed of the orders of problems and solvers in each pass, and of the sample.
+        sample: number of problems to draw; all if None.
+        sampling: divide the sample among families in proportion to their sizes, or evenly.
+        thorough: default to ten tolerances, 1e-1 … 1e-10, and five passes.
+        shard: for "i/n", measure every n-th problem from the i-th on; ``merge`` combines shards.
+        executor: runs each problem as a task, on any machine with this version of Proxbench; this process if None.
 
     Raises:
-        ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
+        ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
@@ -211,7 +213,9 @@ def run(
         seed=seed,
         thorough=thorough,
     )
-    plan = make_plan(_several(problems), _several(solvers), settings, suite=suite, sample=sample, shard=shard)
+    plan = make_plan(
+        _several(problems), _several(solvers), settings, suite=suite, sample=sample, sampling=sampling, shard=shard
+    )
     folder = _new_folder(results, run_id)
     measure(plan, folder, on_event, executor)
     return load(folder)
@@ -223,7 +227,7 @@ def plot_convergence(
     tolerance: float = 1e-8,
     solve_seconds: float = 5.0,
 ) -> Any:
-    """Solve a problem with each solver and return a chart of altair of the judged residual over iterations.
+    """Solve a problem with each solver and return an altair chart of the judged residual over iterations.
 
     Args:
         problem: a name, a problem file, or a problem.
@@ -256,25 +260,25 @@ def study(
     members: Sequence[float] | None = None,
     start: str = DEFAULT_START,
 ) -> Run:
-    """Measure what accuracy of a motion costs, over steps, tolerances, steppers and solvers; a run like any other.
+    """Measure the time that accuracy of a motion takes, over steps, tolerances, steppers and solvers.
 
     Args:
-        scene: with options or without.
-        solvers: solvers to compare in addition, over their tolerances, or one of them.
-        results: the folder in which the folder of the run is made.
-        run_id: its name; the scene with date and time if None.
-        limits: of each case, whose solves are simulations; ten minutes for one and two hours for all if None.
-        on_event: called as the run goes on.
+        scene: name of a scene, with or without options.
+        solvers: further solvers to compare over their tolerances, or one of them.
+        results: the folder that contains the folder of the run.
+        run_id: name of the run; the scene with date and time if None.
+        limits: limits of each case, whose solves are simulations; ten minutes for one and two hours for all if None.
+        on_event: called with the events of the run.
         plugins: plugin files whose solvers and scenes can be named, or one of them.
         methods: ladders by name, ``{"Moreau with NSGS": (1e-3, 5e-4)}`` over the step [s], or
             ``{"NSGS in Moreau(step=1e-3)": (1e-2, 1e-4)}`` over the tolerance; those of the scene if None.
-        tolerance: judged residual that solvers of ``methods`` shall reach where it is not what varies.
-        duration: simulated time [s]; one that suits the scene if None.
-        members: seeds of a scene of balls, else factors on steps and tolerances, over which errors are taken.
-        start: what the solve of each step starts from: "warm" (the last impulses), "cold" (zero) or "warm-then-cold".
+        tolerance: judged residual of the solvers of ``methods`` whose steppers vary.
+        duration: simulated time [s]; that of the scene if None.
+        members: seeds of a scene of balls, or factors on steps and tolerances, over which errors are taken.
+        start: start of the solve of each step: "warm" (the last impulses), "cold" (zero) or "warm-then-cold".
 
     Raises:
-        ProxbenchError: for anything unknown or out of range, or a folder that cannot be written, before the start.
+        ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
@@ -294,7 +298,7 @@ def study(
 
 
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
-    """Return the folder of a new run; one named after the time is numbered where another run has the same second."""
+    """Return the folder of a new run; folders named after the same second are numbered."""
     if not run_id:
         first = Path(results) / f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
@@ -318,17 +322,17 @@ def resume(
     Args:
         run_dir: the folder of the run, or the run.
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
-        on_event: called as the run goes on.
-        plugins: the plugin files from which it has its solvers, or one of them; problems of plugins are stored with it.
-        mix: go on also where machine, versions or source differ from those it was begun with; its reports say so.
-        executor: measures what is missing, as in ``run``.
+        on_event: called with the events of the run.
+        plugins: the plugin files of its solvers, or one of them; problems of plugins are stored with the run.
+        mix: continue on another machine, or with other versions or sources; reports then warn.
+        executor: as in ``run``.
 
     Returns:
-        The run as it then is.
+        The new state of the run.
 
     Raises:
-        BenchError: if the folder is no run, its run.json is damaged, a plugin file of its solvers is not named, is gone
-            or has changed, or the machine is another one than it was begun on.
+        BenchError: if the folder is not a run, its run.json is damaged, a plugin file of its solvers is not named,
+            missing or changed, or the machine, versions or sources differ.
         InterruptedRunError: on Ctrl-C.
     """
     resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
@@ -336,10 +340,10 @@ def resume(
 
 
 def load(run_dir: os.PathLike[str] | str) -> Run:
-    """Load a stored run; damaged case files are left out and named.
+    """Load a stored run from its folder or from a bundle; damaged case files are left out and named.
 
     Raises:
-        BenchError: if the folder is no run, or its run.json is damaged.
+        BenchError: if the path is not a run, or its run.json or the bundle is damaged.
     """
     return Run(**vars(read_frames(Path(run_dir))))
 
@@ -351,20 +355,20 @@ def merge(
     on_case: OnCase = _ignore,
     on_missing: Callable[[str], None] = lambda sentence: None,
 ) -> Run:
-    """Make one run of several, each judged again before it counts.
+    """Merge several runs into one, after recomputing their residuals.
 
-    A case that is in several of them counts once, the finished one before the unfinished one.
+    A case that several sources contain counts once, and a finished one replaces an unfinished one.
 
     Args:
         sources: files of bundles and folders of runs, or one of them.
-        results: the folder in which the folder of the run is made.
-        run_id: its name; date and time if None.
-        on_case: called with the number of cases of a source that are judged again, and of all of it.
-        on_missing: called with a sentence for each shard that is missing.
+        results: the folder that contains the folder of the run.
+        run_id: name of the run; date and time if None.
+        on_case: called with the number of recomputed cases of a source and of all its cases.
+        on_missing: called with a sentence for each missing shard.
 
     Raises:
-        BenchError: if a source cannot be read or fails its judgement, sources contradict each other, a problem has
-            cases of several machines, or the folder exists or cannot be written.
+        BenchError: if a source cannot be read or its residuals disagree, sources contradict each other, a problem was
+            measured on several machines, or the folder exists or cannot be written.
     """
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     folder = _new_folder(results, run_id)
@@ -373,21 +377,21 @@ def merge(
 
 
 def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowdown: float = SLOWDOWN) -> Comparison:
-    """Compare two stored runs: find what is faster, slower, newly solved and no longer solved.
+    """Compare two stored runs: which solvers are faster or slower, and which problems are newly or no longer solved.
 
     Args:
-        before: the run to compare with, or its folder.
-        after: the run that may be slower, or its folder.
+        before: the run to compare with, its folder or its bundle.
+        after: the run that may be slower, its folder or its bundle.
         slowdown: relative change of time from which the verdict names a solver, 0.1 for 10 %.
 
     Raises:
-        BenchError: if a folder holds no run, a run has no cases or is a study, or the runs have nothing in common.
+        BenchError: if a path is not a run, a run has no cases or is a study, or the runs have nothing in common.
     """
     return compare_runs(read_frames(Path(before)), read_frames(Path(after)), slowdown)
 
 
 def _several(given: Any) -> tuple[Any, ...] | None:
-    """Return several values, also where one was given; None for None."""
+    """Return one or several values as a tuple; None for None."""
     if given is None:
         return None
     return (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)

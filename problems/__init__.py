@@ -1,6 +1,7 @@
-"""What is solved: contact problems, their force laws, the judge, scenes and time stepping."""
+"""Contact problems, their force laws, the judge, scenes and time stepping."""
 
 from . import compilation as _compilation  # noqa: F401  registers the notice
+from .capture.step import from_mujoco
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge
 from .contact.laws import LawKind, Laws
@@ -10,7 +11,7 @@ from .contact.projections import project
 from .errors import PluginError, ProblemError, ProxbenchError
 from .exchange.catalog import load, suite
 from .exchange.fclib.files import read_fclib, write_fclib
-from .exchange.storage import save_problem
+from .exchange.files.problem_file import save_problem
 
 __all__ = [
     "Answer",
@@ -22,6 +23,7 @@ __all__ = [
     "ProblemError",
     "ProxbenchError",
     "Verdict",
+    "from_mujoco",
     "judge",
     "load",
     "project",

@@ -1,4 +1,4 @@
-"""Types of arrays, and read-only ones."""
+"""Array types and read-only copies."""
 
 from typing import Any
 
@@ -38,6 +38,6 @@ def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
 
 
 def read_only(*arrays: NDArray[Any]) -> None:
-    """Let nothing be written to ``arrays`` any more."""
+    """Make arrays read-only."""
     for array in arrays:
         array.setflags(write=False)

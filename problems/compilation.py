@@ -6,13 +6,13 @@ import time
 from numba.core import event
 
 SECONDS_BEFORE_NOTICE = 1.0
-"""Time that compiling may take without a word [s]."""
+"""Compilation time before the notice [s]."""
 
 NOTICE = "Compiling kernels for the first use; they are cached for the next time."
 
 
 class CompilationListener(event.Listener):
-    """Adds up the time that kernels compile for; kernels that are loaded from the cache do not count.
+    """Measure the time that kernels take to compile; kernels loaded from the cache do not count.
 
     Attributes:
         seconds: wall time of all compilations that have ended, nested ones counted once [s].
@@ -48,5 +48,5 @@ event.register("numba:compile", COMPILATION)  # type: ignore[no-untyped-call]
 
 
 def silence_notice() -> None:
-    """Write no notice in this process, as where its standard error is kept as the output of something else."""
+    """Disable the notice in this process, for example where its standard error is recorded."""
     COMPILATION.is_silent = True

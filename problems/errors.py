@@ -1,19 +1,19 @@
-"""Errors that a user can cause, and the sentence that mends them."""
+"""Errors that users can cause, and the suggestions in their messages."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class ProxbenchError(Exception):
-    """A mistake of the user; its text says what is wrong, where, and what to do.
+    """A user error; its text says what is wrong, where, and what to do.
 
-    It names options as Python has them, between backticks: ```run_id```, ```force=True```. The command line prints
+    It names options as in Python, between backticks: ```run_id```, ```force=True```. The command line prints
     ``--run-id`` and ``--force`` instead.
     """
 
 
 class ProblemError(ProxbenchError, ValueError):
-    """A contact problem, or its name, does not hold together."""
+    """A contact problem or the name of one is not valid."""
 
 
 class IndefiniteError(ProblemError):
@@ -21,14 +21,14 @@ class IndefiniteError(ProblemError):
 
 
 class PluginError(ProxbenchError, ValueError):
-    """A plugin cannot be found, does not import, takes a name that is not free, or breaks its contract."""
+    """A plugin is missing, fails to import, uses a name that is taken, or breaks its contract."""
 
 
-MOST_NAMES = 12
-"""Known names that a sentence lists; of more it says how many there are."""
+MAX_NAMES = 12
+"""Largest number of known names that a message lists."""
 
 ALIKE = 0.6
-"""Likeness from which on one name may be meant by another, as difflib counts it."""
+"""Least similarity, as difflib measures it, for a name to be suggested."""
 
 PROBLEMS_LISTED = "proxbench list problems --suite all"
 """The command that lists all problems."""
@@ -38,16 +38,16 @@ def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
     """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or else the known names if few.
 
     Args:
-        name: what was given.
-        known: what could have been.
-        listed_by: the command that lists them where they are many.
+        name: the name given.
+        known: the valid names.
+        listed_by: the command that lists the valid names if there are many.
     """
     names = sorted(known)
     lowered = {candidate.lower(): candidate for candidate in names}
     close = get_close_matches(name.lower(), lowered, n=1, cutoff=ALIKE)
     if close:
         return f"; did you mean {lowered[close[0]]!r}?"
-    if len(names) > MOST_NAMES:
+    if len(names) > MAX_NAMES:
         return f"; {len(names)} are known{listed_by and f', and {listed_by} lists them'}."
     return f"; known are {', '.join(names)}." if names else "; none are known."
 

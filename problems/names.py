@@ -1,4 +1,4 @@
-"""Names with options, ``SORprox(relaxation=1.5)``: read and written in one way for solvers, steppers and scenes.
+"""Names with options, such as ``SORprox(relaxation=1.5)``, of solvers, steppers and scenes.
 
 name     plain | plain(part, …, option=value, …)
 part     a name with options of its own: Fallback(SORprox, NSGS(tolerance=1e-3))
@@ -15,12 +15,12 @@ from .errors import ProxbenchError, suggestion
 
 @dataclass(frozen=True)
 class Name:
-    """A name as it is written.
+    """A parsed name.
 
     Attributes:
         plain: the name of the class, function or scene.
         options: values by option.
-        parts: what it is made of, in order; empty for most names.
+        parts: its parts in order; empty for most names.
     """
 
     plain: str
@@ -37,7 +37,7 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
 
     Args:
         text: the text.
-        kind: what it names, for the sentence of the error: "solver".
+        kind: the kind of thing it names, for the error message: "solver".
         example: a name with options, for the same.
         error: the class of the error.
 

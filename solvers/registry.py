@@ -1,6 +1,7 @@
 """The list of solvers, including those of plugins, and their creation from names with options."""
 
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -10,7 +11,7 @@ from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop
 from ..problems.errors import suggestion
 from ..problems.exchange.catalog import load
-from ..problems.exchange.plugins import Offer, offers
+from ..problems.exchange.plugins.offers import Offer, offers
 from ..problems.names import Name, check_options, read_name
 from . import contract
 
@@ -20,7 +21,6 @@ BUILT_IN = {
     "JORprox": "prox.jorprox",
     "SORprox": "prox.sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
-    "AdaptiveSORprox": "prox.accelerated_sorprox",
     "NesterovSORprox": "prox.accelerated_sorprox",
     "AndersonSORprox": "prox.accelerated_sorprox",
     "NSGS": "prox.nsgs",
@@ -47,16 +47,28 @@ PARTS = {
 }
 """Module of each solver that is mainly a part of ``Robust``, and listed apart."""
 
-PEERS = {"PinocchioADMM": "peers.pinocchio_admm", "PinocchioPGS": "peers.pinocchio_pgs"}
+PEERS = {
+    "PinocchioADMM": "peers.pinocchio_admm",
+    "PinocchioPGS": "peers.pinocchio_pgs",
+    "MuJoCo": "peers.mujoco_constraints",
+}
 """Module of each outside solver, whose library is an optional dependency."""
 
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}
 """Module of each solver that is made of other solvers."""
 
-_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS}
+_NATIVE = {"Shared": "native.shared_library", "Executable": "native.executable"}
+"""Module of each solver that is a file in another language."""
+
+_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS, **_NATIVE}
 """Names that plugins cannot use."""
 
 _EXAMPLES = {"Refined": "Refined(ClarabelCoulomb)", "Fallback": "Fallback(SORprox, NSGS)"}
+
+_NATIVE_EXAMPLES = {"Shared": "Shared(./libmine.so)", "Executable": "Executable(./mine)"}
+
+_PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'\"=,()]+?))\s*(?=[,)])")
+"""The path of a file in another language, the first argument, with or without quotes."""
 
 
 def available() -> list[str]:
@@ -77,6 +89,11 @@ def peers() -> list[str]:
 def composites() -> dict[str, str]:
     """Return an example of each built-in solver that is made of other solvers, by its name."""
     return dict(_EXAMPLES)
+
+
+def natives() -> dict[str, str]:
+    """Return an example of each solver that is a file in another language, by its name."""
+    return dict(_NATIVE_EXAMPLES)
 
 
 def plugin_solvers() -> list[Offer]:
@@ -158,6 +175,27 @@ def plain_names(name: str) -> list[str]:
     return names(parse(name))
 
 
+def native_parts(name: str) -> list[str]:
+    """Return the names of a solver and of its parts that are files in another language, each with its options.
+
+    Raises:
+        SolverError: if the text is not a name.
+    """
+
+    def found(written: Name) -> list[str]:
+        own = [_native_text(written)] if written.plain in _NATIVE else []
+        return own + [name for part in written.parts for name in found(part)]
+
+    return found(parse(name))
+
+
+def _native_text(written: Name) -> str:
+    """Return the name of a file in another language as the solver itself writes it."""
+    options = {key: value for key, value in written.options.items() if key != "path"}
+    first = [repr(written.options["path"])] if "path" in written.options else []
+    return f"{written.plain}({', '.join([*first, *(f'{key}={value!r}' for key, value in options.items())])})"
+
+
 def _built_in(name: str) -> Callable[..., Solver]:
     make: Callable[..., Solver] = getattr(import_module(f".{_OWN[name]}", __package__), name)
     return make
@@ -181,10 +219,13 @@ def _plugin_factory(offer: Offer) -> Any:
 def parse(text: str) -> Name:
     """Parse a name such as ``"SORprox(relaxation=1.5)"``; values are Python literals.
 
+    The path of a file in another language needs no quotes: ``"Shared(./libmine.so)"``.
+
     Raises:
         SolverError: if the text is not a name, or a name with keyword options.
     """
-    return read_name(text, "solver", "SORprox(relaxation=1.5)", SolverError)
+    named = _PATH.sub(lambda found: f"{found[1]}(path={found[2] or found[3] or found[4] or ''!r}", text)
+    return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
 def solve(

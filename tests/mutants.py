@@ -24,8 +24,6 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -69,25 +67,6 @@ RESULTS = Path("mutants.jsonl")
 """What is known already, one change a line; what was noticed is not tried again. Delete it to begin anew."""
 
 
-def pytest_configure(config: Any) -> None:
-    """Let the judge's fused product, which numba makes a machine instruction, run in pure Python."""
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
-        from proxbench.problems.contact.matrices import accurate
-
-        accurate._fused = _fused_product
-
-
-def _fused_product(a: float, b: float, c: float) -> float:
-    """Return a b + c, rounded once."""
-    a, b, c = float(a), float(b), float(c)
-    if not (isfinite(a) and isfinite(b) and isfinite(c)):
-        return a * b + c
-    try:
-        return float(Fraction(a) * Fraction(b) + Fraction(c))
-    except OverflowError:
-        return a * b + c
-
-
 @dataclass(frozen=True)
 class Tests:
     """The daily tests that know a folder.
@@ -111,7 +90,7 @@ class Tests:
 
     def command(self, *options: str) -> list[str]:
         """Return the command that runs them."""
-        fixed = ("-q", "-p", "no:cacheprovider", "-p", "mutants", "-m", "not slow", f"--timeout={TEST_SECONDS}")
+        fixed = ("-q", "-p", "no:cacheprovider", "-m", "not slow", f"--timeout={TEST_SECONDS}")
         return [sys.executable, "-m", "pytest", *fixed, *options, *self.folders]
 
     def environment(self) -> dict[str, str]:

@@ -44,10 +44,10 @@ def generate(
     Each file is printed with the digest of its problem.
     """
     from ...problems.exchange.catalog import suite_members
-    from ...problems.exchange.storage import read_problem
+    from ...problems.exchange.files.problem_file import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
-    from ..generate import generate as make
+    from ..measure.contacts.generate import generate as make
     from ..report.layout.text import print_json
     from .exchange.problem_files import print_files
 

@@ -11,10 +11,10 @@ from ...problems.errors import ProxbenchError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
 from ...problems.exchange.families import family_of
 from ...problems.exchange.index import ProblemSummary, stored_summaries, summary_of
-from ...problems.exchange.plugin_scenes import plugin_scenes
-from ...problems.exchange.plugins import Offer
+from ...problems.exchange.plugins.offers import Offer
+from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
-from ...solvers.registry import available, composites, create, parts, peers, plugin_solvers
+from ...solvers.registry import available, composites, create, natives, parts, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
@@ -163,6 +163,7 @@ def _solvers() -> list[Row]:
     own = [name for name in available() if name not in of_plugins] + peers()
     rows = [_row(name, "", partial(_solver, name)) for name in own]
     rows += [_row(name, "", partial(_composite, name, example)) for name, example in composites().items()]
+    rows += [_row(name, "", partial(_native, example)) for name, example in natives().items()]
     return rows + [_offered(offer, _plugin_solver) for offer in offers]
 
 
@@ -172,6 +173,10 @@ def _solver(name: str) -> Row:
 
 def _composite(name: str, example: str) -> Row:
     return {"model": "its parts'", "options": [f"as in {example}", *option_texts(name)]}
+
+
+def _native(example: str) -> Row:
+    return {"model": "its own", "options": [f"as in {example}", "options=''"]}
 
 
 def _plugin_solver(offer: Offer) -> Row:

@@ -17,6 +17,7 @@ from .comparison.check import check
 from .comparison.compare import compare
 from .comparison.matrix import matrix
 from .exchange.bundles import bundle, merge, rejudge
+from .exchange.capture import capture
 from .exchange.problem_files import export_files, import_files, info
 from .find import generate, list_names
 from .record import record
@@ -78,6 +79,7 @@ COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
             "kamino dump.npz --indefinite project --output stack.npz",
         ),
         "export": (export_files, "fclib funnel-100 pile-300 --output problems", "json mine.npz --output mine.json"),
+        "capture": (capture, "model.xml --duration 2 --every 10 --output steps", "humanoid.xml --seed 0 --judge"),
         "warm": (warm, "--quiet", "--json"),
     },
 }

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Collection, Iterable
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -115,6 +115,15 @@ Problems = Annotated[
     list[str] | None, selection("--problem", metavar="PROBLEM", help="Problem, instead of a suite; repeatable.")
 ]
 """Names of problems."""
+
+Sample = Annotated[int | None, selection(metavar="NUMBER", help="Draw this many problems.")]
+"""Size of a sample."""
+
+Sampling = Annotated[
+    Literal["proportional", "even"],
+    selection(metavar="HOW", help="Divide a sample among families: proportional, even."),
+]
+"""How a sample is divided among families."""
 
 SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time limit of one solve.")]
 """Time limit of one solve [s]."""

@@ -131,4 +131,4 @@ def _problem_table(folder: Path, problem: str, width: int) -> Text:
 def _pass(event: ProblemStarted) -> str:
     if event.passes == 1:
         return ""
-    return f", pass {event.number + 1} of {event.passes}" if event.number < event.passes else ", more rounds"
+    return f", pass {event.number + 1} of {event.passes}"

@@ -20,7 +20,7 @@ MAX_NAMES = 5
 
 def report(
     context: typer.Context,
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder of a run, or file of a simulation (.npz).")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder or bundle of a run, or simulation (.npz).")],
     problem: Annotated[
         list[str] | None,
         options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
@@ -175,7 +175,7 @@ def _report_damage(run: "Run") -> None:
     from ..errors import BenchError
 
     if run.damaged and run.cases.empty:
-        names = [sentence.partition(" is left out: ")[0] for sentence in run.damaged]
+        names = [sentence.partition(" ")[0] for sentence in run.damaged]
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         raise BenchError(
             f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more} are damaged; "
@@ -222,5 +222,5 @@ def _places(run: "Run", made: "Report") -> Iterator[str]:
             yield f"{what}   {files[0].parent}"
     if made.page:
         yield f"page     {made.page}"
-    if (run.folder / "recordings").is_dir():
-        yield f"watch    rerun {run.folder / 'recordings'}/NAME.rrd"
+    if (run.output_folder / "recordings").is_dir():
+        yield f"watch    rerun {run.output_folder / 'recordings'}/NAME.rrd"

@@ -17,6 +17,7 @@ _switch = partial(_measuring, metavar="", show_default=False)
 _STORED_WITH_THE_RUN = (
     "suite",
     "sample",
+    "sampling",
     "shard",
     "problem",
     "solver",
@@ -37,9 +38,8 @@ def run(
     context: typer.Context,
     suite: options.Suite = "quick",
     problem: options.Problems = None,
-    sample: Annotated[
-        int | None, options.selection(metavar="NUMBER", help="Draw this many problems, evenly over families.")
-    ] = None,
+    sample: options.Sample = None,
+    sampling: options.Sampling = "proportional",
     shard: Annotated[str, options.selection(metavar="I/N", help="Measure every N-th problem from the I-th.")] = "",
     solver: options.Solvers = None,
     tolerance: Annotated[
@@ -90,6 +90,7 @@ def run(
                 passes=passes,
                 seed=seed,
                 sample=sample,
+                sampling=sampling,
                 thorough=thorough,
                 shard=shard,
                 executor=executor,

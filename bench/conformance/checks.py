@@ -11,11 +11,11 @@ Subject = TypeVar("Subject")
 
 
 class Violation(AssertionError):  # noqa: N818 - of a promise, and a failed test where tests run
-    """A promise is broken; the text says how, on which problem, and what was seen."""
+    """A promise is broken; the text says how, on which problem, and what was measured."""
 
 
 class NotApplicable(Exception):  # noqa: N818 - no error
-    """A test has nothing to say about its subject; the text says why."""
+    """A test does not apply to its subject; the text gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Check(Generic[Subject]):
 
 
 def of_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None]:
-    """Let a test concern only solvers that show iterates."""
+    """Restrict a test to solvers that show iterates."""
 
     @wraps(test)
     def run(solver: Solver) -> None:

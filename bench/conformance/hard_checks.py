@@ -1,7 +1,7 @@
-"""The promises of a solver on the hard cases, one test for each kind of case, and those that only hard cases try.
+"""Tests of a solver on the hard cases: one for each group of cases, and two that need hard cases.
 
-No method solves every case, and none must; what every solver must give is a finite result, a status that is true,
-inputs left alone, and the known answer where it says that it has solved.
+No method solves every case. Every solver must return a finite result and a true status, leave its inputs unchanged, and
+give the known answer where it claims a solution.
 """
 
 from collections import deque

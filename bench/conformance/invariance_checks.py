@@ -1,12 +1,12 @@
-"""The promise that an answer does not depend on how the problem is put: units, order, tangents, a contact twice."""
+"""Tests that an answer does not depend on the statement of the problem: units, order, tangents, repeated contacts."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from ...problems.contact.solver import Solver, Status, Stop
+from ...problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ...problems.errors import ProblemError
-from ...problems.hard.transformations import Transformed, duplicated, in_units, permuted, rotated
 from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation, checks
 from .samples import supported
@@ -67,7 +67,7 @@ def ignores_copies(solver: Solver) -> None:
 
 
 def _solved(solver: Solver) -> Iterator[Trial]:
-    """Yield what the solver solves of the small problems."""
+    """Yield the small problems that the solver solves, with their solutions."""
     none = f"it solves none of the small problems to {STOP.tolerance:g}"
     is_any_solved = False
     for problem in supported(solver, none=none):
@@ -90,7 +90,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
     try:
         again = tried(solver, other.problem.renamed(f"{trial.problem.name} {how}"), STOP)
     except Violation as violation:
-        raise Violation(f"all is well with {trial.problem.name} as it was, but {violation}") from None
+        raise Violation(f"it solves {trial.problem.name} as stated, but {violation}") from None
     if again.solution.status is Status.TIME_LIMIT:
         return None
     if again.is_solved:
@@ -98,7 +98,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
         if not residual <= WRONG_FACTOR * STOP.tolerance:
             raise Violation(
                 f"{how} its solution of {trial.problem.name}, carried back, has a residual of {residual:.1e}; "
-                "let nothing depend on how a problem is put."
+                "let nothing depend on how a problem is stated."
             )
     return again
 
@@ -106,4 +106,4 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
 INVARIANCE_CHECKS: tuple[Check[Solver], ...] = checks(
     units=ignores_units, order=ignores_order, tangents=ignores_tangents, copies=ignores_copies
 )
-"""All tests of how a problem is put."""
+"""All tests of invariance."""

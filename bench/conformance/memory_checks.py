@@ -1,4 +1,4 @@
-"""The promise that a solver solves each time what it is given, and does not answer from what it has solved before."""
+"""The test that a solver solves each problem anew, instead of returning an earlier answer."""
 
 import time
 

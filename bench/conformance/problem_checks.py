@@ -1,11 +1,11 @@
-"""The promises of a problem that a plugin offers, each as a test of the function that makes it."""
+"""Tests of a problem of a plugin; each calls the function that makes the problem."""
 
 import io
 from collections.abc import Callable
 
 from ...problems.contact.judge import judge
 from ...problems.contact.problem import ContactProblem
-from ...problems.exchange.storage import problem_bytes, read_problem
+from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from .checks import Check, NotApplicable, Violation, checks
 
 ANSWER_ACCURACY = 1e-6

@@ -1,9 +1,12 @@
-"""The promise that a solver leaves the process it works in as it was."""
+"""The test that a solver has no side effects on its process."""
 
+import _thread
+import os
 import time
 
 from ...problems.contact.solver import Solver, Stop
 from ..isolation.process_state import ProcessState, replaced_names
+from ..isolation.process_tree import descendants
 from .checks import Violation
 from .samples import supported
 
@@ -11,13 +14,13 @@ STOP = Stop(1e-4, max_iterations=200, max_seconds=0.5)
 """Limits of the solve of each problem."""
 
 PATIENCE_SECONDS = 1.0
-"""What a thread or a process may take to end [s]."""
+"""Time in which threads and processes may end [s]."""
 
 
 def has_no_side_effects(solver: Solver) -> None:
     """The process stays as it was: nothing of others replaced, no setting changed, nothing left running."""
     problems = supported(solver)
-    before = ProcessState.now()
+    before, others = ProcessState.now(), _n_running()
     for problem in problems:
         solver.prepare(problem).solve(STOP)
     if fault := replaced_names(before):
@@ -25,10 +28,15 @@ def has_no_side_effects(solver: Solver) -> None:
     if changed := before.changed():
         raise Violation(f"it changed {_listed(changed)}; put back what belongs to all before solve returns.")
     deadline = time.monotonic() + PATIENCE_SECONDS
-    while before.left() and time.monotonic() < deadline:
+    while _n_running() > others and time.monotonic() < deadline:
         time.sleep(0.01)
-    if left := before.left():
-        raise Violation(f"it left {_listed(left)} running; end them before solve returns.")
+    if (left := _n_running() - others) > 0:
+        raise Violation(f"it leaves {left} threads or processes running; end them before solve returns.")
+
+
+def _n_running() -> int:
+    """Return the number of other threads of Python and of processes that come from this one."""
+    return _thread._count() + len(descendants(os.getpid()))
 
 
 def _listed(words: list[str]) -> str:

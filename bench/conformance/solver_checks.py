@@ -1,7 +1,7 @@
-"""The promises of a solver, each as a test on small problems.
+"""Tests of a solver on small problems, one for each promise.
 
-A test looks at the problems that the solver says it ``supports``; one that supports none of them has nothing to show.
-The tests on hard cases and on transformed problems have files of their own and join the list at the end of this one.
+A test uses the problems that the solver ``supports``. Tests on hard cases and on transformed problems have files of
+their own; the list at the end of this file includes them.
 """
 
 import ctypes
@@ -35,7 +35,7 @@ ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances at which claims are held to the judge."""
 
 MODEST = Stop(1e-6, max_iterations=2000, max_seconds=1.0)
-"""What tests ask for that are not about limits."""
+"""Limits of solves in tests that are not about limits."""
 
 USEFUL_ACCURACY = 1e-3
 """The judged residual, under its own model, that a solver must reach on some problem; Λ = 0 reaches it on none."""
@@ -81,9 +81,7 @@ def refuses_through_supports(solver: Solver) -> None:
             raise Violation(f"on {problem.name}: {fault}.")
         answers = {solver.supports(problem.fresh()) is None for _ in range(3)}
         if len(answers) > 1:
-            raise Violation(
-                f"its supports answers otherwise the second time on {problem.name}; let nothing but the problem decide."
-            )
+            raise Violation(f"its supports is not deterministic on {problem.name}; let it depend on the problem alone.")
     for problem in _supported(solver):
         if solution_of(solver, problem, MODEST).status is Status.UNSUPPORTED:
             raise Violation(
@@ -224,7 +222,7 @@ def stops_at_once_at_the_solution(solver: Solver) -> None:
         if warm.status is not Status.SOLVED or warm.iterations > 1:
             raise Violation(
                 f"started at its own solution of {problem.name} it ends as {warm.status} after {warm.iterations} "
-                "iterations; begin from start, and look at the residual before the first iteration."
+                "iterations; begin from start, and check the residual before the first iteration."
             )
     if not is_any_solved:
         raise NotApplicable(f"it solves no sample to {MODEST.tolerance:g}")
@@ -251,8 +249,8 @@ def obeys_time_limit(solver: Solver) -> None:
     took = time.perf_counter() - began
     if took > seconds + SLACK_SECONDS:
         raise Violation(
-            f"with max_seconds={seconds:g} it took {took:.1f} s on {problem.name} and ended as {solution.status}; look "
-            "at the clock once per iteration."
+            f"with max_seconds={seconds:g} it took {took:.1f} s on {problem.name} and ended as {solution.status}; "
+            "check the time once per iteration."
         )
 
 
@@ -292,9 +290,9 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     *INVARIANCE_CHECKS,
     *HARD_CHECKS,
 )
-"""All tests of a solver, in the order in which they are best read and run.
+"""All tests of a solver, in the order in which they run.
 
-What a solver does to its process is looked at before other tests let it: what is changed once cannot be changed again.
+Side effects on the process are checked early: a later test could not detect a setting that an earlier one changed.
 """
 
 

@@ -1,4 +1,4 @@
-"""The child's half of ``proxbench check``: nothing of a plugin runs anywhere else."""
+"""The part of ``proxbench check`` that runs in a child process, the only one that runs code of a plugin."""
 
 import traceback
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""One solve for a conformance check, with what every check requires of it."""
+"""One solve of a conformance check, and the requirements that all checks share."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The process in which a case runs: where its output goes, what it may take, and how it answers."""
+"""The process of a case: it redirects output, sets limits, and answers requests."""
 
 import contextlib
 import faulthandler
@@ -17,8 +17,9 @@ from typing import Any
 import psutil
 
 from ...problems.errors import first_line
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugins import Names, register
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import Names, register
+from ...solvers.native.native_solver import BrokenInterfaceError
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
 from .process_tree import describe_exit, end_with_parent
@@ -114,16 +115,12 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
                     register(file, names)
                 task = pickle.loads(assignment.task)
             answer, numbers = task.answer(request, arguments)
-        except MisbehaviourError as error:
+        except (MisbehaviourError, BrokenInterfaceError) as error:
             answer = _fault(Outcome.MISBEHAVED, str(error))
-        except MemoryError:
-            limit = assignment.memory_bytes / 2**20
-            answer = _fault(Outcome.OUT_OF_MEMORY, f"it wanted more than {limit:.0f} MB of memory")
         except BaseException as error:
-            reason = f"it raised {_one_line(error)}"
+            reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MB of memory"
             if _is_caused_by_memory(error):
-                limit = assignment.memory_bytes / 2**20
-                answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason}, having wanted more than {limit:.0f} MB of memory")
+                answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason}, having wanted more than {limit}")
             else:
                 answer = _fault(Outcome.CRASHED, reason)
         if os.getpid() != own:

@@ -22,8 +22,8 @@ from .supervisor import ENDING, NUMBER, keep
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
-_REQUEST, _READY = b"F", b"R"
-"""What a client asks for: a supervisor, or whether all is loaded."""
+_REQUEST = b"F"
+"""What a client sends with the open files of a request."""
 
 _N_DESCRIPTORS = 3
 """Open files that every request brings: the case's pipe, its supervisor's orders, and the file for its output."""
@@ -36,9 +36,8 @@ ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", 
 KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMAP")}
 """Environment in which a process keeps what it frees, so that it does not get the same pages from the system again."""
 
-
 START_SECONDS = 120.0
-"""Wall time that a server may take to load everything and fork."""
+"""Wall time that a server may take to load everything, compile kernels that are in no cache yet, and fork [s]."""
 
 _ATTEMPTS = 3
 
@@ -65,20 +64,20 @@ class SupervisorLink:
         with contextlib.suppress(OSError):
             self.orders.send(order)
 
-    def status(self, seconds: float) -> int | None:
-        """Wait up to ``seconds`` until it has ended; return the wait status of its case, None if it reported none."""
+    def ending(self, seconds: float) -> tuple[int | None, bool]:
+        """Wait up to ``seconds`` until it has ended.
+
+        Returns:
+            The wait status of its case, None if it reported none, and whether a process of the case had nearly all its
+            memory.
+        """
         while not self.is_gone and is_readable(self.orders.fileno(), seconds):
             report = b""
             with contextlib.suppress(OSError):
                 report = self.orders.recv(ENDING.size)
             self._report += report
             self.is_gone = not report
-        return ENDING.unpack(self._report)[0] if len(self._report) == ENDING.size else None
-
-    @property
-    def has_filled_memory(self) -> bool:
-        """Whether its report says that a process of its case had nearly all its memory."""
-        return len(self._report) == ENDING.size and bool(ENDING.unpack(self._report)[1])
+        return ENDING.unpack(self._report) if len(self._report) == ENDING.size else (None, False)
 
     def kill(self) -> None:
         """Kill it, if it has not gone by itself."""
@@ -124,17 +123,6 @@ class _Server:
         orders.close()
         return None
 
-    def load(self) -> None:
-        """Wait until everything is loaded; if that is interrupted, kill it."""
-        try:
-            with contextlib.suppress(OSError):
-                self._socket.send(_READY)
-                if is_readable(self._socket.fileno(), START_SECONDS):
-                    self._socket.recv(len(_READY))
-        except BaseException:
-            self._process.kill()
-            raise
-
     def end(self) -> None:
         """Let it end."""
         self._socket.close()
@@ -148,24 +136,6 @@ class _Server:
 _server: _Server | None = None
 
 _lock = threading.Lock()
-
-
-def load_server() -> None:
-    """Start the server if there is none, and wait until it has loaded everything.
-
-    Kernels that are not in numba's cache yet are compiled there, for about a minute. Whatever goes wrong is told by
-    ``fork_supervisor``.
-    """
-    with _lock:
-        _running().load()
-
-
-def _running() -> _Server:
-    """Return the server of this process, started if there is none."""
-    global _server
-    if _server is None or _server.client != os.getpid():
-        _server = _Server()
-    return _server
 
 
 def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
@@ -182,11 +152,12 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
     content = pickle.dumps(assignment)
     with _lock:
         for _ in range(_ATTEMPTS):
-            server = _running()
-            link = server.fork(content, output)
+            if _server is None or _server.client != os.getpid():
+                _server = _Server()
+            link = _server.fork(content, output)
             if link is not None:
                 return link
-            server.end()
+            _server.end()
             _server = None
     raise OSError("the server that starts processes ends at once")
 
@@ -207,10 +178,7 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
     while True:
-        request, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
-        if request == _READY:
-            requests.send(_READY)
-            continue
+        _, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
         try:
             assignment: Assignment = pickle.loads(read_message(requests.fileno()))
         except EOFError:  # the client is gone

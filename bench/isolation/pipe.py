@@ -1,7 +1,7 @@
-"""Messages to and from a case's process; what comes from it is read within a time and a size, whatever wrote it.
+"""Messages between a run and the process of a case.
 
-What such a process writes may be anything, and may stop in the middle: reading never waits past its deadline, takes
-no more memory than has arrived, and never makes objects that could run code.
+The process may write anything, and stop in the middle of a message. Reading ends at a deadline, takes no more memory
+than has arrived, and creates no objects that could run code.
 """
 
 import json
@@ -18,7 +18,7 @@ _CHUNK = 2**20
 
 
 class NoMessageError(Exception):
-    """What came is no message; the text says why."""
+    """What was received is not a message; the text gives the reason."""
 
 
 def write_message(descriptor: int, content: bytes) -> None:

@@ -1,7 +1,7 @@
-"""What all code of a process has in common, and what of it has been changed.
+"""The global state of a process, and its changes.
 
-A plugin shares its process with the framework. What it replaces of that, of the clock or of numpy, and what it leaves
-behind in the process, would otherwise show nowhere but in wrong numbers.
+A plugin shares its process with the framework. If it replaces a function of the framework, the clock or numpy, or
+changes a setting of the interpreter, times and residuals would be wrong without notice.
 """
 
 import _thread
@@ -21,9 +21,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from .process_tree import descendants
-
-_FRAMEWORK = __name__.partition(".")[0]
+_FRAMEWORK = f"{__name__.partition('.')[0]}."
 
 _BORROWED = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
 """Modules of others that the framework leans on."""
@@ -40,36 +38,31 @@ _CACHES = {
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
 """Resource limits that the system knows."""
 
-Names = dict[str, object]
-
 
 @dataclass(frozen=True)
 class ProcessState:
-    """What a process was like at one time.
+    """The state of a process at one time.
 
     Attributes:
         modules: the names of the modules that were loaded.
-        names: what stood behind each name of the framework, and of what it leans on.
+        names: what stood behind each name of each module of the framework, and of those that it leans on.
         state: what a process has one of, by what it is called.
         n_threads: the number of threads of Python beside the main one, however they were started.
-        processes: the descendants of this process.
     """
 
     modules: frozenset[str]
-    names: Names
+    names: dict[str, dict[str, object]]
     state: dict[str, Any]
     n_threads: int
-    processes: frozenset[int]
 
     @staticmethod
     def now() -> "ProcessState":
         """Return the present state."""
         return ProcessState(
             frozenset(sys.modules),
-            _names(),
+            {name: _names_of(name) for name in sys.modules if name in _BORROWED or f"{name}.".startswith(_FRAMEWORK)},
             {what: _read(reading) for what, reading in _STATE.items()},
             _thread._count(),
-            frozenset(descendants(os.getpid())),
         )
 
     def after_imports(self) -> Self:
@@ -79,11 +72,13 @@ class ProcessState:
         return replace(self, state=self.state | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
 
     def replaced(self) -> list[str]:
-        """Return the names that lead elsewhere now, and those added to modules and classes that were there before."""
-        names = _names()
-        gone_or_other = [name for name, value in self.names.items() if names.get(name, _NOTHING) is not value]
-        added = [name for name in names if name not in self.names and self._knew(name)]
-        return gone_or_other + added
+        """Return the names that lead elsewhere now, and those added to modules and classes of the framework."""
+        found: list[str] = []
+        for module, before in self.names.items():
+            now = _names_of(module)
+            known = before if module in _BORROWED else before | now
+            found += [f"{module}.{name}" for name in known if now.get(name, _NOTHING) is not before.get(name, _NOTHING)]
+        return found
 
     def changed(self) -> list[str]:
         """Return what of the state is another now."""
@@ -96,49 +91,26 @@ class ProcessState:
     def _changed(self, names: Iterable[str]) -> list[str]:
         return [what for what in names if _read(_STATE[what]) != self.state[what]]
 
-    def left(self) -> list[str]:
-        """Return what runs now and did not, in words."""
-        threads = _thread._count() - self.n_threads
-        processes = len(set(descendants(os.getpid())) - self.processes)
-        counts = ((threads, "thread", "threads"), (processes, "process", "processes"))
-        return [f"{count} {one if count == 1 else many}" for count, one, many in counts if count > 0]
-
-    def _knew(self, name: str) -> bool:
-        """Whether a name of the framework belongs to a module that was loaded then."""
-        module = name
-        while module and module not in sys.modules:
-            module = module.rpartition(".")[0]
-        return module in self.modules and name.startswith(f"{_FRAMEWORK}.")
-
 
 _NOTHING = object()
 
 
-def _names() -> Names:
-    found: Names = {}
-    for name, module in list(sys.modules.items()):
-        if name == _FRAMEWORK or name.startswith(f"{_FRAMEWORK}."):
-            found |= _names_of(name, module)
-    for name in _BORROWED:
-        if name in sys.modules:
-            found |= {f"{name}.{key}": value for key, value in vars(sys.modules[name]).items() if callable(value)}
-    return found
-
-
-def _names_of(name: str, module: ModuleType) -> Names:
-    """Return the names of one module of the framework, members of its classes and code of its functions included."""
-    found: Names = {}
-    for key, value in list(vars(module).items()):
+def _names_of(module_name: str) -> dict[str, object]:
+    """Return what stands behind the names of a module; members of classes and code of functions too, if it is ours."""
+    module, found = sys.modules.get(module_name), dict[str, object]()
+    for key, value in list(vars(module).items()) if module else ():
+        if module_name in _BORROWED:
+            found |= {key: value} if callable(value) else {}
+            continue
         if key.startswith("__") or isinstance(value, ModuleType):
             continue
-        found[f"{name}.{key}"] = value
-        if getattr(value, "__module__", None) != name:
+        found[key] = value
+        if getattr(value, "__module__", None) != module_name:
             continue
         if isinstance(value, type):
-            members = ((member, part) for member, part in vars(value).items() if member not in _CACHES)
-            found |= {f"{name}.{key}.{member}": part for member, part in members}
+            found |= {f"{key}.{member}": part for member, part in vars(value).items() if member not in _CACHES}
         elif isinstance(value, FunctionType):
-            found[f"{name}.{key}.__code__"] = value.__code__
+            found[f"{key}.__code__"] = value.__code__
     return found
 
 
@@ -147,12 +119,6 @@ def _read(reading: Callable[[], Any]) -> Any:
         return reading()
     except (OSError, ValueError) as error:
         return repr(error)  # a folder that is gone, a stream that is closed
-
-
-def _mode_mask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _numpy_random() -> tuple[Any, ...]:
@@ -183,50 +149,36 @@ def replaced_names(before: ProcessState) -> str:
     return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
 
 
-_OF_LIBRARIES = ("the warning filters", "callbacks of the garbage collector")
+_OF_LIBRARIES: dict[str, Callable[[], Any]] = {
+    "the warning filters": lambda: list(warnings.filters),
+    "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
+}
 """What libraries change when they are imported."""
 
-_FOR_TIMING = (
-    *_OF_LIBRARIES,
-    "numpy's error state",
-    "numpy's buffer size",
-    "the locale",
-    "the trace function",
-    "the profile function",
-    "memory tracing",
-    "the settings of the garbage collector",
-    "the recursion limit",
-    "the switch interval",
-    "signal handlers",
-    "the alarm clock",
-    "the hooks of the interpreter",
-    "the scheduling of its process",
-    "the resource limits of its process",
-)
-"""What a measurement depends on."""
-
-_STATE: dict[str, Callable[[], Any]] = {
-    "the working folder": os.getcwd,
-    "the environment": lambda: dict(os.environ),
-    "the mask of file modes": _mode_mask,
+_FOR_TIMING: dict[str, Callable[[], Any]] = _OF_LIBRARIES | {
     "numpy's error state": np.geterr,
     "numpy's buffer size": np.getbufsize,
-    "numpy's global random state": _numpy_random,
-    "the random state of Python": random.getstate,
-    "the warning filters": lambda: list(warnings.filters),
     "the locale": lambda: locale.setlocale(locale.LC_ALL),
     "the trace function": sys.gettrace,
     "the profile function": lambda: (sys.getprofile(), _monitoring_tools()),
     "memory tracing": tracemalloc.is_tracing,
     "the settings of the garbage collector": lambda: (gc.isenabled(), gc.get_threshold()),
-    "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
-    "the switch interval": sys.getswitchinterval,
     "the recursion limit": sys.getrecursionlimit,
-    "the import path": lambda: list(sys.path),
-    "the standard streams": _streams,
+    "the switch interval": sys.getswitchinterval,
     "signal handlers": lambda: {number: signal.getsignal(number) for number in signal.Signals},
+    "the alarm clock": lambda: bool(signal.getitimer(signal.ITIMER_REAL)[0]),
     "the hooks of the interpreter": lambda: (sys.excepthook, sys.displayhook, sys.unraisablehook, sys.breakpointhook),
     "the scheduling of its process": _scheduling,
     "the resource limits of its process": lambda: [resource.getrlimit(number) for number in _LIMITS],
-    "the alarm clock": lambda: bool(signal.getitimer(signal.ITIMER_REAL)[0]),
 }
+"""What a measurement depends on."""
+
+_STATE: dict[str, Callable[[], Any]] = _FOR_TIMING | {
+    "the working folder": os.getcwd,
+    "the environment": lambda: dict(os.environ),
+    "numpy's global random state": _numpy_random,
+    "the random state of Python": random.getstate,
+    "the import path": lambda: list(sys.path),
+    "the standard streams": _streams,
+}
+"""What a process has one of, by what it is called."""

@@ -1,9 +1,8 @@
-"""All processes that come from one: tying them to it, finding, stopping and killing them."""
+"""Trees of processes: find, stop and kill all descendants of a process."""
 
 import contextlib
 import ctypes
 import os
-import resource
 import signal
 import sys
 import time
@@ -45,6 +44,14 @@ def descendants(ancestor: int) -> list[int]:
     return found
 
 
+def threads(process: int) -> list[int]:
+    """Return the system's numbers of the threads of a process; none if it is gone."""
+    try:
+        return [thread.id for thread in psutil.Process(process).threads()]
+    except psutil.Error:
+        return []
+
+
 def running(processes: Iterable[int]) -> list[int]:
     """Return those of ``processes`` that have not ended; one that has, and was not waited for, has."""
     found = []
@@ -70,31 +77,8 @@ def processor_seconds(process: int) -> float:
     return float(own + times.children_user + times.children_system)
 
 
-def memory_left(process: int) -> int | None:
-    """Return how far the address space of a process has ever stayed below its limit [bytes]; None where none is known.
-
-    Systems other than Linux know none.
-    """
-    try:
-        _, limit = resource.prlimit(process, resource.RLIMIT_AS)  # type: ignore[attr-defined, unused-ignore]
-        lines = Path(f"/proc/{process}/status").read_text().splitlines()
-        (peak,) = (1024 * int(line.split()[1]) for line in lines if line.startswith("VmPeak:"))
-    except (AttributeError, OSError, ValueError):
-        return None
-    return None if limit == resource.RLIM_INFINITY else max(limit - peak, 0)
-
-
-def kills_for_memory() -> int:
-    """Return how many processes the system has killed because its memory ran out; 0 where it does not count them."""
-    try:
-        lines = Path("/proc/vmstat").read_text().splitlines()
-        return sum(int(line.split()[1]) for line in lines if line.startswith("oom_kill "))
-    except (OSError, ValueError):
-        return 0
-
-
 def describe_exit(status: int) -> str:
-    """Say how a process ended whose wait status this is."""
+    """Return a sentence about how a process ended, from its wait status."""
     if os.WIFEXITED(status):
         return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
     try:
@@ -135,20 +119,6 @@ def kill_all(case: int, status: int) -> int:
             return status
         if ended == case:
             status = its_status
-
-
-def writers(descriptor: int) -> list[int]:
-    """Return the processes, this one left out, whose standard output or standard error is the open ``descriptor``."""
-    file = os.fstat(descriptor)
-    return [pid for pid in psutil.pids() if pid != os.getpid() and any(_is(pid, stream, file) for stream in (1, 2))]
-
-
-def _is(process: int, stream: int, file: os.stat_result) -> bool:
-    try:
-        found = os.stat(f"/proc/{process}/fd/{stream}")
-    except OSError:
-        return False
-    return (found.st_dev, found.st_ino) == (file.st_dev, file.st_ino)
 
 
 def _children(process: int) -> list[int]:

@@ -119,10 +119,9 @@ def _watched(case: int, orders: int, wakeup: int) -> int:
 
 
 def _received(orders: int) -> bytes:
-    try:
+    with contextlib.suppress(OSError):
         return os.read(orders, 4096) or END
-    except OSError:
-        return END
+    return END
 
 
 def _ended(case: int) -> int | None:

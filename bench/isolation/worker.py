@@ -10,7 +10,6 @@ import os
 import pickle
 import re
 import shutil
-import signal
 import socket
 import tempfile
 import time
@@ -26,7 +25,7 @@ from uuid import uuid4
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.exchange.plugins import registered
+from ...problems.exchange.plugins.offers import registered
 from ..errors import BenchError
 from ..store.outcome import FAULTS, Outcome
 from .child import Assignment
@@ -35,14 +34,10 @@ from .pipe import NoMessageError, read_message, read_object, write_message
 from .process_tree import (
     descendants,
     describe_exit,
-    kills_for_memory,
-    memory_left,
     processor_seconds,
     running,
-    send,
-    writers,
 )
-from .supervisor import END, FULL_MEMORY_SHARE, GO_ON, STOP
+from .supervisor import END, GO_ON, STOP
 
 REQUEST_SECONDS = 60.0
 """Default limit of the wall time of a request [s]."""
@@ -70,7 +65,7 @@ END_SECONDS = 3.0
 
 @dataclass
 class Fault(Exception):  # noqa: N818 - the case is at fault, not the program
-    """A case that ended otherwise than by an answer."""
+    """The failure of a case that gives no answer."""
 
     outcome: Outcome
     reason: str
@@ -87,7 +82,7 @@ def no_answer() -> Fault:
 
 
 class Task(Protocol):
-    """What a process does: answer requests. It is pickled on its way there, and plugin files are known to it."""
+    """What a process does: answer requests. A task is pickled; plugin files are registered before it is unpickled."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Return a JSON object, and bytes that go with it."""
@@ -115,7 +110,7 @@ class Worker:
             reason = f"it cannot be sent to the process of its case: {error}"
             raise Fault(Outcome.MISBEHAVED, reason, traceback.format_exc()) from None
         self.case_seconds, self.busy_seconds, self.peak_memory_bytes = case_seconds, 0.0, 0
-        self._memory_bytes, self._kills_before = memory_bytes, kills_for_memory()
+        self._memory_bytes = memory_bytes
         self._is_stopped = False
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
@@ -171,9 +166,8 @@ class Worker:
         return next(iter(descendants(self._supervisor.process)), 0)
 
     def processor_seconds(self) -> float:
-        """Return the processor time that the process of the case has used [s]."""
-        case = self.process
-        return processor_seconds(case) if case else 0.0
+        """Return the processor time that the process of the case, and those that it keeps, have used [s]."""
+        return sum(map(processor_seconds, descendants(self._supervisor.process)))
 
     def waited_seconds(self) -> float:
         """Return for how long the case was ready to run while others ran [s]; 0 where the system does not count it."""
@@ -195,41 +189,31 @@ class Worker:
     def close(self) -> None:
         """End the process and all that it started."""
         self.dismiss()
-        if self._supervisor.status(END_SECONDS) is None:
+        if self._supervisor.ending(END_SECONDS)[0] is None:
             self._supervisor.kill()
-            self._end_what_it_left()
         self._supervisor.close()
         self._let_go()
-
-    def _end_what_it_left(self) -> None:
-        """Kill what a supervisor has left that was itself killed or stopped: it is known by where it prints."""
-        deadline = time.monotonic() + END_SECONDS
-        while (left := writers(self._output)) and time.monotonic() < deadline:
-            send(signal.SIGKILL, left)
-            time.sleep(1e-3)
 
     def _let_go(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
         os.close(self._output)
 
     def _timeout(self) -> Fault:
-        """Return the fault of a case whose time is up, which is not its time where its memory is full."""
-        left = memory_left(self.process)
-        if left is not None and left <= (1.0 - FULL_MEMORY_SHARE) * self._memory_bytes:
+        """End a case whose time is up, and return its fault, which is not its time where its memory is full."""
+        self.dismiss()
+        _, has_filled_memory = self._supervisor.ending(END_SECONDS)
+        if has_filled_memory:
             reason = f"it filled its {self._megabytes} MB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
     def _death(self) -> Fault:
         """Return the fault of a case that ended by itself, or that another program than the run has ended."""
-        status = self._supervisor.status(END_SECONDS)
+        status, has_filled_memory = self._supervisor.ending(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
         reason = "its process ended together with its supervisor" if status is None else describe_exit(status)
-        was_killed = status is None or os.WIFSIGNALED(status)
-        if was_killed and kills_for_memory() > self._kills_before:
-            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as the memory of the machine ran out")
-        if was_killed and self._supervisor.has_filled_memory:
+        if has_filled_memory and status is not None and os.WIFSIGNALED(status):
             return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as its {self._megabytes} MB of memory were full")
         return Fault(Outcome.CRASHED, reason)
 

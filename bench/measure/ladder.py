@@ -17,6 +17,7 @@ from ..store.outcome import Outcome
 from ..store.plans import Limits
 from ..store.records import CaseRecord, Curve, Point
 from .measuring_core import MeasuringCore
+from .points import joined
 
 MAX_REASON_LENGTH = 2000
 """Characters that are kept of what a solver says in words."""
@@ -82,10 +83,6 @@ class LadderCase(ABC, Generic[Answer]):
         """Return a point of the ladder from its rounds."""
 
     @abstractmethod
-    def joined(self, before: Point, now: Point) -> Point:
-        """Return a point with what was measured of it in an earlier pass and now."""
-
-    @abstractmethod
     def end_after(self, point: Point) -> str:
         """Return why nothing finer than a point is tried; empty if it is."""
 
@@ -107,7 +104,7 @@ class LadderCase(ABC, Generic[Answer]):
         """Keep what was measured of one level."""
         point = self.point(self.ladder[level], answers)
         if level < len(self.points):
-            self.points[level] = self.joined(self.points[level], point)
+            self.points[level] = joined(self.points[level], point)
         else:
             self.points.append(point)
 

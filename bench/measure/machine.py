@@ -1,5 +1,6 @@
-"""The machine, the versions and the state of the source that a run was measured with."""
+"""Describe the machine, the versions and the state of the source of a run."""
 
+import contextlib
 import hashlib
 import os
 import platform
@@ -13,9 +14,6 @@ import psutil
 from threadpoolctl import threadpool_info
 
 from ..store.records import Machine
-
-FLOORS = ("problems", "solvers", "bench")
-"""Folders of the package."""
 
 PACKAGES = ("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas")
 
@@ -41,8 +39,10 @@ def describe_machine() -> dict[str, Any]:
     }
 
 
-def busy_seconds(but: int) -> float:
-    """Return for how long all cores but one have worked since the system started [s]."""
+def busy_seconds(but: int | None) -> float:
+    """Return for how long all cores but one have worked since the system started [s]; 0 where that one is unknown."""
+    if but is None:
+        return 0.0
     others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number != but]
     return float(sum(sum(one[:8]) - one.idle - getattr(one, "iowait", 0.0) for one in others))
 
@@ -60,19 +60,16 @@ def _version(name: str) -> str:
 
 
 def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
+    with contextlib.suppress(OSError, StopIteration):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return platform.processor() or platform.machine()
 
 
 def _source() -> str:
     """Return the SHA-256 of the names and contents of the source files of this package."""
     package, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
-    for file in sorted(path for floor in FLOORS for path in (package / floor).rglob("*.py")):
+    for file in sorted(path for floor in ("problems", "solvers", "bench") for path in (package / floor).rglob("*.py")):
         digest.update(f"{file.relative_to(package)}\0".encode() + file.read_bytes() + b"\0")
     return digest.hexdigest()
 

@@ -17,15 +17,15 @@ import os
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
+from ..isolation.process_tree import descendants, threads
 from .machine import busy_seconds
 
-PROBE_STEPS = 100
-"""Passes over the part of a probe that makes objects and calls functions."""
+PROBE_OBJECTS = 1000
+"""Objects in the part of a probe that makes and compares them."""
 
 PROBE_NUMBERS = 50_000
 """Numbers in the part of a probe that streams over an array of 400 kB."""
@@ -33,24 +33,17 @@ PROBE_NUMBERS = 50_000
 FIRST_PROBES = 40
 """Probes that give the reference before the first round."""
 
-REFERENCE_SHARE = 0.25
-"""Quantile of all probes so far that is the reference: a core that is shared for half of the time still has it."""
-
 CLAIM = "proxbench-core"
 """What names of claims begin with."""
+
+REFERENCE_SHARE = 0.25
+"""Quantile of all probes so far that is the reference: a core that is shared for half of the time still has it."""
 
 MAX_PROBE_RATIO = 1.25
 """Ratio of a probe to the reference above which a core is not steady."""
 
 MAX_PINNING = 10
 """Times that the threads of a process are pinned: one that is not pinned yet may start others."""
-
-
-class _Object:
-    """What a probe makes."""
-
-    def __init__(self, number: int, names: dict[str, int]) -> None:
-        self.number, self.names = number, names
 
 
 @dataclass
@@ -98,19 +91,19 @@ class MeasuringCore:
         try:
             while len(self.probes) < FIRST_PROBES:
                 self.probe()
-            busy, began = self._busy_seconds(), perf_counter()
+            busy, began = busy_seconds(self.number), perf_counter()
             yield
-            self.busy_cores = max(self._busy_seconds() - busy, 0.0) / max(perf_counter() - began, 1e-3)
+            self.busy_cores = max(busy_seconds(self.number) - busy, 0.0) / max(perf_counter() - began, 1e-3)
         finally:
             if self.number is not None:
                 os.sched_setaffinity(0, before)
 
     def pin(self, process: int) -> None:
-        """Pin all threads of a process to the core; again, as long as others started some meanwhile."""
+        """Pin all threads of a process and its descendants to the core; again, as long as others started meanwhile."""
         if self.number is None:
             return
         for _ in range(MAX_PINNING):
-            for thread in _threads(process):
+            for thread in [thread for one in (process, *descendants(process)) for thread in threads(one)]:
                 with contextlib.suppress(OSError):  # a thread that has ended
                     os.sched_setaffinity(thread, {self.number})
             if self.holds(process):
@@ -121,7 +114,7 @@ class MeasuringCore:
         if self.number is None:
             return True
         try:
-            return all(os.sched_getaffinity(thread) == {self.number} for thread in _threads(process))
+            return all(os.sched_getaffinity(thread) == {self.number} for thread in threads(process))
         except OSError:
             return True
 
@@ -140,21 +133,9 @@ class MeasuringCore:
         """Return whether probes [s] took about as long as the reference; always True without a claimed core."""
         return self.number is None or max(probes) <= MAX_PROBE_RATIO * self.reference
 
-    def _busy_seconds(self) -> float:
-        """Return for how long the other cores have worked since the system started [s]; 0 where this one is unknown."""
-        if self.number is None:
-            return 0.0
-        return busy_seconds(but=self.number)
-
     def _work(self) -> float:
         began = perf_counter()
-        for number in range(PROBE_STEPS):
-            made = _Object(number, {"number": number})
-            values = [made.number, made.names]
-            str(number)
-            tuple(values)
-            sorted((3, 1, 2))
-            isinstance(made, _Object)
+        sorted(map(str, range(PROBE_OBJECTS)))
         float((1.5 * self._numbers).sum())
         return perf_counter() - began
 
@@ -162,14 +143,6 @@ class MeasuringCore:
 def _allowed_cores() -> set[int]:
     """Return the cores that the calling thread may use; none where the system does not say."""
     return set(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else set()
-
-
-def _threads(process: int) -> list[int]:
-    """Return the system's numbers of the threads of a process."""
-    try:
-        return [int(thread.name) for thread in Path(f"/proc/{process}/task").iterdir()]
-    except OSError:
-        return []
 
 
 def _claim(number: int) -> socket.socket | None:

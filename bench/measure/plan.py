@@ -7,12 +7,12 @@ from typing import Generic, TypeVar
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
+from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
-from ..errors import BenchError
 from ..plugins.describing import solver_spec
 from ..plugins.solver_specs import SolverSpec
 from ..store.plans import PlanRecord, RunSettings
-from .selection import Given, Selection, parse_shard, problem_name, select, select_shard
+from .selection import Given, problem_name, require_unique, select, select_shard
 from .trajectories.methods import Method
 
 DEFAULT_SOLVERS = (
@@ -81,6 +81,7 @@ def make_plan(
     *,
     suite: str | Path = "quick",
     sample: int | None = None,
+    sampling: Sampling = "proportional",
     shard: str = "",
 ) -> Plan[SolverSpec]:
     """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
@@ -93,6 +94,7 @@ def make_plan(
         settings: tolerances, limits, passes and seed.
         suite: name of a suite, or a folder.
         sample: number of problems to draw; all if None.
+        sampling: how the sample is divided among families: "proportional" or "even".
         shard: measure every n-th problem from the i-th on, for "i/n".
 
     Raises:
@@ -104,21 +106,15 @@ def make_plan(
             object that breaks the contract, or a shard out of range.
     """
     settings = settings or RunSettings()
-    chosen = select(problems, suite, sample, settings.seed)
+    chosen = select(problems, suite, sample, settings.seed, sampling)
     if shard:
-        chosen, shard = select_shard(chosen, shard), "{}/{}".format(*parse_shard(shard))
+        chosen, shard = select_shard(chosen, shard)
     specs = tuple(map(solver_spec, solvers or DEFAULT_SOLVERS))
     names = [spec.name for spec in specs]
-    duplicate = next((name for name in names if names.count(name) > 1), None)
-    if duplicate is not None:
-        raise BenchError(f"the solver {duplicate!r} is given more than once; name it once.")
-    return Plan(_record(chosen, names, settings, shard), chosen.problems, specs)
-
-
-def _record(chosen: Selection, solvers: list[str], settings: RunSettings, shard: str) -> PlanRecord:
-    return PlanRecord(
+    require_unique("solver", names)
+    record = PlanRecord(
         problems=[problem_name(problem) for problem in chosen.problems],
-        solvers=solvers,
+        solvers=names,
         tolerances=settings.tolerances,
         limits=settings.limits,
         passes=settings.passes,
@@ -128,3 +124,4 @@ def _record(chosen: Selection, solvers: list[str], settings: RunSettings, shard:
         left_out=list(chosen.left_out),
         shard=shard,
     )
+    return Plan(record, chosen.problems, specs)

@@ -1,4 +1,4 @@
-"""Points of a ladder that are measured in several passes."""
+"""Join the measurements that several passes make of a point."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -38,12 +38,9 @@ def joined(before: Point, now: Point) -> Point:
         kept, measured = (now, now.measured) if before.is_late_for_others else (before, before.measured)
         rounds = [*before.rounds, *now.rounds]
         return replace(kept, measured=replace(measured, **times_from_rounds(rounds), rounds=rounds))
-    worse = before if _rank(before) >= _rank(now) else now
+    rank_before, rank_now = (_RANKS.get(point.outcome, 2) for point in (before, now))
+    worse = before if rank_before >= rank_now else now
     return replace(worse, measured=_joined(before.measured, now.measured))
-
-
-def _rank(point: Point) -> int:
-    return _RANKS.get(point.outcome, 2)
 
 
 def _joined(before: Measured, now: Measured) -> Measured:

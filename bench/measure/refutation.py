@@ -1,4 +1,4 @@
-"""Claims that a problem has no solution, held against the solutions that a run has."""
+"""Find false claims that a problem has no solution, by the solutions of a run."""
 
 from collections.abc import Sequence
 

@@ -108,12 +108,7 @@ def resume_measuring(
 
 
 def _executor(
-    solvers: Solvers,
-    store: Store,
-    record: RunRecord,
-    on_event: OnEvent,
-    executor: Executor | None,
-    mix: bool = False,
+    solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor | None, mix: bool = False
 ) -> RunExecutor:
     """Return what executes a plan: this process, or the workers of an executor."""
     if executor is None:

@@ -1,10 +1,11 @@
-"""Which problems a run has: named ones, files, folders, suites and problems of the caller, each with its family.
+"""Select the problems of a run from names, files, folders, suites and objects, each with its family.
 
-What is named itself must be sound. Of a folder the files that cannot be measured are left out, with the reason.
+A problem that is named itself must be valid. Files of a folder that cannot be measured are skipped, with the reason.
 """
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, ProxbenchError
 from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
-from ...problems.exchange.families import family_of, sampled
+from ...problems.exchange.families import Sampling, family_of, sampled
 from ...problems.exchange.folder import Member, list_folder
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolved
@@ -38,7 +39,13 @@ class Selection:
     left_out: tuple[str, ...] = ()
 
 
-def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | None = None, seed: int = 0) -> Selection:
+def select(
+    problems: Sequence[Given] | None,
+    suite: str | Path,
+    sample: int | None = None,
+    seed: int = 0,
+    sampling: Sampling = "proportional",
+) -> Selection:
     """Return the given problems, or the members of a suite, or a sample of them.
 
     Problems of plugins are built here and files are read; named problems are loaded when their turn comes.
@@ -46,8 +53,9 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
     Args:
         problems: names, files, folders and problems; the members of ``suite`` if None.
         suite: name of a suite, or a folder, see ``list_folder``.
-        sample: number of problems of a sample in which families keep their proportions; all problems if None.
+        sample: number of problems of a sample; all problems if None.
         seed: of the sample.
+        sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name, a file that holds none, a folder without
@@ -58,7 +66,7 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
     given, name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
     if sample is not None:
-        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed))
+        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
         candidates = [one for one in candidates if one.name in chosen]
     taken: dict[str, str | ContactProblem] = {}
     for one in candidates:
@@ -72,8 +80,8 @@ def select(problems: Sequence[Given] | None, suite: str | Path, sample: int | No
     return Selection(tuple(taken.values()), families, folders[0] if name and folders else name, tuple(left_out))
 
 
-def select_shard(selection: Selection, shard: str) -> Selection:
-    """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``; all together are all problems.
+def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:
+    """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``, and its usual spelling.
 
     Raises:
         BenchError: if it is no shard, or has no problem.
@@ -84,7 +92,7 @@ def select_shard(selection: Selection, shard: str) -> Selection:
         raise BenchError(f"`shard` {shard} has no problem, there are {len(selection.problems)}; divide less.")
     names = set(map(problem_name, problems))
     families = {name: family for name, family in selection.families.items() if name in names}
-    return replace(selection, problems=problems, families=families)
+    return replace(selection, problems=problems, families=families), f"{number}/{count}"
 
 
 def parse_shard(shard: str) -> tuple[int, int]:
@@ -133,7 +141,7 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
             check_numbers(problem)
             family = sources.get(problem.name) or family_of(problem)
             candidates.append(_Candidate(problem.name, family, problem))
-    _require_unique(candidate.name for candidate in candidates)
+    require_unique("problem", (candidate.name for candidate in candidates))
     return candidates, left_out, folders
 
 
@@ -165,10 +173,8 @@ def _read(member: Member) -> ContactProblem:
     return problem
 
 
-def _require_unique(names: Iterable[str]) -> None:
-    """Raise ``BenchError`` if a name stands twice."""
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            raise BenchError(f"the problem {name!r} is given more than once; name it once.")
-        seen.add(name)
+def require_unique(what: str, names: Iterable[str]) -> None:
+    """Raise ``BenchError`` if a name of a problem or solver is given twice."""
+    name, count = next(iter(Counter(names).most_common(1)), ("", 0))
+    if count > 1:
+        raise BenchError(f"the {what} {name!r} is given more than once; name it once.")

@@ -15,15 +15,17 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
 from ...problems.errors import PluginError, ProxbenchError, first_line
 from ...problems.exchange.catalog import load, plugin_problems
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugin_scenes import plugin_scene, plugin_scenes, scene_options
-from ...problems.exchange.plugins import KINDS, Names, Offer, forget, register
-from ...problems.exchange.storage import problem_bytes, read_problem
+from ...problems.exchange.files.problem_file import problem_bytes, read_problem
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import KINDS, Names, Offer, forget, register
+from ...problems.exchange.plugins.scenes import plugin_scene, plugin_scenes, scene_options
 from ...solvers import registry
 from ...solvers.contract import form_fault
+from ...solvers.native.native_solver import NativeSolver
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
+from .native_files import use_native_files
 from .solver_specs import SolverSpec, built_in, carried
 
 
@@ -36,13 +38,14 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
         BenchError: if an object breaks the contract, or cannot be sent to another process.
     """
     if isinstance(solver, str):
-        return built_in(solver) if registry.find_offer(solver) is None else _described(solver, b"", PluginError)
+        is_own = registry.find_offer(solver) is None and not registry.native_parts(solver)
+        return built_in(solver) if is_own else _described(solver, b"", PluginError)
     if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
         raise BenchError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
     if type(solver).__module__.startswith(f"{registry.__package__}."):
-        return built_in(solver.name)
+        return solver_spec(solver.name)
     return _described("", carried(solver), BenchError)
 
 
@@ -105,7 +108,8 @@ def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Solver
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be made", error, "solver", name, pickled)
     model, source = Model.from_text(answer["model"]), answer["source"]
-    return SolverSpec(answer["name"], model, answer["shows"], source, pickled, answer["random"])
+    files = use_native_files(answer["name"], answer["native"])
+    return SolverSpec(answer["name"], model, answer["shows"], source, pickled, answer["random"], files)
 
 
 def _ask(
@@ -157,10 +161,11 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
 
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
     if pickled:
-        return _form(_unpickled(pickled), "", [])
+        return _form(_unpickled(pickled), "", [], [])
     solver, offer = registry.create(name), registry.find_offer(name)
-    source = offer.source if offer is not None else ""
-    return _form(solver, source, option_texts(registry.parse(name).plain))
+    native = [one.source for one in map(registry.create, registry.native_parts(name)) if isinstance(one, NativeSolver)]
+    source = offer.source if offer is not None else ", ".join(native)
+    return _form(solver, source, option_texts(registry.parse(name).plain), native)
 
 
 def _scene_options(name: str) -> list[str]:
@@ -170,7 +175,7 @@ def _scene_options(name: str) -> list[str]:
     return [f"{key}={value!r}" for key, value in options.items()]
 
 
-def _form(solver: Solver, source: str, options: list[str]) -> dict[str, Any]:
+def _form(solver: Solver, source: str, options: list[str], native: list[str]) -> dict[str, Any]:
     fault = form_fault(solver)
     if fault:
         raise BenchError(f"the solver {type(solver).__name__} breaks the contract: {fault}.")
@@ -181,6 +186,7 @@ def _form(solver: Solver, source: str, options: list[str]) -> dict[str, Any]:
         "random": draws_randomly(solver),
         "source": source,
         "options": options,
+        "native": native,
     }
 
 

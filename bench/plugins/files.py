@@ -5,28 +5,33 @@ from pathlib import Path
 
 from ...problems.contact.solver import SolverError
 from ...problems.errors import PluginError
-from ...problems.exchange.plugin_files import PluginFile
-from ...problems.exchange.plugins import forget, register, registered
+from ...problems.exchange.plugins.files import PluginFile
+from ...problems.exchange.plugins.offers import forget, register, registered
 from ...solvers import registry
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..store.records import PluginUse
 from .describing import all_offers, offered
+from .native_files import allow_native_file, is_native, is_native_use, native_uses, sha256_in_use
 
 
 def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECONDS) -> None:
     """Make the solvers, problems and scenes of plugin files available by name; the files run in child processes only.
 
     Args:
-        paths: the files.
+        paths: the files; of shared libraries and compiled programs the content is noted, so that a stored run may use
+            them.
         seconds: wall time that the import of each may take, with the making of its solvers [s].
 
     Raises:
         PluginError: if a file is missing, fails to import, offers nothing, a name that is not free, or a solver that
             breaks the contract; it is then not in use.
     """
-    for path in paths:
-        _use(PluginFile.read(path), seconds)
+    for path in map(Path, paths):
+        if is_native(path):
+            allow_native_file(path)
+        else:
+            _use(PluginFile.read(path), seconds)
 
 
 def _use(file: PluginFile, seconds: float) -> None:
@@ -54,9 +59,10 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
         problems: names of problems.
         scenes: names of scenes, without options.
     """
+    solvers = list(solvers)
     plain = {plain for name in solvers for plain in _plain_names(name)}
     used = {"solver": plain, "problem": set(problems), "scene": set(scenes)}
-    return [
+    of_offers = [
         PluginUse(
             kind=offer.kind,
             name=offer.name,
@@ -67,26 +73,28 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
         for offer in all_offers()
         if offer.name in used[offer.kind] and not offer.refusal
     ]
+    return of_offers + native_uses(solvers)
 
 
 def check_again(recorded: Iterable[PluginUse]) -> None:
-    """Check that the plugin files of a stored run are in use and unchanged.
+    """Check that the plugin files and the native files of a stored run are in use and unchanged.
 
     They are not used only because a file names them: resuming a run from elsewhere would execute its code.
 
     Raises:
         BenchError: if one is not in use, is gone, or has changed since, so that two versions would share a name.
     """
-    used = {str(file.path): file for file, _ in registered()}
-    for path, sha256 in sorted({(use.file, use.sha256) for use in recorded if use.file}):
-        if path not in used and not Path(path).is_file():
-            raise BenchError(f"the results need the plugin file {path}, which is missing; restore it.")
-        if path not in used:
-            raise BenchError(f"the results need the plugin file {path}; name it with `plugins`.")
-        if used[path].sha256 != sha256:
+    used = {str(file.path): file.sha256 for file, _ in registered()}
+    files = {(use.file, use.sha256, "file" if is_native_use(use) else "plugin file") for use in recorded if use.file}
+    for path, sha256, kind in sorted(files):
+        in_use = used.get(path) or sha256_in_use(path)
+        if not in_use and not Path(path).is_file():
+            raise BenchError(f"the results need the {kind} {path}, which is missing; restore it.")
+        if not in_use:
+            raise BenchError(f"the results need the {kind} {path}; name it with `plugins`.")
+        if in_use != sha256:
             raise BenchError(
-                f"plugin file {path} has changed since the run began; restore the old version to resume, or start a "
-                "new run."
+                f"{kind} {path} has changed since the run began; restore the old version to resume, or start a new run."
             )
 
 

@@ -12,6 +12,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
 from ...problems.exchange.catalog import is_available, is_held, load, plugin_problems, problem_names
 from ..errors import BenchError
+from ..store.bundles.bundle import Bundle
 from ..store.records import RunRecord
 from ..store.store import Store
 from .describing import plugin_problem
@@ -64,7 +65,7 @@ def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, s
     return carried
 
 
-def problem_of(store: Store, run: RunRecord, name: str) -> ContactProblem:
+def problem_of(store: Store | Bundle, run: RunRecord, name: str) -> ContactProblem:
     """Return a problem of a run, as it is stored with it or as the package holds it.
 
     Raises:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
-from ...problems.exchange.plugin_scenes import plugin_scene
+from ...problems.exchange.plugins.scenes import plugin_scene
 from ...problems.motion.bodies.system import StepAssembly, System
 from ...problems.motion.scenes.registry import make_scene, read_scene
 from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding

@@ -17,7 +17,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Status, Stop
-from ...problems.exchange.storage import problem_bytes, read_problem
+from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.contract import MAX_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, refuse

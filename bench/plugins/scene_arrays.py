@@ -8,11 +8,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.factors import InverseMass
 from ...problems.contact.laws import Laws
+from ...problems.contact.matrices.factors import InverseMass
 from ...problems.contact.matrices.pieces import Pieces
 from ...problems.errors import ProxbenchError
-from ...problems.exchange.archive import read_arrays
+from ...problems.exchange.files.archive import read_arrays
 from ...problems.motion.bodies.system import ActiveContacts
 from ...problems.motion.state import State
 

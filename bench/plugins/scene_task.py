@@ -8,7 +8,7 @@ import msgspec
 
 from ...problems.arrays import FloatArray
 from ...problems.errors import ProxbenchError
-from ...problems.exchange.plugin_scenes import build_plugin_scene
+from ...problems.exchange.plugins.scenes import build_plugin_scene
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
 from ..store.fields import Count, Number, Positive, Record

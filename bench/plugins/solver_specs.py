@@ -13,7 +13,10 @@ import cloudpickle
 from ...problems.contact.model import Model
 from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
 from ...solvers import registry
+from ...solvers.native.executable import Executable
 from ..errors import BenchError
+from ..store.records import PluginUse
+from .native_files import check_unchanged
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class SolverSpec:
         source: the plugin it comes from, as messages call it; empty for a built-in solver and for an object.
         carried: an object of the caller's, pickled; empty for a solver that its name makes.
         is_randomised: whether it declares that its answers differ between repeats.
+        files: the files in other languages that it needs, with their digests.
     """
 
     name: str
@@ -35,6 +39,12 @@ class SolverSpec:
     source: str = ""
     carried: bytes = b""
     is_randomised: bool = False
+    files: tuple[PluginUse, ...] = ()
+
+    @property
+    def n_processes(self) -> int:
+        """Number of processes that it keeps beside its own: one for each executable."""
+        return sum(use.name.startswith(Executable.__name__) for use in self.files)
 
     @property
     def is_built_in(self) -> bool:
@@ -45,9 +55,10 @@ class SolverSpec:
         """Return the solver; only for built-in ones in the process that judges.
 
         Raises:
-            ProxbenchError: if its class is not what it was.
+            ProxbenchError: if its class or one of its files is not what it was.
             Exception: whatever code of the caller's raises.
         """
+        check_unchanged(self.files)
         made: Solver = cloudpickle.loads(self.carried) if self.carried else registry.create(self.name)
         return made
 

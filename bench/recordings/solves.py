@@ -18,8 +18,9 @@ from ..plugins.problems import problem_of
 from ..plugins.remote_solver import working_solver
 from ..plugins.solver_specs import SolverSpec
 from ..report.charts.palette import look, on_dark, rgb
+from ..store.bundles.bundle import open_run, output_folder
 from ..store.outcome import Outcome
-from ..store.store import Store, plain_name, refuse_links_out
+from ..store.store import plain_name, refuse_links_out
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .contact_points import Bodies, Places, find_places
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
@@ -152,17 +153,17 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
         SolverError: for a solver object that no name makes again.
         ProblemError: for a problem that is stored with the run and damaged.
     """
-    store = Store.open(Path(run_dir))
+    store, folder = open_run(Path(run_dir)), output_folder(Path(run_dir))
     run = store.read_run()
     cases, _ = store.read_cases()
     came_through = {(case.problem, case.solver) for case in cases if case.outcome is Outcome.MEASURED}
-    refuse_links_out(store.folder / FOLDER, store.folder)
+    refuse_links_out(folder / FOLDER, folder)
     stop = Stop(TOLERANCE, MAX_ITERATIONS, run.plan.limits.solve_seconds)
     made = []
     for name in run.plan.problems:
         solvers = [solver for solver in run.plan.solvers if (name, solver) in came_through]
         if solvers and (problem := problem_of(store, run, name)).n_contacts:
-            file = store.folder / FOLDER / f"{plain_name(name)}{SUFFIX}"
+            file = folder / FOLDER / f"{plain_name(name)}{SUFFIX}"
             made.append(record_solves(problem, solvers, stop, file, force=True))
     return made
 

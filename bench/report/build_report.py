@@ -63,14 +63,14 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
             such view of profiles.
     """
     check_view(profiles)
-    folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
+    folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
     tables, drawn, written, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
     if baseline and not has_profiles:
         raise BenchError(f"{frames.folder} has no speed-ups; leave `baseline` out.")
     against = baseline_of(frames, baseline) if has_profiles else ""
     for place in ("tables", "charts"):
-        refuse_links_out(folder / place, frames.folder)
+        refuse_links_out(folder / place, frames.output_folder)
     try:
         tables = write_tables(frames, folder / "tables")
         if charts:

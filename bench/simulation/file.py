@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from ...problems.contact.solver import Solver
 from ...problems.errors import ProxbenchError
-from ...problems.exchange.archive import ArchiveError, read_arrays
-from ...problems.exchange.atomic_file import replacing
+from ...problems.exchange.files.archive import ArchiveError, read_arrays
+from ...problems.exchange.files.atomic_file import replacing
 from ...problems.motion.stepping.step import LawStates
 from ..errors import BenchError
 from ..plugins.files import check_again, sources

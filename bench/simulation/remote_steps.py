@@ -14,7 +14,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status, Stop
 from ...problems.errors import ProxbenchError
-from ...problems.exchange.plugin_scenes import build_plugin_scene
+from ...problems.exchange.plugins.scenes import build_plugin_scene
 from ...problems.motion.bodies.system import StepAssembly
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State

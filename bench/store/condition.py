@@ -1,6 +1,7 @@
-"""How complete a run is, and how steady its machine was: sentences for the head of every report."""
+"""Condition of a run: warnings about missing cases, excluded times and unsteady machines, for the head of reports."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,31 +12,31 @@ from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
 
 UNSTEADY = 1.5
-"""Spread of the probes of a run above which a report warns."""
+"""Drift from which a report warns."""
 
 BUSY = 0.25
 """Number of other cores that other programs may use on average without a warning."""
 
 EXCLUDED_MARK = "*"
-"""What marks a time all of whose rounds are excluded."""
+"""Mark of a time whose rounds are all excluded."""
 
 _HARDWARE = {"processor": "processor", "cores": "cores", "logical_cores": "logical cores"}
-"""Fields of a machine by which it is another one, with their names in sentences."""
+"""Fields that identify a machine, with their names in sentences."""
 
 _COMPARED = {**_HARDWARE, "memory_bytes": "memory [bytes]", "system": "system", "python": "Python"}
 """Fields of a machine that times depend on."""
 
 
 def busy_cores(run: RunRecord) -> float:
-    """Return how many other cores were busy on average while solves were timed; NaN where that was not counted."""
+    """Return the mean number of other busy cores while solves were timed; NaN if unknown."""
     counted = [busy for session in run.sessions if session.core is not None for busy in session.busy_cores]
     return float(np.mean(counted)) if counted else math.nan
 
 
 def drift(frames: RunFrames) -> float:
-    """Return the 90 % over the 10 % quantile of the probes around the rounds of a run that count; NaN without any.
+    """Return the ratio of the 90 % to the 10 % quantile of the probes around counted rounds; NaN without rounds.
 
-    Of a run on several machines it is that of the least steady one.
+    Of several machines the least steady one counts.
     """
     sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
     hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].host if one < len(sessions) else "")
@@ -48,80 +49,60 @@ def drift(frames: RunFrames) -> float:
 
 
 def excluded_points(frames: RunFrames) -> int:
-    """Return the number of points that end solved and all of whose rounds are excluded."""
+    """Return the number of solved points whose rounds are all excluded."""
     solved = frames.points[frames.points["status"] == Status.SOLVED]
     return int(solved["is_excluded"].eq(True).sum())  # missing values are not equal to True
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
-    """Return in words what two machines, or the versions and sources on them, differ in; nothing if times compare."""
+    """Return in words what distinguishes two machines and their software; empty if their times compare."""
     return [*other_hardware(before, now, _COMPARED), *other_software(before, now)]
 
 
 def other_hardware(before: Machine, now: Machine, fields: Mapping[str, str] = _HARDWARE) -> list[str]:
-    """Return in words by which of some fields, those of the hardware if none are given, a machine is another one."""
-    return [
-        f"{word} {_short(getattr(before, name))}, now {_short(getattr(now, name))}"
-        for name, word in fields.items()
-        if getattr(before, name) != getattr(now, name)
-    ]
+    """Return in words which fields of two machines differ, of the given ones with their names in sentences."""
+    values = ((word, getattr(before, name), getattr(now, name)) for name, word in fields.items())
+    return [f"{word} {_short(old)}, now {_short(new)}" for word, old, new in values if old != new]
 
 
 def other_software(before: Machine, now: Machine) -> list[str]:
-    """Return in words what versions and sources on two machines differ in."""
+    """Return in words which versions and sources on two machines differ."""
     names = sorted(set(before.versions) | set(now.versions))
-    versions = ((name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names)
-    found = [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in versions if old != new]
-    if before.source != now.source:
-        found.append(f"source {_short(before.source)}, now {_short(now.source)}")
-    return found
+    values = [(name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names]
+    found = [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in values if old != new]
+    return [*found, *other_hardware(before, now, {"source": "source"})]
 
 
 def hosts(frames: RunFrames) -> dict[str, int]:
-    """Return how many problems of a run were measured on each machine, by its name."""
-    names = [session.host for session in frames.info.sessions]
-    found = [{names[index] for index in indices} for indices in _sessions_by_problem(frames).values()]
-    return {name: sum(name in one for one in found) for name in dict.fromkeys(names)}
+    """Return the number of problems measured on each machine, by the name of the machine."""
+    by_problem = machines_by_problem(frames).values()
+    return dict(Counter(host for machines in by_problem for host in {machine.host for machine in machines}))
 
 
 def mixtures(frames: RunFrames) -> list[str]:
-    """Return in words what sessions of a run differ in though their times are compared.
+    """Return in words how sessions differ whose times a report compares.
 
-    All must have the same versions and source, and those that measured one problem the same machine.
+    All sessions must have the same versions and source, and those of one problem the same machine.
     """
-    machines = _machines(frames)
-    is_one = len(hosts(frames)) <= 1
-    groups = [machines] if is_one else list(machines_by_problem(frames).values())
-    found = [said for group in groups for machine in group for said in other_hardware(group[0], machine, _COMPARED)]
-    found += [
-        f"machine {group[0].host}, now {machine.host}"
-        for group in groups
-        for machine in group
-        if not is_one and machine.host != group[0].host
-    ]
-    found += [said for machine in machines for said in other_software(machines[0], machine)]
+    machines = [session.machine or frames.info.machine for session in frames.info.sessions]
+    groups, fields = [machines], _COMPARED
+    if len(hosts(frames)) > 1:
+        groups, fields = list(machines_by_problem(frames).values()), {**_COMPARED, "host": "machine"}
+    found = [words for group in groups for machine in group for words in other_hardware(group[0], machine, fields)]
+    found += [words for machine in machines for words in other_software(machines[0], machine)]
     return list(dict.fromkeys(found))
 
 
 def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
-    """Return the machines on which each problem was measured, as far as the run has them."""
-    machines = _machines(frames)
-    return {name: [machines[index] for index in used] for name, used in _sessions_by_problem(frames).items()}
-
-
-def _machines(frames: RunFrames) -> list[Machine]:
-    """Return the machine of each session."""
-    return [session.machine or frames.info.machine for session in frames.info.sessions]
-
-
-def _sessions_by_problem(frames: RunFrames) -> dict[str, list[int]]:
-    """Return the sessions in which each problem was measured, as far as the run has them."""
-    known = frames.rounds[frames.rounds["session"] < len(frames.info.sessions)]
-    by_problem = known.groupby("problem", sort=False)["session"]
-    return {str(name): sorted(set(map(int, sessions))) for name, sessions in by_problem}
+    """Return the machines on which each problem was measured, one for each session."""
+    sessions = frames.info.sessions
+    known = frames.rounds[frames.rounds["session"] < len(sessions)].groupby("problem", sort=False)["session"]
+    used = {str(name): sorted(map(int, numbers.unique())) for name, numbers in known}
+    return {name: [sessions[one].machine or frames.info.machine for one in numbers] for name, numbers in used.items()}
 
 
 def _short(value: object) -> str:
+    """Return a value as text, a digest by its first characters."""
     return str(value)[:12] if len(str(value)) == 64 else str(value) or "unknown"
 
 
@@ -138,7 +119,7 @@ def _resuming(frames: RunFrames) -> str:
 
 
 def warnings(frames: RunFrames) -> list[str]:
-    """Return what a reader must know before the numbers: that cases are missing, that the machine was not steady."""
+    """Return what a reader must know before the numbers, such as missing cases or an unsteady machine."""
     found = []
     if not frames.is_finished:
         begun = len(frames.cases) - frames.n_finished
@@ -180,14 +161,14 @@ def warnings(frames: RunFrames) -> list[str]:
 
 
 def basis(frames: RunFrames) -> list[str]:
-    """Say what residuals are relative to, where they are not the judged ones."""
+    """Return what the residuals are, unless they are the judged ones."""
     if frames.residual == JUDGED:
         return []
     return ["residuals are local: the largest violation of a contact relative to what shares a body with it"]
 
 
 def steadiness(frames: RunFrames) -> str:
-    """Return in one line what the machine is, and how steady it was while solves were timed."""
+    """Return the machine in one line, with its steadiness while solves were timed."""
     run, rounds = frames.info, frames.rounds
     machines = [session.machine for session in run.sessions if session.machine is not None] or [run.machine]
     names = dict.fromkeys(f"{machine.processor}, {machine.cores} cores" for machine in machines)
@@ -202,5 +183,5 @@ def steadiness(frames: RunFrames) -> str:
 
 
 def run_state(frames: RunFrames) -> list[str]:
-    """Return the warnings, what numbers are relative to if that is not as usual, and how steady the machine was."""
+    """Return the warnings, the kind of the residuals if it is not the usual one, and the steadiness of the machine."""
     return [*warnings(frames), *basis(frames), steadiness(frames)]

@@ -1,7 +1,7 @@
 """Stored runs as pandas frames, whose columns are the fields of the records.
 
-A field that is a record itself gives the columns of its own fields: times that of their median under the name of the
-field, and their quartiles beside it. Lists have frames of their own.
+A field that is itself a record contributes the columns of its fields. Times have a column of their median, with the
+name of the field, and columns of their quartiles. Lists have frames of their own.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -17,18 +17,19 @@ from msgspec import Struct
 from ...problems.contact.judge import NO_NUMBERS, Verdict
 from ...problems.errors import suggestion
 from ..errors import BenchError
+from .bundles.bundle import open_run, output_folder
 from .fields import Quartiles, Record
+from .impulses import number_of
 from .notes import notes_of
 from .records import CaseRecord, Point, QuantityError, Round, RunRecord
-from .store import Store
 
 JUDGED, LOCAL = "judged", "local"
-"""Residuals that tables and charts can go by: that of the verdict, or its local one."""
+"""Residuals that tables and charts can show: the judged one, or the local one of the verdict."""
 
 RESIDUALS = (JUDGED, LOCAL)
 
 _IDENTITY = ("problem", "solver", "model")
-"""Fields of a case that its points have too."""
+"""Fields of a case that its points repeat."""
 
 
 @dataclass(frozen=True)
@@ -36,22 +37,18 @@ class RunFrames:
     """One run.
 
     Attributes:
-        folder: where it is stored.
-        cases: one row a case, the scalar fields of ``CaseRecord``: problem, solver, model, digest, sizes, outcome,
-            reason, wall time, peak memory, what a failed one left, with the family of the problem, is_finished, and
-            is_tried (whether its whole ladder was measured once, which an interrupted run leaves open).
-        points: one row a ladder point, those of ``Point``: problem, family, solver, model, tolerance, outcome, status,
-            reason, iterations, judged residual (and that of the solver's own model), median times [s] with their
-            quartiles, repeats, whether they are excluded from comparisons, the other numbers of the verdict, the error
-            in known impulses, and notes.
-        rounds: in which points were measured: problem, solver, tolerance, and the fields of ``Round``: session and
-            number of the pass, wall times [s], processor time [s], context switches, and why it is excluded if it is.
+        folder: its folder, or its bundle.
+        cases: one row per case: the family of the problem, the scalar fields of ``CaseRecord``, is_finished, and
+            is_tried (whether its whole ladder was measured at least once).
+        points: one row per ladder point: problem, family, solver, model, the fields of ``Point`` and ``Measured``
+            (median times [s] with their quartiles, the numbers of the verdict), and notes.
+        rounds: one row per round of a point: problem, solver, tolerance, and the fields of ``Round``.
         iterations: the convergence curves: problem, solver, iteration, residual.
-        errors: those of trajectories, one row a point and quantity: problem, solver, tolerance, quantity, error, and
-            the ends of its bar, low and high.
+        errors: one row per point and quantity of a trajectory: problem, solver, tolerance, quantity, error, and the
+            ends of its error bar, low and high.
         info: plan, machine, plugins and sessions.
         damaged: one sentence for each case file that could not be read.
-        residual: which one the residuals of the points are, "judged" or "local"; those of the curves are judged.
+        residual: kind of the residuals of the points, "judged" or "local"; those of the curves are judged.
     """
 
     folder: Path
@@ -65,18 +62,23 @@ class RunFrames:
     residual: str = JUDGED
 
     @property
+    def output_folder(self) -> Path:
+        """The folder for its tables, charts and page; for a bundle, the folder of the same name beside it."""
+        return output_folder(self.folder)
+
+    @property
     def n_planned(self) -> int:
-        """Number of cases that the run has when it is finished."""
+        """Number of planned cases."""
         return len(self.info.plan.problems) * len(self.info.plan.solvers)
 
     @property
     def n_finished(self) -> int:
-        """Number of cases that are stored and readable, and measured as a whole."""
+        """Number of readable cases that are completely measured."""
         return int(self.cases["is_finished"].sum())
 
     @property
     def is_finished(self) -> bool:
-        """Whether every planned case is."""
+        """Whether all planned cases are completely measured."""
         return self.n_finished >= self.n_planned
 
     @property
@@ -85,10 +87,10 @@ class RunFrames:
         return bool(self.info.plan.trajectories)
 
     def only(self, problems: Collection[str]) -> Self:
-        """Return what the run has of these problems.
+        """Return the run restricted to some problems.
 
         Raises:
-            BenchError: if one of them is none of its problems.
+            BenchError: if the run does not have one of them.
         """
         plan = self.info.plan
         for name in problems:
@@ -104,12 +106,12 @@ class RunFrames:
         return replace(self, info=msgspec.structs.replace(self.info, plan=kept), **chosen)
 
     def judged_by(self, residual: str) -> Self:
-        """Return the run with this residual of its points, "judged" or "local", as the one that tables go by.
+        """Return the run with "judged" or "local" residuals of its points.
 
-        What solvers claim, and how cases ended, is about the judged residual in any case.
+        Claims of solvers and outcomes of cases always refer to the judged residual.
 
         Raises:
-            BenchError: for another name, or if the points of the run have no local residuals.
+            BenchError: if the name is unknown, or the run has no local residuals.
         """
         check_residual(residual)
         if residual == self.residual:
@@ -123,18 +125,18 @@ class RunFrames:
 
 
 def check_residual(name: str) -> None:
-    """Raise ``BenchError`` if tables cannot go by a residual of that name."""
+    """Raise ``BenchError`` if there is no residual of that name."""
     if name not in RESIDUALS:
         raise BenchError(f"there is no residual {name!r}{suggestion(name, RESIDUALS)}")
 
 
-def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
-    """Read a stored run, or what it has of one problem; damaged case files are left out and named.
+def read_frames(path: Path, problem: str | None = None) -> RunFrames:
+    """Read the folder or the bundle of a run, or the cases of one problem; damaged case files are left out and named.
 
     Raises:
-        BenchError: if the folder is no run, or its run.json is damaged.
+        BenchError: if the path is not a run, or its run.json or the bundle is damaged.
     """
-    store = Store.open(folder)
+    store = open_run(path)
     info = store.read_run()
     planned = [(problem, solver) for problem in info.plan.problems for solver in info.plan.solvers]
     order = {pair: number for number, pair in enumerate(planned)}
@@ -148,7 +150,7 @@ def read_frames(folder: Path, problem: str | None = None) -> RunFrames:
     for frame in (measured, points):
         frame.insert(1, "family", frame["problem"].map(info.plan.family).astype(str))
     errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
-    return RunFrames(folder, measured, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
+    return RunFrames(path, measured, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
 
 
 def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
@@ -169,7 +171,7 @@ def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:
 
 
 class _Column(NamedTuple):
-    """One column: its name, where its values stand in a record, their type, and what a missing one is."""
+    """One column: its name, the path to its values in a record, their type, and the value of None."""
 
     name: str
     path: tuple[str, ...]
@@ -177,7 +179,7 @@ class _Column(NamedTuple):
     missing: float
 
     def value(self, record: Any) -> Any:
-        """Return the value of a record; NaN if the record that would have it is missing."""
+        """Return the value of a record; NaN if a record on the path is missing."""
         for name in self.path:
             if record is None:
                 return np.nan
@@ -195,7 +197,7 @@ def _frame(kind: type[Record], records: Sequence[Record]) -> pd.DataFrame:
 
 
 def _columns(kind: type[Struct], path: tuple[str, ...] = ()) -> Iterator[_Column]:
-    """Yield the columns of a record, lists left out; of two of the same name the first counts."""
+    """Yield the columns of a record, without lists."""
     for field in msgspec.structs.fields(kind):
         place = (*path, field.name)
         plain, missing = _plain(field.type)
@@ -217,7 +219,7 @@ def _columns(kind: type[Struct], path: tuple[str, ...] = ()) -> Iterator[_Column
 
 
 def _plain(hint: Any) -> tuple[Any, float]:
-    """Return a field's type without its constraints and None, and the number that None stands for."""
+    """Return the type of a field without constraints and None, and the number that None means."""
     missing = np.nan
     while get_origin(hint) is not None:
         if get_origin(hint) is Annotated:
@@ -233,7 +235,7 @@ def _plain(hint: Any) -> tuple[Any, float]:
 def _parts(
     points: Sequence[tuple[CaseRecord, Point]], kind: type[Record], parts: Callable[[Point], Sequence[Record]]
 ) -> pd.DataFrame:
-    """Return one row for each record that points have of a kind, with the point before it."""
+    """Return one row per record of a kind in the points, after the names of its case and the tolerance."""
     found = [(case, point, part) for case, point in points for part in parts(point)]
     identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
     place = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
@@ -242,17 +244,10 @@ def _parts(
 
 
 def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:
-    curves = [
-        pd.DataFrame(
-            {
-                "problem": case.problem,
-                "solver": case.solver,
-                "iteration": case.curve.iteration,
-                "residual": pd.Series(case.curve.residual, dtype=np.float64).fillna(np.inf),
-            }
-        )
+    rows = [
+        (case.problem, case.solver, iteration, number_of(residual))
         for case in cases
-        if case.curve.iteration
+        for iteration, residual in zip(case.curve.iteration, case.curve.residual, strict=True)
     ]
-    empty = {"problem": str, "solver": str, "iteration": np.int64, "residual": np.float64}
-    return pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(columns=list(empty)).astype(empty)
+    types = {"problem": str, "solver": str, "iteration": np.int64, "residual": np.float64}
+    return pd.DataFrame(rows, columns=list(types)).astype(types)

@@ -1,4 +1,4 @@
-"""The impulses that a run keeps, from which anyone can judge again what it claims."""
+"""The impulses that a run stores, from which its residuals can be recomputed."""
 
 import zlib
 from collections.abc import Iterable
@@ -8,26 +8,27 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Verdict
+from .conversion import inflated
 from .fields import Record, Residual
 
 _NUMBER = np.dtype("<f8")
 
 _FAST = 1
-"""Level of compression: numbers are smaller by their zeros, which the least one finds."""
+"""Level of compression; higher ones gain nothing, because only zeros compress."""
 
 
 def number_of(residual: float | None) -> float:
-    """Return a residual, those that are not finite as infinite."""
+    """Return a stored residual as a number; None and NaN mean infinity."""
     return np.inf if residual is None or not residual < np.inf else residual
 
 
 class Impulses(Record, frozen=True, kw_only=True):
-    """An answer of a solver, with what the judge reads in it.
+    """Impulses that a solver returned, with their residuals.
 
     Attributes:
-        residual: the judge's, under Coulomb's law.
-        model_residual: the judge's, under the solver's own model.
-        packed: Λ [N s] in double precision, least byte first, deflated.
+        residual: judged residual under Coulomb's law.
+        model_residual: judged residual under the solver's own model.
+        packed: Λ [N s] in double precision, little-endian, compressed by zlib.
     """
 
     residual: Residual
@@ -44,23 +45,18 @@ class Impulses(Record, frozen=True, kw_only=True):
         """Return Λ [N s], shape (n_rows,).
 
         Raises:
-            ValueError: if it is damaged, or has not so many numbers; no more than these are unpacked.
+            ValueError: if the data are damaged, or not ``n_rows`` numbers.
         """
-        unpacking = zlib.decompressobj()
-        try:
-            content = unpacking.decompress(self.packed, max(_NUMBER.itemsize * n_rows, 1))
-            content += unpacking.decompress(unpacking.unconsumed_tail, 1)
-        except zlib.error:
-            raise ValueError("cannot be unpacked") from None
-        if not unpacking.eof or unpacking.unused_data or len(content) != _NUMBER.itemsize * n_rows:
-            raise ValueError(f"are not {n_rows} numbers, one a row")
+        content = inflated(self.packed, _NUMBER.itemsize * n_rows)
+        if len(content) != _NUMBER.itemsize * n_rows:
+            raise ValueError(f"there are not {n_rows} numbers, one per row")
         return np.frombuffer(content, dtype=_NUMBER).astype(np.float64)
 
 
 def worst(answers: Iterable[Impulses]) -> list[Impulses]:
-    """Return the answers whose residuals count for all: the worst under Coulomb's law, and the worst under the model.
+    """Return the worst impulses under Coulomb's law and under the solver's model: one if they are the same.
 
-    They are one where one answer is both; the first of equal ones is taken.
+    Of equal residuals the first counts.
     """
     kept = list(answers)
     if not kept:

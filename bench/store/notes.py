@@ -1,4 +1,4 @@
-"""What a reader must know about the numbers of a point beside them, in short sentences."""
+"""Notes about points: short sentences that tables print beside the numbers."""
 
 from collections.abc import Iterator
 
@@ -11,30 +11,30 @@ from .outcome import ROUNDING
 from .records import MAX_ANSWERS, CaseRecord, Measured, Point
 
 SHARE = 0.05
-"""Part by which first solves may be slower than repeated ones."""
+"""Relative slowdown of first solves that repetition explains."""
 
 ALLOWANCE_SECONDS = 2e-5
-"""What a first solve may take beyond that [s]: branches and pages that only repetition makes familiar."""
+"""Further time that a first solve may take [s], for branches and memory pages not used before."""
 
 COPY_RATIO = 1.25
-"""Ratio of the least time on copies to the time on the problem that their differences explain."""
+"""Ratio of the least time on copies of a problem to the time on the problem that their differences explain."""
 
 LOCAL_RATIO = 100.0
-"""Ratio of the local to the judged residual from which on the fastest contacts hide what the others still lack."""
+"""Ratio of the local to the judged residual from which fast contacts hide the violations of the others."""
 
 
 def hides_contacts(judged: FloatArray | float, local: FloatArray | float) -> NDArray[np.bool_]:
-    """Return whether local residuals exceed judged ones so far that fast contacts hide the others."""
+    """Return whether fast contacts hide the violations of others: the local residuals far exceed the judged ones."""
     return np.greater(local, np.maximum(ROUNDING, np.multiply(LOCAL_RATIO, judged)))
 
 
 def is_explained_by_repetition(repeated: float, first: float) -> bool:
-    """Return whether a first solve [s] is as slow against repeated ones [s] as repetition alone makes it."""
+    """Return whether repetition alone explains the time of a first solve [s], given that of repeated ones [s]."""
     return first <= (1.0 + SHARE) * repeated + ALLOWANCE_SECONDS
 
 
 def notes_of(case: CaseRecord, point: Point) -> str:
-    """Return notes about a point, separated by semicolons; empty if there are none."""
+    """Return the notes about a point, separated by semicolons; empty if there are none."""
     return "" if point.measured is None else "; ".join(_notes(case, point.measured))
 
 

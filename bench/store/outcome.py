@@ -1,4 +1,4 @@
-"""How cases and ladder points end, and the rule that separates right answers from wrong ones."""
+"""Outcomes of cases and ladder points, and the rule that separates right answers from wrong ones."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,17 +10,17 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Status
 
 WRONG_FACTOR = 10.0
-"""A claim at tolerance t is wrong when the judge of the solver's own model reads more than this many t."""
+"""A claim at tolerance t is wrong if the residual under the solver's own model exceeds this multiple of t."""
 
 RELAXED_FACTOR = 10.0
-"""A Coulomb residual this many times that of the solver's own model comes from the model, not from the solve."""
+"""A Coulomb residual above this multiple of that under the solver's own model is due to the model, not the solve."""
 
 ROUNDING = 1e-13
 """Residuals below this are rounding."""
 
 
 class Outcome(StrEnum):
-    """What came of a case or of one point of its ladder."""
+    """Outcome of a case, or of one point of its ladder."""
 
     MEASURED = "measured"
     UNSUPPORTED = "unsupported"
@@ -41,15 +41,14 @@ class Outcome(StrEnum):
     NOT_ATTEMPTED = "not attempted"
 
     UNFINISHED = "unfinished"
-    """Only in reports: a case that an interrupted run has left before the end of its ladder."""
+    """In reports only: a case whose ladder an interrupted run did not complete."""
 
 
 FAULTS = (Outcome.TIMEOUT, Outcome.CRASHED, Outcome.OUT_OF_MEMORY, Outcome.MISBEHAVED)
-"""Ways in which a whole case fails."""
-
+"""Failures of a whole case."""
 
 BAD_OUTCOMES = (*FAULTS, Outcome.WRONG)
-"""What no cell may end in."""
+"""Outcomes that no cell may have."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +58,13 @@ class Cell:
     Attributes:
         problem: name.
         solver: name, with options.
-        outcome: how it ended.
-        residual: the judge's, under Coulomb's law; NaN if there are no impulses.
-        model_residual: the judge's, under the solver's own model.
+        outcome: the outcome.
+        residual: judged residual under Coulomb's law; NaN without impulses.
+        model_residual: judged residual under the solver's own model.
         iterations: number of iterations.
-        reason: why it is not solved; empty if it is.
+        reason: why it is not solved; empty if it is solved.
         is_finite: whether all impulses are finite numbers.
-        answer_error: largest relative error against the known answer; None where nothing is known.
+        answer_error: largest relative error of what is known about the solution; None if nothing is known.
     """
 
     problem: str
@@ -80,7 +79,7 @@ class Cell:
 
 
 def verdicts(problem: ContactProblem, impulses: FloatArray, model: Model) -> tuple[Verdict, Verdict]:
-    """Return the judge's verdict on impulses [N s] under a solver's own model, and that under Coulomb's law."""
+    """Judge impulses [N s] under a solver's own model and under Coulomb's law."""
     coulomb = judge(problem, impulses)
     return (coulomb if model == Model.COULOMB else judge(problem, impulses, model)), coulomb
 
@@ -89,41 +88,45 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
     """Return the outcome of a solve that claims ``status`` at ``tolerance``.
 
     Args:
-        status: what the solver claims.
-        tolerance: the residual to reach.
-        model: what the solver solves.
-        own: the verdict under the solver's own model.
-        coulomb: the verdict under Coulomb's law.
+        status: status that the solver returned.
+        tolerance: residual to reach.
+        model: model that the solver solves.
+        own: verdict under the solver's own model.
+        coulomb: verdict under Coulomb's law.
+    """
+    is_claim = status is Status.SOLVED
+    return claim_outcome(tolerance, model, own.residual, coulomb.residual) if is_claim else Outcome(status.value)
+
+
+def claim_outcome(tolerance: float, model: Model, own: float, coulomb: float) -> Outcome:
+    """Return the outcome of a claim of success, by the residuals under the solver's own model and Coulomb's law.
 
     Returns:
-        WRONG for a claim that the judge of the solver's own model refutes; RELAXED for a right answer to another
-        question: its Coulomb residual is above the claim, or far above that of its own model; otherwise the outcome of
-        the status.
+        WRONG if the residual under the solver's own model refutes the claim; RELAXED for a right solution of another
+        model, whose Coulomb residual exceeds the claim or is far above that of its own model; otherwise SOLVED.
     """
-    if status is not Status.SOLVED:
-        return Outcome(status.value)
-    if not own.residual <= WRONG_FACTOR * tolerance:
+    if not own <= WRONG_FACTOR * tolerance:
         return Outcome.WRONG
-    if model != Model.COULOMB:
-        own_accuracy = max(own.residual, ROUNDING)
-        if not coulomb.residual <= min(tolerance, RELAXED_FACTOR * own_accuracy):
-            return Outcome.RELAXED
-    return Outcome.SOLVED
+    is_relaxed = model != Model.COULOMB and not coulomb <= min(tolerance, RELAXED_FACTOR * max(own, ROUNDING))
+    return Outcome.RELAXED if is_relaxed else Outcome.SOLVED
 
+
+ON_COPY = "on a copy of the problem"
+"""Begin of the reason of a claim that is wrong on a changed copy of the problem, whose impulses are not stored."""
 
 LATE_PREPARING = "preparing took longer than the time limit"
-"""Reason of a solve that did not begin within its limit."""
+"""Reason of a solve that did not begin within its time limit."""
 
 
 def late_reason(seconds: float, limit: float) -> str:
-    """Say that a solve ended after its limit [s], where it claims to have solved; empty if it did not."""
+    """Return the reason of a claim of success after the time limit [s]; empty within the limit."""
     return f"solved after {seconds:.3g} s, its limit is {limit:g} s" if seconds > limit else ""
 
 
 def claim_reason(outcome: str, tolerance: float, model: Model | str, own_residual: float) -> str:
-    """Say why a claim to have solved does not count, with the residual under the solver's own model.
+    """Return why a claim of success does not count, with the residual under the solver's own model.
 
-    Empty for outcomes that are no claims.
+    Empty for other outcomes.
     """
     if outcome == Outcome.WRONG:
         return f"claimed {tolerance:.0e}, the judge reads {own_residual:.1e}"

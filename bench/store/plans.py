@@ -1,4 +1,4 @@
-"""The settings and the plan of a run: the command line and Python set them, and a stored run keeps them."""
+"""The settings and the plan of a run, as the command line and Python set them and a run stores them."""
 
 from collections.abc import Iterable
 from typing import Annotated, Literal, Self
@@ -29,7 +29,7 @@ class Limits(Struct, frozen=True):
     Attributes:
         solve_seconds: limit of one solve [s].
         case_seconds: limit of everything in a case, in each pass [s].
-        memory_bytes: memory that a case may use beyond what the framework itself needs.
+        memory_bytes: memory that a case may use beyond that of the framework.
         max_iterations: limit of iterations of one solve.
 
     Raises:
@@ -48,10 +48,10 @@ class Limits(Struct, frozen=True):
 
 
 class RunSettings(Record, frozen=True, kw_only=True):
-    """How a run measures.
+    """Settings of a run.
 
     Attributes:
-        tolerances: the ladder, from coarse to fine; in a study, the errors that tables give the time to.
+        tolerances: the ladder, from coarse to fine; in a study, the errors for which tables give times.
         limits: of each case.
         passes: number of passes over all problems, with one or two rounds of each point.
         seed: of the orders of problems and solvers in each pass, and of a sample.
@@ -72,7 +72,7 @@ class RunSettings(Record, frozen=True, kw_only=True):
         seed: int = 0,
         thorough: bool = False,
     ) -> Self:
-        """Return settings from what a user gives; a thorough run has more tolerances and passes by default.
+        """Return validated settings; a thorough run has more tolerances and passes by default.
 
         Raises:
             BenchError: if a tolerance, the number of passes or the seed is out of range.
@@ -94,11 +94,11 @@ class MethodRecord(Record, frozen=True, kw_only=True):
     """A stepper with a solver.
 
     Attributes:
-        name: of both.
-        values: the ladder of steps [s] or tolerances.
-        tolerance: of the solver where the stepper varies.
-        max_iterations: of the solver in one solve.
-        start: what each solve starts from.
+        name: name of both.
+        values: the ladder, of steps [s] or tolerances.
+        tolerance: tolerance of the solver if the stepper varies.
+        max_iterations: limit of iterations of one solve.
+        start: start of each solve.
     """
 
     name: str
@@ -109,7 +109,7 @@ class MethodRecord(Record, frozen=True, kw_only=True):
 
 
 class KnownRecord(Record, frozen=True, kw_only=True):
-    """What one member of the reference of a trajectory came to, by name; none with the reason if it failed."""
+    """Final values of one member of the reference of a trajectory, by name; none, with the reason, if it failed."""
 
     member: Number
     values: dict[str, Number]
@@ -123,14 +123,14 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         name: the scene with its options.
         duration: simulated time [s].
         members: seeds of the scene where aggregates are compared, else factors on steps or tolerances.
-        error: how it is computed.
-        reference: what simulates the reference, with one value; None where the end of the motion is known otherwise.
-        known: the reference, or the known end, as far as it is generated.
-        scale: what differences from a known end are related to.
-        way: longest way of a coordinate from the start to the known end [m]; None where it is not known.
+        error: kind of the error.
+        reference: method that simulates the reference, with one value; None if the end of the motion is known.
+        known: the generated part of the reference, or the known end.
+        scale: scale of differences from a known end.
+        way: longest path of a coordinate from the start to the known end [m]; None if unknown.
 
     Raises:
-        ValueError: if members of the reference differ in what is known of them.
+        ValueError: if members of the reference have different values.
     """
 
     name: str
@@ -148,20 +148,20 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
 
 
 class PlanRecord(RunSettings, frozen=True, kw_only=True):
-    """What a run measures, and its settings.
+    """The plan of a run: problems, solvers and settings.
 
     Attributes:
         problems: names of problems.
         solvers: names of solvers, or of steppers with solvers.
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
-        suite: name of the suite that the problems are of; empty where they were named.
-        families: the family of each problem, by its name.
+        suite: name of the suite; empty if the problems were named.
+        families: family of each problem, by name.
         left_out: a sentence for each file of a folder that cannot be measured.
-        shard: which part of the problems of a divided run these are, "2/8"; empty if all.
+        shard: part of a divided run, such as "2/8"; empty for a whole run.
 
     Raises:
-        ValueError: if a run over trajectories names others than it has.
+        ValueError: if the names of a run over trajectories differ from its trajectories or methods.
     """
 
     problems: list[str]
@@ -176,14 +176,14 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         names = [one.name for one in self.trajectories], [method.name for method in self.methods]
         if any(names) and names != (self.problems, self.solvers):
-            raise ValueError("its trajectories or methods are not those that it names")
+            raise ValueError("its names are not those of its trajectories and methods")
 
     def ladder(self, solver: str) -> list[float]:
         """Return the ladder of one of ``solvers``."""
         return next((method.values for method in self.methods if method.name == solver), self.tolerances)
 
     def family(self, problem: str) -> str:
-        """Return the family of one of ``problems``, also where the run is older than families."""
+        """Return the family of one of ``problems``."""
         return self.families.get(problem) or family_of(problem)
 
     def trajectory(self, name: str) -> TrajectoryRecord:

@@ -1,9 +1,9 @@
 """Ratios of two times with confidence intervals: the only estimator of such ratios in this package.
 
 Two solvers that are measured in the same pass meet the same state of the machine, so their times t are compared in
-pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; where passes
-are too few, each round gives a pair. The ratio is exp(median d): other programs disturb few rounds, but each by a large
-factor.
+pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; if there are
+too few passes, each round gives a pair. The ratio is exp(median d), because other programs disturb few rounds, but each
+by a large factor.
 
 The interval is the percentile interval of ``scipy.stats.bootstrap``. For n values its level is expanded so that its
 ends are the quantiles
@@ -32,23 +32,23 @@ from ...problems.contact.solver import Status
 from .outcome import Outcome
 
 CONFIDENCE = 0.95
-"""Share of intervals that hold the true ratio."""
+"""Share of intervals that contain the true ratio."""
 
 MIN_PAIRS = 5
-"""Pairs that an interval needs."""
+"""Least number of pairs for an interval."""
 
 MIN_ROUNDS = 3
-"""Times of both that an interval needs without pairs."""
+"""Least number of times of each solver for an interval without pairs."""
 
 MARGIN = 0.05
-"""Part by which a solver must be slower than the fastest one to count as slower: processes that run the same program
-differ by some per cent."""
+"""Relative time by which a solver must exceed the fastest one to count as slower, because processes that run the same
+program differ by some per cent."""
 
 RESAMPLES = 1000
-"""Resamples of a bootstrap."""
+"""Number of resamples of a bootstrap."""
 
 MAX_OVERTIME = 1.1
-"""Solves that take longer than this many times their limit reach nothing; the others may finish an iteration."""
+"""Solves that exceed this multiple of their time limit reach nothing; others may have finished an iteration."""
 
 SLOWER, EXCLUDED = "slower", "excluded"
 """Standings of a solver that is slower than the fastest one, and of one whose rounds are all excluded."""
@@ -63,7 +63,7 @@ Times = dict[tuple[str, float], "pd.Series[float]"]
 
 
 class Ratio(NamedTuple):
-    """A ratio of times, and the ends of its interval; infinitely wide where there are too few times."""
+    """A ratio of times, and the ends of its interval, which is infinite if there are too few times."""
 
     value: float
     low: float
@@ -71,7 +71,7 @@ class Ratio(NamedTuple):
 
 
 UNKNOWN = Ratio(np.nan, 0.0, np.inf)
-"""The ratio of nothing."""
+"""The ratio without times."""
 
 
 def bootstrap_ratio(
@@ -83,8 +83,8 @@ def bootstrap_ratio(
     """Return a ratio of times and its interval.
 
     Args:
-        logarithms: of the ratios of pairs, or of the times of one side, shape (n,).
-        others: of the times of the other side, shape (m,); None for pairs.
+        logarithms: logarithms of the ratios of pairs, or of the times of one side, shape (n,).
+        others: logarithms of the times of the other side, shape (m,); None for pairs.
         confidence: level of the interval.
         statistic: location of a sample, with an argument ``axis``.
     """
@@ -115,12 +115,12 @@ def bootstrap_ratio(
 
 @cache
 def _expanded(confidence: float, n: int) -> float:
-    """Return the level at which a percentile interval of n values holds the true value with a confidence."""
+    """Return the level at which a percentile interval of n values contains the true value with a confidence."""
     return float(2.0 * special.ndtr(special.stdtrit(n - 1, 0.5 + confidence / 2.0) * np.sqrt(n / (n - 1))) - 1.0)
 
 
 def ratio(times: "pd.Series[float]", others: "pd.Series[float]") -> Ratio:
-    """Return the ratio of the times of two solvers on one problem, both as in ``Times``; NaN where there are none."""
+    """Return the ratio of the times of two solvers on one problem, as in ``Times``; NaN without times."""
     for moment in (_PASS, _ROUND):
         pairs = (times.groupby(level=moment).mean() - others.groupby(level=moment).mean()).dropna()
         if len(pairs) >= MIN_PAIRS:
@@ -135,23 +135,22 @@ def _array(values: "pd.Series[float]") -> FloatArray:
 
 
 def counted_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
-    """Return the rounds that are not excluded and have a time, with its logarithm as a column "logarithm"."""
+    """Return the rounds that are not excluded and have a time, with a column "logarithm" of the times."""
     counted = rounds[(rounds["excluded"] == "") & (rounds["total_seconds"] > 0.0)]
     return counted.assign(logarithm=np.log(counted["total_seconds"]))
 
 
 def times_by_point(rounds: pd.DataFrame) -> Times:
-    """Return the counted rounds of one problem, whose rounds are as in ``RunFrames``."""
+    """Return the logarithms of the counted rounds of one problem, whose rounds are as in ``RunFrames``."""
     logarithms = counted_rounds(rounds).set_index(_ROUND)
     groups: Any = logarithms.groupby(["solver", "tolerance"], sort=False)["logarithm"]
     return dict(iter(groups))
 
 
 def reaching(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> pd.DataFrame:
-    """Return the points whose residual is at most ``accuracy``, of solves that kept their time limit [s].
+    """Return the points whose residual is at most ``accuracy`` within the time limit [s] of a solve.
 
-    Points whose claim the judge refutes (WRONG), or that claim success after the limit, do not count, nor do those that
-    took more than ``MAX_OVERTIME`` times the limit.
+    Wrong points do not count, nor do points that claim success after the limit or exceed ``MAX_OVERTIME`` times it.
     """
     is_late = (points["outcome"] == Outcome.TIME_LIMIT) & (points["status"] == Status.SOLVED)
     is_late |= points["total_seconds"] > MAX_OVERTIME * limit
@@ -163,32 +162,31 @@ def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float)
     """Return one row for each solver that reaches an accuracy on one problem, the fastest first, excluded ones last.
 
     Columns: solver, tolerance (of its fastest point that reaches it), seconds (its median time), ratio (to the fastest
-    solver), low and high (the ends of its interval), standing: "fastest" where all others are slower by ``MARGIN``,
-    "tie" where it, or the fastest, may be as fast, "slower", "undecided" where rounds are too few, and "excluded".
-    An excluded solver has no ratio. Its true time may be any fraction of the excluded one, so no solver is "fastest" on
+    solver), low and high (the ends of its interval), and standing: "fastest" if all others are slower by ``MARGIN``,
+    "tie" if it may be as fast as the fastest one, "slower", "undecided" if there are too few rounds, and "excluded".
+    An excluded solver has no ratio. Its true time may be any fraction of the measured one, so no solver is "fastest" on
     a problem with an excluded solver.
 
     Args:
-        points: of the problem, as in ``RunFrames``.
-        times: of the problem.
+        points: points of the problem, as in ``RunFrames``.
+        times: times of the problem.
         accuracy: judged residual.
-        limit: of the time of one solve [s].
+        limit: time limit of one solve [s].
     """
-    reached = reaching(points, accuracy, limit).sort_values("total_seconds", kind="stable")
-    reached = reached[reached["total_seconds"].notna()].drop_duplicates("solver")
-    rows = reached[["solver", "tolerance", "total_seconds"]].rename(columns={"total_seconds": "seconds"})
-    is_excluded = reached["is_excluded"].astype(bool)
-    rows = pd.concat([rows[~is_excluded], rows[is_excluded]], ignore_index=True)
-    n_compared = int((~is_excluded).sum())
+    reached = reaching(points, accuracy, limit).dropna(subset="total_seconds").astype({"is_excluded": bool})
+    reached = reached.sort_values("total_seconds", kind="stable").drop_duplicates("solver")
+    reached = reached.sort_values("is_excluded", kind="stable", ignore_index=True)
+    n_excluded = int(reached["is_excluded"].sum())
+    n_compared = len(reached) - n_excluded
     none = pd.Series(np.empty(0), index=pd.MultiIndex.from_arrays([[]] * 3, names=_ROUND))
-    own = [times.get(place, none) for place in zip(rows["solver"], rows["tolerance"], strict=True)]
-    ratios = [ratio(one, own[0]) for one in own[1:n_compared]]
-    standing = [SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios]
-    best = next((found for found in ("tie", "undecided") if found in standing), "fastest")
-    if is_excluded.any():
-        best = "undecided"
-    shown = [*[Ratio(1.0, 1.0, 1.0), *ratios][:n_compared], *[UNKNOWN] * int(is_excluded.sum())]
-    values = np.array(shown, dtype=np.float64).reshape(-1, 3)
-    columns = dict(zip(("ratio", "low", "high"), values.T, strict=True))
-    standing = [*[best, *standing][:n_compared], *[EXCLUDED] * int(is_excluded.sum())]
-    return rows.assign(**columns, standing=pd.Series(standing, dtype=str))
+    own = [times.get(place, none) for place in zip(reached["solver"], reached["tolerance"], strict=True)][:n_compared]
+    ratios = [ratio(one, own[0]) for one in own[1:]]
+    others = [SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios]
+    best = next((found for found in ("tie", "undecided") if found in others), "fastest")
+    values = [Ratio(1.0, 1.0, 1.0), *ratios][:n_compared] + [UNKNOWN] * n_excluded
+    standing = ["undecided" if n_excluded else best, *others][:n_compared] + [EXCLUDED] * n_excluded
+    rows = reached[["solver", "tolerance"]].assign(seconds=reached["total_seconds"])
+    return rows.assign(
+        **pd.DataFrame(values, columns=["ratio", "low", "high"], dtype=np.float64),
+        standing=pd.Series(standing, dtype=str),
+    )

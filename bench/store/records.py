@@ -1,4 +1,4 @@
-"""What a run stores, as typed records: files are written from them, checked against them, and made frames by them."""
+"""The records that a run stores. Files are written from them and validated against them; frames get their columns."""
 
 import itertools
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from .outcome import Outcome
 from .plans import PlanRecord
 
 MAX_ANSWERS = 20
-"""Different answers of a point that are told apart."""
+"""Largest number of different answers of a point that is counted."""
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
-    """A library with threads of its own, as threadpoolctl describes it."""
+    """A thread pool of a library, as threadpoolctl describes it."""
 
     user_api: str | None = None
     internal_api: str | None = None
@@ -29,10 +29,10 @@ class Machine(Record, frozen=True, kw_only=True):
     """Processor, memory [bytes], system, libraries with their versions, and the source.
 
     Attributes:
-        commit: the commit of the source; empty where it is no checkout.
-        dirty: whether the source differed from it.
-        source: SHA-256 of the source files of this package; empty where it was not noted.
-        host: its name in its network; empty where it was not noted.
+        commit: commit of the source; empty outside a checkout.
+        dirty: whether the source differed from the commit.
+        source: SHA-256 of the source files of this package; empty if unknown.
+        host: host name; empty if unknown.
     """
 
     processor: str
@@ -50,7 +50,7 @@ class Machine(Record, frozen=True, kw_only=True):
 
 
 class PluginUse(Record, frozen=True, kw_only=True):
-    """A name that a run has from a plugin; a file with its SHA-256, or a package."""
+    """A solver, problem or scene of a plugin: its name, and the file with its SHA-256 or the package."""
 
     kind: str
     name: str
@@ -60,14 +60,14 @@ class PluginUse(Record, frozen=True, kw_only=True):
 
 
 class Session(Record, frozen=True, kw_only=True):
-    """What was measured in one go, by ``run`` or ``resume``.
+    """One call of ``run`` or ``resume``.
 
     Attributes:
-        started: when, as ISO 8601 in UTC.
-        finished: when it ended; empty if it did not.
-        core: the core on which solves were timed; None where none was claimed.
-        busy_cores: how many other cores were busy on average while the solves of each problem were timed.
-        machine: what it was measured on; None where only the run has one.
+        started: start time, as ISO 8601 in UTC.
+        finished: end time; empty if the session was killed.
+        core: core on which solves were timed; None if none was reserved.
+        busy_cores: mean number of other busy cores while the solves of each problem were timed.
+        machine: machine of the session; None for that of the run.
     """
 
     started: str
@@ -78,7 +78,7 @@ class Session(Record, frozen=True, kw_only=True):
 
     @property
     def host(self) -> str:
-        """Name of the machine; empty where it was not noted."""
+        """Name of the machine; empty if unknown."""
         return "" if self.machine is None else self.machine.host
 
 
@@ -86,13 +86,13 @@ class RunRecord(Record, frozen=True, kw_only=True):
     """A run.
 
     Attributes:
-        run_id: its name.
-        plan: what it measures.
-        machine: what it was begun on.
-        judge: version of the judge that its residuals are of.
-        plugins: the names that it has from plugins.
-        carried: digests of the problems that are stored with it, by name.
-        sessions: when it was worked on, and how steady the machine was.
+        run_id: name of the run.
+        plan: problems, solvers and settings.
+        machine: machine of the first session.
+        judge: version of the judge.
+        plugins: solvers, problems and scenes of plugins.
+        carried: digests of the problems stored with the run, by name.
+        sessions: times, machines and load of the sessions.
     """
 
     run_id: str
@@ -105,10 +105,10 @@ class RunRecord(Record, frozen=True, kw_only=True):
 
 
 class Curve(Record, frozen=True, kw_only=True):
-    """The judged residual of the observed iterates.
+    """Judged residuals of the observed iterates.
 
     Raises:
-        ValueError: if there are not as many residuals as iterations.
+        ValueError: if the numbers of residuals and iterations differ.
     """
 
     iteration: list[Count] = []
@@ -116,11 +116,11 @@ class Curve(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if len(self.iteration) != len(self.residual):
-            raise ValueError("its curve has not as many residuals as iterations")
+            raise ValueError("its curve has different numbers of residuals and iterations")
 
 
 class QuantityError(Record, frozen=True, kw_only=True):
-    """The error of a trajectory in one quantity, and the ends of its bar."""
+    """Error of a trajectory in one quantity, with the ends of its error bar."""
 
     quantity: str
     error: Residual
@@ -132,23 +132,23 @@ Excluded = Literal["", "preempted", "unsteady"]
 
 
 class Round(Record, frozen=True, kw_only=True):
-    """Timed solves of a point in one go, as the clock counted them.
+    """Consecutive timed solves of a point.
 
     Attributes:
         session: number of the session of the run, from 0.
-        number: number of the pass in it, from 0.
-        turn: number of the round in the pass, from 0; those of one problem and turn are close to each other in time.
-        prepare_seconds: median wall time of preparing [s], over all solves but the first, if there are others.
-        solve_seconds: median wall time of solving [s], over the same.
-        total_seconds: wall time of both together [s], quartiles over the same.
+        number: number of the pass in the session, from 0.
+        turn: number of the round in the pass, from 0; rounds of one problem and turn are close in time.
+        prepare_seconds: median wall time of preparing [s], over all solves but the first if there are others.
+        solve_seconds: median wall time of the same solves [s].
+        total_seconds: wall time of both together [s], quartiles over the same solves.
         repeats: number of solves.
         wall_seconds: wall time of all solves together [s].
         processor_seconds: processor time of all solves together, of all threads [s].
-        involuntary_switches: context switches in which something else took the core.
-        voluntary_switches: context switches in which the process gave up the core, to sleep or to wait.
-        waited_seconds: time for which the process was ready to run and did not [s]; None where the system does not say.
-        probe_seconds: the longer one of the probes of the core before and after [s].
-        excluded: "preempted" or "unsteady" if the core was not the round's own, empty if it was.
+        involuntary_switches: context switches that preempted the process.
+        voluntary_switches: context switches in which the process slept or waited.
+        waited_seconds: time for which the process was ready to run but did not run [s]; None if unknown.
+        probe_seconds: longer one of the probes of the core before and after the round [s].
+        excluded: "preempted" or "unsteady" if other programs used the core; empty otherwise.
     """
 
     session: Count
@@ -168,30 +168,29 @@ class Round(Record, frozen=True, kw_only=True):
 
 
 class Measured(Record, frozen=True, kw_only=True):
-    """What was measured at one tolerance, or at one step of a trajectory.
+    """Measurements at one tolerance, or at one step of a trajectory.
 
     Attributes:
-        iterations: of a timed solve, as the observer counted them where the solver has one; of a trajectory, one-step
-            inclusions solved, median over its members.
-        claimed_iterations: of that solve, as the solver counts them; None where nothing else is known.
-        residual: the judge's, under Coulomb's law; of a trajectory, the largest of its errors.
-        model_residual: the judge's, under the solver's own model.
-        prepare_seconds, solve_seconds, total_seconds: wall times of preparing, of solving and of both, quartiles of the
-            medians of the rounds that are not excluded, of all where all are.
+        iterations: iterations of a timed solve, observed if possible; of a trajectory, the number of solved one-step
+            inclusions, median over its members.
+        claimed_iterations: iterations of that solve as the solver reports them; None if they are not observed.
+        residual: judged residual under Coulomb's law; of a trajectory, its largest error.
+        model_residual: judged residual under the solver's own model.
+        prepare_seconds, solve_seconds, total_seconds: wall times of preparing, solving and both [s], quartiles of the
+            medians of the counted rounds, or of all rounds if all are excluded.
         repeats: number of timed solves.
-        is_excluded: whether all rounds are excluded, so that the times take part in no comparison.
-        rounds: in which they were measured; empty for a trajectory.
-        first_seconds: times of first solves in fresh processes [s]; processor times where these were preempted.
-        copy_seconds: the same of copies of the problem [s].
-        answers: number of different vectors of impulses among those that ended solved, up to ``MAX_ANSWERS``; of all
-            solves the worst is judged.
-        hashes: what tells these vectors apart.
-        verdict: the other numbers of the judge's verdict.
-        impulses: the answers that the residuals are of, kept at the finest point of a case; empty elsewhere.
-        impulse_error: distance to the known impulses, if the problem has such.
-        errors: of a trajectory, in each quantity.
-        unsolved_steps: steps of all members of a trajectory that the judge does not find solved.
-        failed_members: members of it that came to no end.
+        is_excluded: whether all rounds are excluded, so that comparisons ignore the times.
+        rounds: the rounds; empty for a trajectory.
+        first_seconds: times of first solves in fresh processes [s]; processor times if they were preempted.
+        copy_seconds: times of first solves of copies of the problem [s].
+        answers: number of different impulse vectors of solved solves, up to ``MAX_ANSWERS``; the worst is judged.
+        hashes: hashes of these vectors.
+        verdict: the other numbers of the verdict.
+        impulses: the judged impulses, stored at the finest point of a case; empty elsewhere.
+        impulse_error: distance to the known impulses; None if they are unknown.
+        errors: errors of a trajectory, one for each quantity.
+        unsolved_steps: number of steps of all members of a trajectory whose judged residual is too large.
+        failed_members: number of members of a trajectory that failed.
     """
 
     iterations: Count
@@ -220,11 +219,11 @@ class Point(Record, frozen=True, kw_only=True):
     """One tolerance of the ladder.
 
     Attributes:
-        tolerance: what the solver was given, or the value of the ladder of a stepper with a solver.
-        outcome: how it ended.
-        status: what the solver says; empty if it was not attempted.
-        reason: the same in words.
-        measured: numbers; None if it was not attempted.
+        tolerance: tolerance of the solver, or value of the ladder of a stepper with a solver.
+        outcome: the outcome.
+        status: status that the solver returned; empty if it was not attempted.
+        reason: reason of the outcome, in words.
+        measured: measurements; None if it was not attempted.
     """
 
     tolerance: Tolerance
@@ -245,12 +244,12 @@ class Point(Record, frozen=True, kw_only=True):
 
     @property
     def is_late_for_others(self) -> bool:
-        """Whether it reached its time limit in rounds that were all excluded, so that it may be measured again."""
+        """Whether the time limit was reached in excluded rounds only, so that it may be measured again."""
         return self.outcome is Outcome.TIME_LIMIT and self.measured is not None and self.measured.is_excluded
 
     @property
     def is_repeated(self) -> bool:
-        """Whether it is measured in several rounds, as those of solves that end solved in time are."""
+        """Whether it is measured in several rounds, as solved points within the time limit are."""
         return bool(self.rounds) and self.status == Outcome.SOLVED and self.outcome is not Outcome.TIME_LIMIT
 
 
@@ -261,18 +260,18 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         problem: name.
         digest: SHA-256 of the problem's numbers.
         solver: name, with options.
-        model: what the solver solves.
-        has_iterates: whether it shows its iterates.
-        is_randomised: whether it declares that its answers differ between repeats.
-        n_rows: rows of the problem.
-        n_contacts: contacts of the problem.
-        outcome: how the case ended.
-        reason: the same in words.
-        traceback: of a failed case.
-        stderr: the end of what a failed case printed.
-        wall_seconds: wall time of everything in it [s].
-        peak_memory_bytes: most memory that it had.
-        curve: how the observed solve converged.
+        model: model that the solver solves.
+        has_iterates: whether the solver has observable iterates.
+        is_randomised: whether the solver declares that its answers differ between repeats.
+        n_rows: number of rows of the problem.
+        n_contacts: number of contacts of the problem.
+        outcome: the outcome.
+        reason: reason of the outcome, in words.
+        traceback: traceback of a failed case.
+        stderr: last lines that a failed case printed.
+        wall_seconds: wall time of the whole case [s].
+        peak_memory_bytes: peak memory.
+        curve: convergence curve of the observed solve.
         points: the ladder.
     """
 
@@ -294,19 +293,19 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     points: list[Point]
 
     def is_finished(self, plan: PlanRecord) -> bool:
-        """Return whether a plan has nothing left to measure of the case."""
+        """Return whether the case is measured as far as a plan requires."""
         if self.outcome is not Outcome.MEASURED:
             return True
         repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_for_others, self.points)
         return self.is_tried(plan) and all(point.n_passes >= plan.passes for point in repeated)
 
     def is_tried(self, plan: PlanRecord) -> bool:
-        """Return whether the case has reached the end of its ladder at least once, or ended before."""
+        """Return whether the whole ladder was measured at least once, or the case failed."""
         return self.outcome is not Outcome.MEASURED or len(self.points) >= len(plan.ladder(self.solver))
 
 
 def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
-    """Return a case in a run where its sessions have these numbers."""
+    """Return a case with other numbers of its sessions: ``places[i]`` for i."""
 
     def moved(point: Point) -> Point:
         if point.measured is None:

@@ -1,8 +1,8 @@
-"""Results on disk: one folder a run, one JSON file a case, each written as a whole or not at all.
+"""The folder of a run. Each file is written as a whole or not at all.
 
-RUN/run.json            what was planned, the machine, its drift and load in each session
-RUN/cases/*.json        one finished case each, with a checksum of its content
-RUN/problems/*.npz      the problems that the package itself does not hold, by their digests
+RUN/run.json            plan, machine, and sessions with their probes and load
+RUN/cases/*.json        one finished case each, with a checksum
+RUN/problems/*.npz      the problems that the package does not hold, by their digests
 """
 
 import fcntl
@@ -17,26 +17,29 @@ from itertools import accumulate
 from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
-from ...problems.exchange.atomic_file import PART, replacing
-from ...problems.exchange.storage import SUFFIX, packed_problem, read_problem
+from ...problems.exchange.files.atomic_file import PART, replacing
+from ...problems.exchange.files.problem_file import SUFFIX, packed_problem, read_problem
 from ..errors import BenchError
-from .conversion import R, content_of, sealed, unsealed
+from .conversion import R, printable, sealed, unsealed
 from .records import CaseRecord, RunRecord
 
 RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
 """Names in the folder of a run."""
 
+BUNDLE_SUFFIX = ".bundle"
+"""Suffix of a run packed into one file."""
+
 ELSEWHERE = "choose another folder with `results`"
-"""What to do where a run cannot be written."""
+"""Remedy if a run cannot be written."""
 
 UNFIT_NAME = (
-    "is no name of a run; use at most 60 of the characters a-z, A-Z, 0-9, '.', '_' and '-', and begin and end with a "
-    "letter, digit or '-'."
+    "is not a valid name of a run; use at most 60 of the characters a-z, A-Z, 0-9, '.', '_' and '-', and begin and end "
+    "with a letter, digit or '-'."
 )
-"""What is wrong with a name that ``plain_name`` changes."""
+"""Fault of a name that ``plain_name`` changes."""
 
 MAX_FILE_BYTES = 2**28
-"""Bytes that a file of a run may have."""
+"""Size of a file of a run [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,10 @@ class Store:
 
     @staticmethod
     def create(folder: Path) -> "Store":
-        """Make the folder of a new run; one in which a run was killed before it began is taken.
+        """Create the folder of a new run, or reuse one in which no run began.
 
         Raises:
-            BenchError: if there is a run in it already, or it cannot be written.
+            BenchError: if it contains a run already, or cannot be written.
         """
         store = Store(folder)
         try:
@@ -66,26 +69,26 @@ class Store:
         """Open the folder of a stored run.
 
         Raises:
-            BenchError: if it is none.
+            BenchError: if the folder is not a run.
         """
         if not (folder / RUN_FILE).is_file():
             raise BenchError(_no_run(folder))
         return Store(folder)
 
     def refuse_second(self) -> None:
-        """Raise ``BenchError`` if the folder holds more than the folders of a run that has not begun."""
+        """Raise ``BenchError`` if the folder contains more than the empty folders of a new run."""
         own = (self._cases, self._problems)
         if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
             raise BenchError(f"{self.folder} exists already; continue it with `resume`, or choose another `run_id`.")
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep other processes from writing to the run meanwhile, and remove what a killed one had half written.
+        """Lock the run against other writers, and remove the temporary files of a killed one.
 
-        The lock is one of the system's on the folder, which goes with the process however that ends.
+        The operating system releases the lock when the process ends.
 
         Raises:
-            BenchError: if another process is writing to it, or a link leads out of it.
+            BenchError: if another process is writing to the run, or a link leads out of its folder.
         """
         for place in (self._cases, self._problems):
             refuse_links_out(place, self.folder)
@@ -122,10 +125,10 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        self._write(self.folder / RUN_FILE, sealed(content_of(run)))
+        self._write(self.folder / RUN_FILE, sealed(run))
 
     def read_run(self) -> RunRecord:
-        """Return what run.json says.
+        """Return the content of run.json.
 
         Raises:
             BenchError: if it is damaged.
@@ -133,13 +136,12 @@ class Store:
         return _read(self.folder / RUN_FILE, RunRecord, "begin a new run")
 
     def write_case(self, case: CaseRecord) -> None:
-        """Write one finished case, its names and texts as they can be shown anywhere.
+        """Write one finished case.
 
         Raises:
             BenchError: if it cannot be written.
         """
-        content = content_of(case)
-        self._write(self.folder / case_file(content["problem"], content["solver"]), sealed(content))
+        self._write(self._case_file(case), sealed(case))
 
     def write_problem(self, problem: ContactProblem) -> None:
         """Write a problem, once for each digest.
@@ -147,7 +149,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        path = self.folder / problem_file(problem.digest)
+        path = self._problem_file(problem.digest)
         if path not in self._written:
             self._write(path, packed_problem(problem))
 
@@ -156,91 +158,91 @@ class Store:
 
         Raises:
             ProblemError: if its file is missing or damaged.
-            BenchError: if its file holds another problem.
+            BenchError: if its file contains another problem.
         """
-        path = self.folder / problem_file(digest)
+        path = self._problem_file(digest)
         known = self._written.get(path)
         problem = read_problem(path if known is None else io.BytesIO(known), str(path))
         if problem.digest != digest:
-            raise BenchError(f"{path} holds another problem than its name says; begin a new run.")
+            raise BenchError(f"{path} contains a problem of another digest; begin a new run.")
         return problem
 
     def restore(self) -> None:
-        """Write again what was written before and is gone or another now: a plugin may do what its user may.
+        """Write files again that were deleted or changed since this process wrote them, as a plugin may do.
 
         Raises:
-            BenchError: if it cannot be written.
+            BenchError: if one cannot be written.
         """
         for path, content in self._written.items():
-            if not _holds(path, content):
-                _put(path, content)
+            with suppress(OSError):
+                is_whole = path.is_file() and path.stat().st_size == len(content)
+                if is_whole and path.read_bytes() == content:
+                    continue
+            put_file(path, content)
 
     def _write(self, path: Path, content: bytes) -> None:
         self._written[path] = content
-        _put(path, content)
+        put_file(path, content)
+
+    def _case_file(self, case: CaseRecord) -> Path:
+        """Return the file of a case: readable, safe as a file name, and unique."""
+        problem, solver = (plain_name(printable(name)) for name in (case.problem, case.solver))
+        return self._cases / f"{problem}--{solver}.json"
+
+    def _problem_file(self, digest: str) -> Path:
+        return self._problems / f"{digest}{SUFFIX}"
 
     def read_cases(self, problem: str | None = None) -> tuple[list[CaseRecord], list[str]]:
-        """Return all readable cases, and one sentence for each damaged file; stray parts of writes are ignored.
-
-        Those of one problem if its name is given.
-        """
+        """Return all readable cases, or those of one problem, and one sentence for each damaged file."""
         cases, damaged = [], []
         for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:
-                case = _read(file, CaseRecord, "resume the run to measure it again")
-                if self.folder / case_file(case.problem, case.solver) != file:
-                    raise BenchError(f"{file.name} holds another case than its name says.")
+                case = _read(file, CaseRecord, "resume the run to measure this case again")
+                if self._case_file(case) != file:
+                    raise BenchError(f"{file.name} contains another case; resume the run to measure its case again.")
                 cases.append(case)
             except BenchError as error:
-                damaged.append(f"{file.name} is left out: {error}")
+                damaged.append(str(error))
         return cases, damaged
 
 
-def case_file(problem: str, solver: str) -> str:
-    """Return the file of a case in the folder of a run: readable, safe as a file name, and unique."""
-    return f"{CASES}/{plain_name(problem)}--{plain_name(solver)}.json"
-
-
-def problem_file(digest: str) -> str:
-    """Return the file of a problem in the folder of a run."""
-    return f"{PROBLEMS}/{digest}{SUFFIX}"
+def is_bundle(path: Path) -> bool:
+    """Return whether a path is the file of a bundle."""
+    return path.suffix == BUNDLE_SUFFIX and path.is_file()
 
 
 def _no_run(path: Path) -> str:
-    """Return why a path is no stored run, and the remedy."""
-    if path.suffix == ".bundle" and path.is_file():
-        return f"{path} is a bundle, not the folder of a run; unpack it with: proxbench merge {path}"
-    if not path.exists():
-        return f"{path} is no stored run (there is nothing of that name); name the folder of a run."
-    runs = sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")) if path.is_dir() else []
-    if runs:
-        return f"{path} is no stored run but holds {len(runs)}; name one of them, such as {runs[-1]}."
-    return f"{path} is no stored run (it has no {RUN_FILE}); name the folder of a run."
+    """Return why a path is not a stored run, and the remedy."""
+    fault, remedy = f"it has no {RUN_FILE}", "name the folder of a run"
+    if is_bundle(path):
+        fault, remedy = "it is a bundle", f"unpack it with: proxbench merge {path}"
+    elif not path.exists():
+        fault = "it does not exist"
+    elif runs := sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")):
+        fault, remedy = f"it contains {len(runs)}", f"name one of them, such as {runs[-1]}"
+    return f"{path} is not a stored run ({fault}); {remedy}."
 
 
 def plain_name(name: str) -> str:
-    """Return ``name`` reduced to what is safe in a file name anywhere; different names stay different."""
+    """Return a name that is safe as a file name on every system; different names stay different."""
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._")
     if plain == name and len(plain) <= 60:
         return plain
     return f"{plain[:51]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
-def _put(path: Path, content: bytes) -> None:
-    """Write to a temporary file beside ``path``, then put it in place; a folder that is gone is made again."""
+def put_file(path: Path, content: bytes, remedy: str = f"make room, or {ELSEWHERE}") -> None:
+    """Write a file as a whole or not at all, and create its folder if necessary.
+
+    Raises:
+        BenchError: if it cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:
             file.write(content)
     except OSError as error:
-        raise BenchError(f"cannot write {path}: {error.strerror}; make room, or {ELSEWHERE}.") from None
-
-
-def _holds(path: Path, content: bytes) -> bool:
-    try:
-        return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
-    except OSError:
-        return False
+        raise BenchError(f"cannot write {path}: {error.strerror}; {remedy}.") from None
 
 
 def _read(path: Path, kind: type[R], remedy: str) -> R:
@@ -251,20 +253,20 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
     """
     try:
         if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
-            raise BenchError(f"{path.name} is no file that a run writes; remove it.")
+            raise BenchError(f"{path.name} is too large, or not a regular file; remove it.")
         text = path.read_bytes()
     except OSError as error:
-        raise BenchError(f"cannot read {path}: {error.strerror}.") from None
+        raise BenchError(f"{path.name} cannot be read: {error.strerror}; change its permissions.") from None
     return unsealed(text, kind, path.name, remedy)
 
 
 def refuse_links_out(place: Path, folder: Path) -> None:
-    """Find out whether a link on the way from a folder to a place in it, or below that place, leads out of the folder.
+    """Refuse to write to a place in a folder if a link on the way to it, or below it, leads out of the folder.
 
-    Results may come from elsewhere: showing them must not replace files wherever their links say.
+    A stored run may come from a stranger, whose links must not redirect what a report writes.
 
     Raises:
-        BenchError: if one does.
+        BenchError: if a link leads out of the folder.
     """
     inside = os.path.realpath(folder)
     way = list(accumulate(place.relative_to(folder).parts, Path.joinpath, initial=folder))[1:]
@@ -272,7 +274,4 @@ def refuse_links_out(place: Path, folder: Path) -> None:
     for link in (*way, *below):
         target = os.path.realpath(link)
         if os.path.islink(link) and not Path(target).is_relative_to(inside):
-            raise BenchError(
-                f"{link} is a link out of {folder}, to {target}, and nothing is written through it; "
-                "remove it, or name another place."
-            )
+            raise BenchError(f"{link} is a link out of {folder}, to {target}; remove it, or name another place.")

@@ -7,7 +7,7 @@ from proxbench.bench import load
 from proxbench.bench.report.page.assembly import page
 from sphinx.application import Sphinx
 
-RUN = Path(__file__).parents[2] / "results" / "reference"
+RUN = Path(__file__).parents[2] / "results" / "reference.bundle"
 
 
 def _write(app: Sphinx, exception: Exception | None) -> None:

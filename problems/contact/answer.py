@@ -1,4 +1,4 @@
-"""What is known about the solution of a problem: impulses where they are unique, else velocities and sums."""
+"""Known solutions of problems: impulses where they are unique, otherwise velocities and sums."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from ..errors import ProblemError
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The known part of a solution; what is left out is not unique or not known.
+    """The known part of a solution; fields left out are not unique or not known.
 
     Attributes:
         impulses: all admissible Λ [N s], each of shape (n_rows,), where there are finitely many; any of them is right.
@@ -20,8 +20,7 @@ class Answer:
         values: the right-hand side of ``functionals``, shape (k,).
         solvable: False where the problem has no solution and must be reported as infeasible.
         witness: one solution Λ [N s], shape (n_rows,), of perhaps many; it proves that there is one.
-        sensitivity: how many times the judge's residual the relative error of velocities and impulses, ``error``, may
-            be; what a residual implies depends on the problem.
+        sensitivity: largest ratio of ``error``, the relative error of velocities and impulses, to the judge's residual.
     """
 
     impulses: tuple[FloatArray, ...] = ()
@@ -59,7 +58,7 @@ class Answer:
         return None
 
     def error(self, impulses: ArrayLike, velocity: ArrayLike, speed: float) -> float | None:
-        """Return the largest relative error of what is known, dimensionless; None if nothing is.
+        """Return the largest relative error of the known parts, dimensionless; None if none is known.
 
         Args:
             impulses: Λ [N s], shape (n_rows,), compared with the largest known impulse or sum.

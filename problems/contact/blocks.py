@@ -1,9 +1,9 @@
-"""The contacts of a problem as blocks of equal width, the layout that kernels run over.
+"""The layout of a problem in blocks of equal width, one for each contact, for kernels.
 
-A block is a unilateral law with the friction laws it bounds, or one law alone. Its lanes are N, T1, T2, R1, R2, R3, cut
-to what some block uses: no T (no friction anywhere), T1 (planar) or both, and as many R as there are axes of rolling. A
-lane that a block does not use has a zero row and column in G and c, and stays at Λ = 0 under every projection, so
-kernels need no case distinctions.
+A block is a unilateral law with the friction laws that it bounds, or a single law. Its lanes are N, T1, T2, R1, R2, R3,
+without those that no block uses: T1 and T2 are left out without friction, T2 in the plane, and R beyond the axes of
+rolling. A lane that a block does not use has a zero row and column in G and c, and keeps Λ = 0 under every projection,
+so that kernels treat all blocks alike.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from .laws import BALL, HALF_LINE, LINE, Laws
 
 @dataclass(frozen=True, eq=False)
 class BlockLayout:
-    """Where each row of a problem stands in the padded blocks, and each block's friction bound.
+    """The place of each row of a problem in the padded blocks, and the friction bound of each block.
 
     The bound of the tangential lanes is fixed_bound + friction_coefficient · max(Λ_N of block ``partner``, 0), that of
     the rolling lanes rolling_bound + rolling_coefficient · max(Λ_N, 0) with the block's own Λ_N.
@@ -116,7 +116,7 @@ class BlockLayout:
         return flat.copy() if self.is_dense else flat[self.slot]
 
     def rows_of(self, padded: FloatArray) -> FloatArray:
-        """Return the same as ``unpad`` of a flat array, but not fresh: where every lane is a row, the array itself."""
+        """Return ``unpad`` of a flat array without a copy where every lane is a row."""
         return padded if self.is_dense else padded[self.slot]
 
 
@@ -124,7 +124,7 @@ _LAYOUTS: WeakKeyDictionary[Laws, BlockLayout] = WeakKeyDictionary()
 
 
 def layout_of(laws: Laws) -> BlockLayout:
-    """Return the layout of ``laws``, the same object each time; time stepping meets the same laws again and again."""
+    """Return the layout of ``laws``, the same object at each call."""
     layout = _LAYOUTS.get(laws)
     if layout is None:
         layout = _LAYOUTS[laws] = BlockLayout.of(laws)

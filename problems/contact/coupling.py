@@ -1,10 +1,9 @@
-"""Which contacts act on each other: those that touch a common body, directly or over others.
+"""The coupling of contacts: two contacts are coupled if they touch a common body, directly or through other contacts.
 
-Where the factors are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ, which two contacts share if both have an entry
-there. Where G alone is known, every entry beyond rounding couples its two contacts; contacts of one body in directions
-that are orthogonal by accident count as apart there. A friction law and the law that
-bounds it are coupled like contacts of one body. The connected components of this graph are contact problems of their
-own, which only stand in one vector.
+If the factors are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ, and two contacts share it if both have an entry
+there. If only G is known, every entry beyond rounding couples its two contacts; contacts of one body in directions that
+happen to be orthogonal are then not coupled. A friction law is coupled with the law that bounds it. The connected
+components of this graph are independent contact problems.
 """
 
 from typing import Any
@@ -233,28 +232,16 @@ def _write_scales(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
-    sets,
-    row_count,
-    is_rolling,
-    first_row,
-    partner,
-    diagonal,
-    free_velocity,
-    component,
-    slot,
-    width,
-    alpha,
-    lengths,
-    speeds,
-    ratios,
+    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers
 ):
-    """Do so, and write the scale over the largest speed in the component of each law; 1 where that is rounding of it.
+    """Write the scales of every law, and the largest scale over that of its component.
 
-    ``component`` is that of each contact.
+    The ratio is 1 where the speeds of a component are rounding of the largest one. ``component`` is that of each
+    contact, and ``numbers`` holds α, ℓ, ℓ ‖c‖ and the ratio of each law, shape (at least 4, n_laws).
     """
-    stuck, scale = _write_scales(
-        sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
-    )
+    alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
+    given = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
+    stuck, scale = _write_scales(*given, alpha, lengths, speeds)
     largest = np.zeros(len(component))
     for law in range(len(sets)):
         own = component[slot[first_row[law]] // width]

@@ -1,32 +1,33 @@
-"""The judge: how well impulses solve a contact problem, from the impulses alone.
+"""The judge measures how well impulses solve a contact problem, from the impulses alone.
 
 For law i with α_i = the largest diagonal entry of its block of G, and the prox taken onto the law's set C_i(Λ),
 
     R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_k ( max_{i in k} α_i ‖R_i‖ / max_{i in k} ‖c_i‖ ),
 
-over the connected components k of the contacts (see ``coupling``): the largest velocity by which a law is violated,
-relative to the largest free velocity of a law in its component. It depends on no solver's step size, on no unit, on no
-choice of tangents, not on the number of contacts, and not on what else stands in the same vector; it holds across mass
-ratios, where an impulse error relative to max|Λ| does not. A component whose free velocity is zero, or rounding of that
-of the others, counts against the whole.
+over the connected components k of the contacts (see ``coupling``). This is the largest velocity by which a law is
+violated, relative to the largest free velocity of a law in its component. It does not depend on the step size of a
+solver, on units, on the choice of tangents, on the number of contacts, or on other components. It remains meaningful
+at large mass ratios, where an impulse error relative to max|Λ| does not. A component whose free velocity is zero, or
+rounding of that of the others, is measured relative to the largest free velocity of all.
 
-Rolling friction has angular velocities [rad/s] in its rows. They count as velocities at the distance
+The rows of rolling friction hold angular velocities [rad/s]. They count as velocities at the distance
 
     ℓ_i = √(α_N/α_i)      (1 for all other laws),
 
-from the axis, with α_N of the contact's unilateral law: for a single body a radius of gyration. Its violation is
-ℓ_i α_i ‖R_i‖ and its free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of length either.
+from the axis, with α_N of the contact's unilateral law; for a single body this is a radius of gyration. The violation
+is ℓ_i α_i ‖R_i‖ and the free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of length.
 
-Impulses that brace each other may be huge, and ξ = GΛ + c is then what rounding leaves of it. So ξ is summed in twice
-the working precision (``matrices.accurate``), violations are computed without cancellation (``residual``), and every
-number that speaks for impulses is at least what rounding may still hide.
+Impulses that brace each other may be huge, and the terms of ξ = GΛ + c then cancel. Therefore ξ is summed in twice the
+working precision (``matrices.accurate``), and violations are computed without cancellation (``residual``). Every
+reported error is at least what rounding may still hide.
 
-A unilateral law whose own α is zero moves nothing, but the friction that it bounds may: it takes the largest α of those
-friction laws, so that Λ_N > 0 at an opening contact is a violation as soon as it buys friction.
+The impulse of a unilateral law with α = 0 moves nothing itself, but it may permit friction that does. Such a law takes
+the largest α of the friction laws that it bounds, so that Λ_N > 0 at an opening contact is a violation.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,14 +40,15 @@ from .coupling import NEGLIGIBLE, largest_around
 from .model import Model
 from .problem import ContactProblem
 from .projections import onto_contact_cones
-from .residual import PROJECTION_ROUNDINGS, UNIT, Residual, in_units, violations
+from .residual import PROJECTION_ROUNDINGS, UNIT, Residual, violations
+from .transformations import in_units
 
 JUDGE = 3
-"""Version of the judge: residuals of other versions do not compare. The first did not tell components apart, the second
-read 0 where huge impulses cancelled."""
+"""Version of the judge; residuals of different versions are not comparable. Version 1 did not separate components, and
+version 2 returned 0 where huge impulses cancelled."""
 
 NO_NUMBERS = ("model", "component_residuals")
-"""Fields of a verdict that are more than a number."""
+"""Fields of a verdict that are not single numbers."""
 
 UNITS = {
     "penetration_velocity": " [m/s]",
@@ -59,12 +61,13 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the judge says of one vector of impulses.
+    """The errors of one vector of impulses.
 
     Attributes:
-        residual: the number that counts, see the module; inf if Λ is not finite or the problem is infeasible.
+        residual: the judge's residual, see the module; inf if Λ is not finite or the problem is infeasible.
         local_residual: max_i α_i ‖R_i‖/s_i with s_i the largest ‖c‖ of the contacts that share a body with contact i,
-            at least the free fall of a step where the problem knows it: what the worst contact sees.
+            at least the free fall of a step where the problem knows it: the error relative to the surroundings of the
+            worst contact.
         local_median: the median of the same over the laws.
         local_q90: their 90 % quantile.
         local_q99: their 99 % quantile.
@@ -110,7 +113,7 @@ class Verdict:
         return html_table(f"Verdict by the {self.model} model", facts)
 
     def numbers(self) -> dict[str, float | bool | None]:
-        """Return what is a number of its own, by name: everything but the model and the residuals of components."""
+        """Return the fields that are single numbers, by name."""
         return {name: value for name, value in vars(self).items() if name not in NO_NUMBERS}
 
 
@@ -121,7 +124,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     Args:
         problem: the contact problem.
         impulses: Λ, shape (n_rows,).
-        model: hold Λ to this model instead of Coulomb's law; everything but the two residuals stays as it is.
+        model: the model to compare Λ with; it affects the residuals, not the other errors.
 
     Raises:
         ProblemError: if Λ has the wrong shape, or the model does not apply to the problem's laws.
@@ -134,7 +137,8 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     if not np.isfinite(given).all():
         return _not_finite(problem, residual, model)
     if residual.unit != 1.0:
-        return _in_usual_units(judge(in_units(problem, residual.unit), residual.unit * given, model), residual.unit)
+        scaled = in_units(problem, time=residual.unit).problem
+        return _in_usual_units(judge(scaled, residual.unit * given, model), residual.unit)
     velocity, rounding = problem.accurate_velocity(given)
     violation = np.maximum(violations(problem, residual, given, velocity, model), residual.hidden(rounding))
     speed = np.maximum(np.abs(velocity), rounding)
@@ -181,7 +185,7 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
         return np.inf
     if residual.unit != 1.0:
         unit = residual.unit
-        return local_residual(in_units(problem, unit), unit * impulses, unit * free_fall)
+        return local_residual(in_units(problem, time=unit).problem, unit * impulses, unit * free_fall)
     velocity, rounding = problem.accurate_velocity(impulses)
     violation = violations(problem, residual, impulses, velocity, Model.COULOMB)
     violation = np.maximum(violation, residual.hidden(rounding))
@@ -189,30 +193,17 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
 
 
 def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
-    """Return the verdict on impulses that are not all finite: nothing of it may read as success."""
-    inf = np.inf
-    return Verdict(
-        residual=inf,
-        local_residual=inf,
-        local_median=inf,
-        local_q90=inf,
-        local_q99=inf,
-        energy_residual=inf,
-        natural_map_q=inf,
-        natural_map_max=inf,
-        penetration_velocity=inf,
-        cone_violation=inf,
-        complementarity=inf,
-        dissipated_energy=np.nan,
-        velocity_error=None if problem.answer is None or problem.answer.velocity is None else inf,
-        infeasible=residual.infeasible,
-        model=model,
-        component_residuals=(inf,) * (int(residual.components.max(initial=-1)) + 1),
-    )
+    """Return the verdict on impulses that are not all finite: no part of it may read as success."""
+    numbers: dict[str, Any] = {one.name: np.inf for one in fields(Verdict) if one.name not in NO_NUMBERS}
+    if problem.answer is None or problem.answer.velocity is None:
+        numbers["velocity_error"] = None
+    numbers |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
+    n_components = int(residual.components.max(initial=-1)) + 1
+    return Verdict(**numbers, model=model, component_residuals=(np.inf,) * n_components)
 
 
 def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:
-    """Return the verdict on a problem from that on it ``_in_units``; ratios stay as they are."""
+    """Return the verdict in the units of the problem from that in other units of time; ratios stay."""
     return replace(
         verdict,
         penetration_velocity=verdict.penetration_velocity / unit,
@@ -247,7 +238,7 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, f
 
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
-    """Return for each share the least value that it of the values do not exceed; 0 for none."""
+    """Return for each share the least value that this share of the values does not exceed; 0 for no values."""
     if not len(values):
         return [0.0] * len(shares)
     places = [max(0, math.ceil(share * len(values)) - 1) for share in shares]
@@ -261,10 +252,11 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     A friction law apart from its partner keeps its present bound.
     """
     layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
-    own = layout.partner == np.arange(layout.n_blocks)
-    remote_bound = layout.friction_coefficient * np.maximum(lanes[layout.partner, 0], 0.0)
-    friction = np.where(own, layout.friction_coefficient, 0.0)
-    fixed = layout.fixed_bound + np.where(own, 0.0, remote_bound)
+    friction, fixed = layout.friction_coefficient, layout.fixed_bound
+    if not layout.bounds_are_own:
+        own = layout.partner == np.arange(layout.n_blocks)
+        remote_bound = friction * np.maximum(lanes[layout.partner, 0], 0.0)
+        friction, fixed = np.where(own, friction, 0.0), fixed + np.where(own, 0.0, remote_bound)
     tangent, rolling = moved[:, 1 : 1 + layout.sliding], moved[:, 1 + layout.sliding :]
     lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:

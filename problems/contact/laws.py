@@ -8,17 +8,18 @@ Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) w
     bilateral            C = R                       1 row
     rolling friction     C = {x ∈ Rᵏ : ‖x‖ ≤ b}      k = 1, 2 or 3 rows
 
-and the friction bound b = a + μ max(Λ_partner, 0): a fixed part a (a joint with dry friction) and a Coulomb part
-that belongs to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free.
+The friction bound is b = a + μ max(Λ_partner, 0). Its fixed part a belongs to a joint with dry friction, its Coulomb
+part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. Kernels know a law by
+its ``ConvexSet``, its rows and its bound.
 
-Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact with an impulsive moment
-Λ_R [N m s], about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and spinning
-under one bound). Its μ is a length [m]. It shares the normal impulse of its contact with the sliding friction, so that
-Λ lies in both cones, ‖Λ_T‖ ≤ μ Λ_N and ‖Λ_R‖ ≤ μ_r Λ_N (Acary & Bourrier, Coulomb friction with rolling resistance as a
-cone complementarity problem, 2021).
+Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact by an impulsive moment
+Λ_R [N m s]. It acts about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and
+spinning with one bound). Its μ is a length [m]. Sliding and rolling friction share the normal impulse of their contact,
+so that Λ lies in both cones, ‖Λ_T‖ ≤ μ Λ_N and ‖Λ_R‖ ≤ μ_r Λ_N (Acary & Bourrier 2021, *Coulomb friction with rolling
+resistance as a cone complementarity problem*).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property, lru_cache
@@ -33,7 +34,7 @@ from ..representation import html_table
 
 
 class LawKind(IntEnum):
-    """The kinds of force law; the value is what kernels compare with."""
+    """The kinds of force law, as files store them."""
 
     UNILATERAL = 0
     PLANAR_FRICTION = 1
@@ -43,9 +44,14 @@ class LawKind(IntEnum):
     SPATIAL_ROLLING = 5
     ROLLING_AND_SPINNING = 6
 
+    @property
+    def description(self) -> str:
+        """The kind in words: ``"spatial friction"``."""
+        return self.name.lower().replace("_", " ")
+
 
 class ConvexSet(IntEnum):
-    """The form of a law's set C, all that a kernel needs to know of a law beside its rows and its bound."""
+    """The form of the set C of a law."""
 
     HALF_LINE = 0
     LINE = 1
@@ -67,13 +73,26 @@ _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind
 _PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
 """Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
 
-_KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.name.lower().replace('_', ' ')})" for kind in LawKind)
-"""What a kind may be, for a message."""
+MAX_KEPT_CONTACTS = 64
+"""Contacts of equal friction up to which their laws are kept."""
+
+_KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
+"""The valid kinds, for an error message."""
+
+
+_FIELDS = {
+    "kind": np.int8,
+    "first_row": np.int64,
+    "friction_coefficient": np.float64,
+    "fixed_bound": np.float64,
+    "partner": np.int64,
+}
+"""Type of each array of ``Laws``."""
 
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """All force laws of a problem, one entry per law, in row order.
+    """The force laws of a problem, one entry for each law, in the order of their rows.
 
     Attributes:
         kind: ``LawKind`` of each law, shape (n_laws,).
@@ -81,10 +100,10 @@ class Laws:
         friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
         fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
-            Rolling friction always has one, and stands behind it and its sliding friction.
+            Rolling friction always has one, and follows it and its sliding friction.
 
     Raises:
-        ProblemError: if the arrays contradict each other; the message names the field, the law and the value.
+        ProblemError: if the arrays are inconsistent; the message names the field, the law and the value.
     """
 
     kind: NDArray[np.int8]
@@ -94,13 +113,7 @@ class Laws:
     partner: IntArray
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("kind", np.int8),
-            ("first_row", np.int64),
-            ("friction_coefficient", np.float64),
-            ("fixed_bound", np.float64),
-            ("partner", np.int64),
-        ):
+        for name, dtype in _FIELDS.items():
             array = frozen(getattr(self, name), dtype, f"laws.{name}")
             if array.ndim != 1 or len(array) != len(self.kind):
                 raise ProblemError(
@@ -188,12 +201,15 @@ class Laws:
             squares[has_row] += rows[first[has_row] + row] ** 2
         return np.sqrt(squares)
 
+    def counts(self) -> dict[str, int]:
+        """Return the number of laws of each kind that occurs: ``{"unilateral": 59, "spatial friction": 59}``."""
+        kinds, counts = np.unique(self.kind, return_counts=True)
+        return {LawKind(kind).description: int(count) for kind, count in zip(kinds, counts, strict=True)}
+
     @property
     def summary(self) -> str:
         """Number of laws of each kind: ``"59 unilateral, 59 spatial friction"``."""
-        kinds, counts = np.unique(self.kind, return_counts=True)
-        names = (LawKind(kind).name.lower().replace("_", " ") for kind in kinds)
-        return ", ".join(f"{count} {name}" for count, name in zip(counts, names, strict=True)) or "none"
+        return ", ".join(f"{count} {kind}" for kind, count in self.counts().items()) or "none"
 
     def __repr__(self) -> str:
         return f"<Laws: {self.summary}>"
@@ -224,16 +240,41 @@ class Laws:
         first_row = np.cumsum(np.append(0, ROWS_OF_KIND[kinds]))[:-1]
         return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)
 
+    def fresh(self) -> "Laws":
+        """Return equal laws that share no memory with these; they need no second check."""
+        return self._with_arrays(lambda array: frozen(array, array.dtype))
+
+    def _with_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Laws":
+        """Return laws whose arrays are changed ones of these, valid by construction."""
+        laws = object.__new__(Laws)
+        for name in _FIELDS:
+            object.__setattr__(laws, name, change(getattr(self, name)))
+        return laws
+
+    def chosen(self, laws: IntArray, partner: IntArray) -> "Laws":
+        """Return the laws of these indices, in the order given, with new partners; an index may occur twice."""
+        return Laws.in_order(self.kind[laws], self.friction_coefficient[laws], self.fixed_bound[laws], partner)
+
     @staticmethod
     def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
         """Return ``n_contacts`` equal contacts with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3).
 
-        ``friction`` is μ, one number or shape (n_contacts,); it is ignored for dim 1.
+        Args:
+            friction: μ, one number or shape (n_contacts,); ignored for dim 1.
+            dim: rows per contact, 1, 2 or 3.
+            n_contacts: number of contacts.
+
+        Raises:
+            ProblemError: if ``dim`` or μ is not valid.
         """
         if dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
+        given = frozen(friction, np.float64, "friction")
+        if given.ndim == 0 and 0.0 <= given < np.inf:
+            make = _few_equal_laws if n_contacts <= MAX_KEPT_CONTACTS else _equal_laws
+            return make(float(given), dim, n_contacts)
         try:
-            coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (n_contacts,))
+            coefficient = np.broadcast_to(given, (n_contacts,))
         except ValueError:
             shape = np.shape(friction)
             raise ProblemError(
@@ -242,8 +283,6 @@ class Laws:
         bad = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
         if len(bad):
             raise ProblemError(f"friction[{bad[0]}] = {coefficient[bad[0]]} must be finite and not negative.")
-        if np.ndim(friction) == 0:
-            return _equal_laws(float(np.asarray(friction)), dim, n_contacts)
         return _laws_of_contacts(coefficient, dim)
 
     @staticmethod
@@ -254,7 +293,7 @@ class Laws:
 
     @staticmethod
     def together(parts: Sequence["Laws"]) -> "Laws":
-        """Return the laws of all parts, one part after the other."""
+        """Return the laws of all parts, concatenated."""
         first = np.cumsum([0, *(part.n_laws for part in parts)])
         partners = [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first, strict=False)]
         return Laws.in_order(
@@ -265,7 +304,7 @@ class Laws:
         )
 
     def with_rolling(self, friction: ArrayLike, n_rows: int) -> "Laws":
-        """Return these laws with rolling friction behind each contact, whose rows follow the rows of the contact.
+        """Return these laws with rolling friction added to each contact, after its other laws.
 
         Args:
             friction: μ_r [m], one number or one for each unilateral law.
@@ -303,17 +342,18 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
 
 
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
-    """Return contacts of one μ as the first part of a longer list, which time stepping needs in every step.
+    """Return contacts of one μ, which time stepping needs in every step, as the first part of a longer list.
 
-    The longer list has been checked, and every part of it that begins at its beginning holds together.
+    The longer list has been validated, and so its first part is valid.
     """
     room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
     whole = _many_equal_laws(friction, dim, room)
     count = n_contacts if dim == 1 else 2 * n_contacts
-    part = object.__new__(Laws)
-    for name in ("kind", "first_row", "friction_coefficient", "fixed_bound", "partner"):
-        object.__setattr__(part, name, getattr(whole, name)[:count])
-    return part
+    return whole._with_arrays(lambda array: array[:count])
+
+
+_few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
+"""The same laws for the same arguments; their layout is then found once, too."""
 
 
 @lru_cache(maxsize=16)

@@ -10,7 +10,7 @@ either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, 
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -24,10 +24,10 @@ from ..errors import ProblemError
 from ..representation import counted, html_table
 from .answer import Answer
 from .blocks import BlockLayout, layout_of
-from .factors import Factors
 from .laws import Laws
 from .matrices.accurate import accurate_over_factors, accurate_over_matrix
 from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
+from .matrices.factors import Factors
 from .matrices.given import sparse_numbers
 from .matrices.pieces import Pieces
 from .matrices.symmetric import checked_delassus
@@ -48,9 +48,9 @@ class ContactProblem:
         laws: the force laws, which tile the rows.
         matrix: G [1/kg] as given, or ``None`` where the factors are given.
         factors: W, M⁻¹ and the free motion, or ``None`` where G is given.
-        name: what tables and files call it.
-        provenance: where it comes from (scene, step, seed, …).
-        answer: what is known about its solution, if anything.
+        name: its name in tables and files.
+        provenance: its origin (scene, step, seed, …).
+        answer: the known part of its solution, if any.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
     """
 
@@ -69,7 +69,7 @@ class ContactProblem:
         if (self.matrix is None) == (self.factors is None):
             raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, not both and not neither.")
         if self.matrix is not None:
-            object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.layout, self.allow_asymmetric))
+            object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.n_rows, self.allow_asymmetric))
         if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:
@@ -109,7 +109,8 @@ class ContactProblem:
             attributes: name, provenance, answer, allow_asymmetric.
 
         Raises:
-            ProblemError: if anything has the wrong shape, is not finite, not symmetric, or negative where it must not.
+            ProblemError: if an argument has the wrong shape or a value that is not finite, G is not symmetric positive
+                semidefinite, or μ is negative.
         """
         c = _as_vector(free_velocity, "c")
         return ContactProblem(c, laws or _equal_contacts(c, friction, dim), matrix=delassus, **attributes)
@@ -139,7 +140,8 @@ class ContactProblem:
             attributes: name, provenance, answer.
 
         Raises:
-            ProblemError: if anything is of the wrong shape, not finite, or negative where it must not be.
+            ProblemError: if an argument has the wrong shape or a value that is not finite, M⁻¹ is not positive
+                definite, or μ is negative.
         """
         c = _as_vector(free_velocity, "c")
         factors = Factors.create(force_directions, inverse_mass, free_motion)
@@ -157,7 +159,7 @@ class ContactProblem:
 
     @property
     def free_fall(self) -> float:
-        """Velocity that free bodies gain in the time step that the problem is of [m/s]; 0 where it is not known."""
+        """Velocity that free bodies gain in the time step of the problem [m/s]; 0 if unknown."""
         known = self.provenance.get(FREE_FALL, 0.0)
         return float(known) if isinstance(known, int | float) and 0.0 < known < np.inf else 0.0
 
@@ -209,7 +211,7 @@ class ContactProblem:
         return diagonal
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
-        """Return ξ = G Λ + c [m/s], shape (n_rows,), from whichever form the problem holds."""
+        """Return ξ = G Λ + c [m/s], shape (n_rows,)."""
         impulses = np.asarray(impulses, dtype=np.float64)
         if self.factors is not None:
             return self.factors.delassus_times(impulses) + self.free_velocity
@@ -221,7 +223,7 @@ class ContactProblem:
         """Return ξ = G Λ + c [m/s], as ``relative_velocity`` does, in twice the working precision.
 
         Returns:
-            ξ, to the rounding of each entry, and what the terms of ξ may still hide of it, both of shape (n_rows,);
+            ξ, to the rounding of each entry, and a bound on the remaining error of its terms, both of shape (n_rows,);
             see ``matrices.accurate``.
         """
         impulses = np.asarray(impulses, dtype=np.float64)
@@ -269,7 +271,7 @@ class ContactProblem:
         """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
         return self._described(
             free_velocity=frozen(self.free_velocity, np.float64),
-            laws=replace(self.laws),
+            laws=self.laws.fresh(),
             matrix=None if self.matrix is None else _copied(self.matrix),
             factors=None if self.factors is None else self.factors.fresh(),
         )

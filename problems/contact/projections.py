@@ -1,111 +1,116 @@
-"""Euclidean projections onto the sets of contact laws, vectorised over contacts."""
+"""Euclidean projections onto the sets of force laws.
+
+``project_rows`` is the projection onto the set of one law. Its radius is fixed, as that of Coulomb friction is while
+the normal impulse stays; ``onto_cone`` projects onto the whole cone of a contact, where the normal impulse moves too.
+"""
+
+from collections.abc import Sequence
+from itertools import chain, combinations
 
 import numpy as np
+from numba import njit
 
 from ..arrays import FloatArray
 from .blocks import BlockLayout
-from .laws import Laws
+from .laws import BALL, HALF_LINE, Laws
 
 
 def project(laws: Laws, impulses: FloatArray) -> FloatArray:
-    """Return prox_C(Λ) of every law, a fresh array: the step that makes impulses admissible.
+    """Project impulses onto the sets of their laws, normal impulses first.
 
-    Normal impulses are cut at zero; friction impulses, sliding and rolling, are each shortened to their own bound
-    a + μ Λ_N, with Λ_N already cut. Impulses of joints stay.
+    A normal impulse is cut at zero. A friction impulse, sliding or rolling, is shortened to its bound a + μ Λ_N, with
+    Λ_N after the cut. Impulses of joints stay.
 
     Args:
         laws: the force laws.
         impulses: Λ [N s], shape (n_rows,).
+
+    Returns:
+        The projected Λ [N s], a new array of shape (n_rows,).
     """
     projected = np.array(impulses, dtype=np.float64)
-    normal_rows = laws.first_row[laws.is_unilateral]
-    projected[normal_rows] = np.maximum(projected[normal_rows], 0.0)
-    friction = np.flatnonzero(laws.is_friction)
-    first = laws.first_row[friction]
-    bound = laws.fixed_bound[friction].copy()
-    bounded = laws.partner[friction] >= 0
-    partner_row = laws.first_row[laws.partner[friction][bounded]]
-    bound[bounded] += laws.friction_coefficient[friction][bounded] * projected[partner_row]
-    count = laws.row_count[friction]
-    length = np.abs(projected[first])
-    for row in (1, 2):
-        length[row < count] = np.hypot(length[row < count], projected[first[row < count] + row])
-    scale = bound / np.maximum(length, np.maximum(bound, np.finfo(np.float64).tiny))
-    for row in (0, 1, 2):
-        projected[first[row < count] + row] *= scale[row < count]
+    bounds = laws.friction_coefficient, laws.fixed_bound, laws.partner
+    _project(laws.sets, laws.first_row, laws.row_count, *bounds, projected)
     return projected
 
 
-def onto_friction_cone(
-    normal: FloatArray, tangent: FloatArray, friction: FloatArray, fixed: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Project (N, T) onto {N ≥ 0, ‖T‖ ≤ a + μ N}, the second-order cone with its apex cut off where a > 0.
+@njit(cache=True)
+def _project(sets, first_row, row_count, mu, fixed, partner, impulses):  # type: ignore[no-untyped-def]
+    for is_friction in (False, True):  # a friction law may stand before the law that bounds it
+        for law in range(len(sets)):
+            if (sets[law] == BALL) == is_friction:
+                bound = fixed[law]
+                if partner[law] >= 0:
+                    bound += mu[law] * impulses[first_row[partner[law]]]
+                project_rows(sets[law], first_row[law], row_count[law], bound, impulses)
+
+
+@njit(cache=True)
+def project_rows(form, first, count, bound, vector):  # type: ignore[no-untyped-def]
+    """Project ``count`` entries of a vector, from ``first`` on, onto a convex set in place.
 
     Args:
-        normal: N, shape (n,).
-        tangent: T, shape (n, 1) or (n, 2).
-        friction: μ, shape (n,).
-        fixed: a, shape (n,).
-
-    Returns:
-        The projected N and T. Where the projection onto the whole shifted cone would have N < 0, the half-space
-        N ≥ 0 is active and the nearest point is the one with N = 0 and T in the disc of radius a.
+        form: ``ConvexSet`` of the entries: half-line, line, or ball.
+        first: index of the first entry.
+        count: number of entries.
+        bound: radius of the ball; other sets have none.
+        vector: the vector, shape (any,).
     """
-    length = np.sqrt(np.einsum("ij,ij->i", tangent, tangent))
-    outside = length > fixed + friction * normal
-    cone_normal = np.where(outside, (normal + friction * (length - fixed)) / (1.0 + friction**2), normal)
-    bound = fixed + friction * np.maximum(cone_normal, 0.0)
-    safe = np.where(length > 0.0, length, 1.0)
-    shrink = np.where(length > bound, bound / safe, 1.0)
-    return np.maximum(cone_normal, 0.0), tangent * shrink[:, None]
+    if form == HALF_LINE:
+        if vector[first] <= 0.0:  # makes −0 a 0, and keeps NaN
+            vector[first] = 0.0
+    elif form == BALL:
+        length = abs(vector[first])
+        for k in range(first + 1, first + count):
+            length = np.hypot(length, vector[k])
+        if length > bound:
+            for k in range(first, first + count):
+                vector[k] *= bound / length
 
 
-def onto_rolling_cone(
-    normal: FloatArray,
-    parts: tuple[FloatArray, FloatArray],
-    friction: tuple[FloatArray, FloatArray],
-    fixed: tuple[FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Project (N, T, R) onto {N ≥ 0, ‖T‖ ≤ a + μ N, ‖R‖ ≤ a_r + μ_r N}, the cones of sliding and rolling friction.
+def onto_cone(
+    normal: FloatArray, parts: Sequence[FloatArray], friction: Sequence[FloatArray], fixed: Sequence[FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone for each part.
 
-    The nearest T and R for a given N are those on its discs, so that N is the zero, or 0 if that is negative, of
+    The parts are sliding friction and, where a contact has it, rolling friction. For a
+    given N the nearest T lies on its disc. So N is the zero, or 0 if that is negative, of
 
-        N − N₀ − μ (‖T₀‖ − a − μ N)₊ − μ_r (‖R₀‖ − a_r − μ_r N)₊,
+        N − N₀ − Σ_parts μ (‖T₀‖ − a − μ N)₊.
 
-    which grows with N and has a kink where a disc becomes large enough (Acary & Bourrier 2021, with a = a_r = 0).
+    This function grows with N and has a kink where a disc becomes large enough. Source: Acary & Bourrier 2021, for
+    a = 0; a cone with a > 0 has its apex cut off.
 
     Args:
         normal: N₀, shape (n,).
-        parts: T₀ and R₀, shape (n, any) each.
-        friction: μ and μ_r, shape (n,) each.
-        fixed: a and a_r, shape (n,) each.
+        parts: T₀ of each part, shape (n, any) each.
+        friction: μ of each part, shape (n,) each.
+        fixed: a of each part, shape (n,) each.
 
     Returns:
-        The projected N, T and R.
+        The projected N and parts.
     """
     lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
-    excess = [length - bound for length, bound in zip(lengths, fixed, strict=True)]
-    found = np.full(len(normal), -np.inf)
-    for active in ((False, False), (True, False), (False, True), (True, True)):
-        numerator, denominator = normal.copy(), np.ones(len(normal))
-        for is_active, mu, over in zip(active, friction, excess, strict=True):
-            numerator += is_active * mu * over
-            denominator += is_active * mu**2
-        # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
+    found = np.maximum(normal, 0.0)
+    # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
+    cones = list(zip(friction, lengths, fixed, strict=True))
+    for active in chain.from_iterable(combinations(cones, count) for count in range(1, len(cones) + 1)):
+        numerator, denominator = normal, np.ones(1)
+        for mu, length, a in active:
+            numerator, denominator = numerator + mu * (length - a), denominator + mu**2
         found = np.maximum(found, numerator / denominator)
-    found = np.maximum(found, 0.0)
     shortened = []
-    for part, length, mu, bound in zip(parts, lengths, friction, fixed, strict=True):
-        radius = bound + mu * found
+    for part, length, mu, a in zip(parts, lengths, friction, fixed, strict=True):
+        radius = a + mu * found
         shrink = np.where(length > radius, radius / np.where(length > 0.0, length, 1.0), 1.0)
         shortened.append(part * shrink[:, None])
-    return found, shortened[0], shortened[1]
+    return found, shortened
 
 
 def onto_contact_cones(
     layout: BlockLayout, lanes: FloatArray, friction: FloatArray, fixed: FloatArray, length: FloatArray
 ) -> FloatArray:
-    """Project the impulses of every block onto its cone; those of bilateral blocks stay.
+    """Project the impulses of each block onto its cone; impulses of bilateral blocks stay.
 
     Args:
         layout: the blocks.
@@ -114,14 +119,13 @@ def onto_contact_cones(
         fixed: the rest of the bound on Λ_T [N s], shape (n_blocks,).
         length: what rolling impulses are divided by [m], shape (n_blocks,).
     """
-    normal, tangent, last = lanes[:, 0], lanes[:, 1 : 1 + layout.sliding], lanes[:, 1 + layout.sliding :]
+    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed]
     if layout.rolling:
-        coefficients = friction, layout.rolling_coefficient / length
-        bounds = fixed, layout.rolling_bound / length
-        found = onto_rolling_cone(normal, (tangent, last), coefficients, bounds)
-    else:
-        found = (*onto_friction_cone(normal, tangent, friction, fixed), last)
-    projected = np.column_stack(found)
+        parts.append(lanes[:, 1 + layout.sliding :])
+        coefficients.append(layout.rolling_coefficient / length)
+        bounds.append(layout.rolling_bound / length)
+    normal, others = onto_cone(lanes[:, 0], parts, coefficients, bounds)
+    projected = np.column_stack([normal, *others])
     if not layout.has_contacts_only:
         projected[layout.is_bilateral] = lanes[layout.is_bilateral]
     return projected
@@ -136,9 +140,9 @@ def onto_polygon(point: FloatArray, radius: FloatArray, sides: int) -> FloatArra
         sides: number of sides, at least 3.
 
     Returns:
-        The projected points, shape (n, 2). Each point is turned so that its nearest edge faces the first axis; symmetry
-        keeps the nearest point of the polygon in that sector.
+        The projected points, shape (n, 2).
     """
+    # turn each point so that its nearest edge faces the first axis: by symmetry the nearest point lies in that sector
     sector = 2.0 * np.pi / sides
     angle = np.arctan2(point[:, 1], point[:, 0])
     facing = (np.floor(angle / sector) + 0.5) * sector

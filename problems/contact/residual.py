@@ -1,37 +1,37 @@
-"""How far impulses violate the laws of a contact problem, law by law, under Coulomb's law and under other models.
+"""Violations of the laws of a contact problem by impulses, under Coulomb friction and other models.
 
 With α_i, R_i and ℓ_i as in ``judge``, the violation of law i is the velocity ℓ_i α_i ‖R_i‖ [m/s]. Solvers stop on the
-largest of them, relative to the free velocity of its component, which ``Residual`` prepares once for many impulses.
+largest violation relative to the free velocity of its component. ``Residual`` does the work that does not depend on the
+impulses.
 
-Rounding must not hide a violation, so nothing is subtracted that may be huge and equal. With h = αΛ and b = α times the
-friction bound,
+Rounding must not hide a violation, so numbers that may be huge and equal are not subtracted. With h = αΛ and b = α
+times the friction bound,
 
     unilateral:                         α R = min(h, ξ),
     friction that sticks, ‖h − ξ‖ ≤ b:  α R = ξ,
     friction that slides:               α R = h − b (h − ξ)/‖h − ξ‖.
 
-The first two have the relative error of ξ, of which ``matrices.accurate`` tells what is hidden. In the third h and the
-projection may cancel. I − prox and prox do not expand, so rounding of h counts u‖h‖ and that of h − ξ counts ub; b, the
-norm, their quotient and the product have eight roundings: 9ub + u‖h‖ in all (``hidden_by_sliding``). A violation is at
-least that, so that the exact one is at most twice what is said, beside a relative error of a few u. ξ = 0 at h on the
-boundary is the third case too: it counts wherever ‖h − ξ‖ is not below b by more than rounding.
+The first two cases have the relative error of ξ, which ``matrices.accurate`` bounds. In the third case h and the
+projection may cancel. I − prox and prox are nonexpansive, so rounding of h contributes u‖h‖ and that of h − ξ
+contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all
+(``_hidden_by_sliding``). The violation is at least that, so that the exact one is at most twice the value returned,
+beside a relative error of a few u. The third case applies wherever ‖h − ξ‖ is not below b by more than rounding.
 """
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numba import njit, uint64
-from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
 from ..errors import ProblemError
 from .answer import ratio
 from .coupling import components, write_scales_and_ratios
-from .laws import HALF_LINE, LINE, Laws
+from .laws import BALL, HALF_LINE
 from .model import Model
-from .problem import FREE_FALL, ContactProblem
+from .problem import ContactProblem
 from .projections import onto_contact_cones, onto_polygon
+from .transformations import in_units
 
 UNIT = 2.0**-53
 """Unit roundoff u."""
@@ -45,9 +45,6 @@ PROJECTION_ROUNDINGS = 8.0
 RESOLUTION = 200.0 * UNIT
 """What ``Residual.rounding`` counts for each G_hh |Λ_h|."""
 
-LawArrays = tuple[NDArray[np.int8], IntArray, IntArray, FloatArray, FloatArray, IntArray, FloatArray]
-"""Set, number of rows, first row, μ, a, partner and α of laws, in the order of the kernels."""
-
 LEAST_SQUARED, LARGEST_SQUARED = 1e-100, 1e100
 """Velocities [m/s] between these are squared as they are."""
 
@@ -57,10 +54,9 @@ class Residual:
 
     Attributes:
         alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
-        lengths: ℓ_i, which makes a velocity of a rolling law's angular one, √(α_N/α_i) [m], and is 1 for all others,
-            shape (n_laws,).
+        lengths: ℓ_i = √(α_N/α_i) [m] of each rolling law, 1 for the others, shape (n_laws,).
         speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
-        scale: max ‖c_i‖ over the laws [m/s]; the norm of both tangential entries does not depend on their axes.
+        scale: max ‖c_i‖ over the laws [m/s], independent of the choice of tangents.
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
         stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
         infeasible: whether there is one.
@@ -70,35 +66,31 @@ class Residual:
 
     def __init__(self, problem: ContactProblem) -> None:
         laws = problem.laws
-        self.alpha: FloatArray
-        self.lengths: FloatArray
-        self.speeds: FloatArray
-        self.stuck_law: int
-        self.scale: float
-        self.alpha, self.lengths, self.speeds, self.ratios, self._squares = np.empty((5, laws.n_laws))
+        self._numbers = np.empty((5, laws.n_laws))
+        self.alpha, self.lengths, self.speeds, self.ratios, self._squares = self._numbers
         self._diagonal = problem.delassus_diagonal
         self._contacts, self._layout = components(problem), problem.layout
         given = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
-        numbers = self._diagonal, problem.free_velocity
         of_contacts = self._contacts, self._layout.slot, self._layout.width
-        written = self.alpha, self.lengths, self.speeds, self.ratios
-        self.stuck_law, self.scale = write_scales_and_ratios(*given, *numbers, *of_contacts, *written)
+        self.stuck_law, scale = write_scales_and_ratios(
+            *given, self._diagonal, problem.free_velocity, *of_contacts, self._numbers
+        )
+        self.scale = float(scale)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale
         fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
-        bounds = laws.friction_coefficient, fixed, laws.partner
-        self._arguments = laws.sets, laws.row_count, laws.first_row, *bounds, self.alpha
-        self._has_contacts_only = problem.layout.has_contacts_only
+        self._rows, self._bounds = (laws.sets, laws.row_count, laws.first_row), (laws.friction_coefficient, fixed)
+        self._partner = laws.partner
 
     @cached_property
     def components(self) -> IntArray:
         """The connected component of each law, shape (n_laws,)."""
-        return self._contacts[self._layout.contact_of_row[self._arguments[2]]]
+        return self._contacts[self._layout.contact_of_row[self._rows[2]]]
 
     def largest_held(self, impulses: FloatArray) -> float:
         """Return the largest G_hh |Λ_h| over all rows h, each times ratio and length of its law [m/s]."""
-        _, row_count, first_row = self._arguments[:3]
+        _, row_count, first_row = self._rows
         return float(_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
 
     def rounding(self, impulses: FloatArray) -> float:
@@ -125,7 +117,7 @@ class Residual:
 
         ``rounding`` is that of each row, shape (n_rows,), as ``ContactProblem.accurate_velocity`` returns it.
         """
-        first = self._arguments[2]
+        first = self._rows[2]
         sums: FloatArray = np.add.reduceat(rounding, first) if len(first) else np.zeros(0)
         return self.lengths * sums
 
@@ -135,19 +127,22 @@ class Residual:
             return np.inf
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
-        given = (impulses, velocity, self.ratios, self._squares)
-        if self._has_contacts_only:
-            return ratio(_squared_violations(*self._arguments, *given), self._scale)
-        return ratio(_squared_violations_of_any(*self._arguments, self.lengths, *given), self._scale)
+        arguments = *self._rows, *self._bounds, self._partner, self._numbers, impulses, velocity
+        return ratio(_write_squared_violations(*arguments), self._scale)
 
-    def square(self, laws: LawArrays, impulses: FloatArray, velocity: FloatArray, squares: FloatArray) -> float:
-        """Write the squared violation of each law, given by its arrays up to α; return the largest one with its ratio.
+    def of_laws(self, impulses: FloatArray, velocity: FloatArray, weight: float = 1.0) -> FloatArray:
+        """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under Coulomb friction, shape (n_laws,).
 
-        The square is one of velocities [m²/s²], what is returned a velocity [m/s].
+        Args:
+            impulses: Λ, shape (n_rows,), in the units of ``unit`` like the velocity.
+            velocity: ξ, shape (n_rows,).
+            weight: factor of all friction bounds.
         """
-        if self._has_contacts_only:
-            return float(_squared_violations(*laws, impulses, velocity, self.ratios, squares))
-        return float(_squared_violations_of_any(*laws, self.lengths, impulses, velocity, self.ratios, squares))
+        mu, fixed = self._bounds
+        if weight != 1.0:
+            mu, fixed = weight * mu, weight * fixed
+        _write_squared_violations(*self._rows, mu, fixed, self._partner, self._numbers, impulses, velocity)
+        return np.sqrt(self._squares)
 
 
 class ModelResidual(Residual):
@@ -155,7 +150,8 @@ class ModelResidual(Residual):
 
     def __init__(self, problem: ContactProblem, model: Model) -> None:
         super().__init__(problem)
-        self._problem, self._model = in_units(problem, self.unit), model
+        self._model = model
+        self._problem = problem if self.unit == 1.0 else in_units(problem, time=self.unit).problem
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
@@ -164,24 +160,6 @@ class ModelResidual(Residual):
         impulses, velocity = self.unit * impulses, self.unit * velocity
         relative = self.ratios * violations(self._problem, self, impulses, velocity, self._model)
         return ratio(relative.max(initial=0.0), self.unit * self.scale)
-
-
-def in_units(problem: ContactProblem, unit: float) -> ContactProblem:
-    """Return the problem whose impulses and velocities are ``unit`` times those of ``problem``."""
-    if unit == 1.0:
-        return problem
-    answer, known = problem.answer, {}
-    if problem.free_fall:
-        known = {FREE_FALL: unit * problem.free_fall}
-    if answer is not None and answer.velocity is not None:
-        answer = replace(answer, velocity=unit * answer.velocity)
-    return replace(
-        problem,
-        free_velocity=unit * problem.free_velocity,
-        laws=replace(problem.laws, fixed_bound=unit * problem.laws.fixed_bound),
-        answer=answer,
-        provenance={**problem.provenance, **known},
-    )
 
 
 def _unit(scale: float) -> float:
@@ -203,93 +181,91 @@ def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  #
 
 
 @njit(cache=True, error_model="numpy")
-def _squared_violations(  # type: ignore[no-untyped-def]
-    sets, row_count, first_row, mu, fixed, partner, alpha, impulses, velocity, ratios, squares
+def _write_squared_violations(  # type: ignore[no-untyped-def]
+    sets, row_count, first_row, mu, fixed, partner, numbers, impulses, velocity
 ):
-    """Write (α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest of their roots times their ratios.
+    """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest of their roots times their ratios.
 
     That is a velocity [m/s], and NaN if any of them is.
 
     Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
     for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
     """
-    largest = 0.0
+    alpha, lengths, _, ratios, squares = numbers
+    largest, one = 0.0, uint64(1)
     for law in range(uint64(len(sets))):
         row, a = uint64(first_row[law]), alpha[law]
-        held = a * impulses[row]
-        x = held - velocity[row]
         if sets[law] == HALF_LINE:
+            held = a * impulses[row]
             square = (held if held < velocity[row] or held != held else velocity[row]) ** 2
-        else:
+        elif sets[law] == BALL:
             bound = fixed[law]
             if partner[law] >= 0:
                 bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
             bound *= a
             if row_count[law] == 1:
-                limited = min(max(x, -bound), bound)
-                square = (velocity[row] if limited == x else held - limited) ** 2
-                if not x * x <= INSIDE * bound * bound:
-                    square = max(square, _hidden_by_sliding(held * held, bound))
+                square = _outside_interval(a * impulses[row], velocity[row], bound)
+            elif row_count[law] == 2:
+                held = a * impulses[row], a * impulses[row + one]
+                square = _outside_disc(held[0], held[1], velocity[row], velocity[row + one], bound)
             else:
-                held_2 = a * impulses[row + uint64(1)]
-                y = held_2 - velocity[row + uint64(1)]
-                length_squared = x * x + y * y
-                if length_squared == np.inf:
-                    square = np.inf
-                elif length_squared <= bound * bound:
-                    square = velocity[row] ** 2 + velocity[row + uint64(1)] ** 2
-                else:
-                    scale = bound / np.sqrt(length_squared)
-                    square = (held - scale * x) ** 2 + (held_2 - scale * y) ** 2
-                if not length_squared <= INSIDE * bound * bound:
-                    square = max(square, _hidden_by_sliding(held * held + held_2 * held_2, bound))
-        squares[law] = square
-        square *= ratios[law] * ratios[law]
-        largest = square if square > largest or square != square else largest
-    return np.sqrt(largest)
-
-
-@njit(cache=True, error_model="numpy")
-def _squared_violations_of_any(  # type: ignore[no-untyped-def]
-    sets, row_count, first_row, mu, fixed, partner, alpha, lengths, impulses, velocity, ratios, squares
-):
-    """Do the same with joints and rolling friction among the laws: a bilateral law is violated by ξ."""
-    largest = 0.0
-    for law in range(len(sets)):
-        row, a = first_row[law], alpha[law]
-        if sets[law] == HALF_LINE:
-            held = a * impulses[row]
-            square = (held if held < velocity[row] or held != held else velocity[row]) ** 2
-        elif sets[law] == LINE:
+                square = _outside_ball(row, uint64(row_count[law]), a, bound, impulses, velocity)
+            square *= lengths[law] * lengths[law]
+        else:  # a line, whose law is violated by all of ξ
             square = velocity[row] ** 2
-        else:
-            bound = fixed[law]
-            if partner[law] >= 0:
-                bound += mu[law] * max(impulses[first_row[partner[law]]], 0.0)
-            square = lengths[law] ** 2 * _outside_ball(row, row_count[law], a, a * bound, impulses, velocity)
         squares[law] = square
         square *= ratios[law] * ratios[law]
         largest = square if square > largest or square != square else largest
     return np.sqrt(largest)
 
 
-@njit(cache=True, error_model="numpy")
-def _outside_ball(row, count, a, bound, impulses, velocity):  # type: ignore[no-untyped-def]
-    """Return ‖αΛ − prox(αΛ − ξ)‖² over ``count`` rows from ``row`` on, the prox onto a ball of radius ``bound``."""
-    squared, moved, held_squared = 0.0, 0.0, 0.0
-    for k in range(row, row + count):
-        squared += (a * impulses[k] - velocity[k]) ** 2
-        moved += velocity[k] ** 2
-        held_squared += (a * impulses[k]) ** 2
-    total = moved if squared < np.inf else np.inf
-    if squared < np.inf and not squared <= bound * bound:
-        total, scale = 0.0, bound / np.sqrt(squared)
-        for k in range(row, row + count):
-            held = a * impulses[k]
-            total += (held - scale * (held - velocity[k])) ** 2
+@njit(cache=True, inline="always")
+def _outside_interval(held, xi, bound):  # type: ignore[no-untyped-def]
+    """Return ‖h − prox(h − ξ)‖² for h = αΛ of one row, the prox onto [−bound, bound]."""
+    x = held - xi
+    limited = min(max(x, -bound), bound)
+    square = (xi if limited == x else held - limited) ** 2
+    if not x * x <= INSIDE * bound * bound:
+        square = max(square, _hidden_by_sliding(held * held, bound))
+    return square
+
+
+@njit(cache=True, inline="always")
+def _outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-def]
+    """Return the same for two rows and the disc of radius ``bound``."""
+    x_1, x_2 = held_1 - xi_1, held_2 - xi_2
+    squared = x_1 * x_1 + x_2 * x_2
+    if squared == np.inf:
+        square = np.inf
+    elif squared <= bound * bound:
+        square = xi_1 * xi_1 + xi_2 * xi_2
+    else:
+        scale = bound / np.sqrt(squared)
+        square = (held_1 - scale * x_1) ** 2 + (held_2 - scale * x_2) ** 2
     if not squared <= INSIDE * bound * bound:
-        total = max(total, _hidden_by_sliding(held_squared, bound))
-    return total
+        square = max(square, _hidden_by_sliding(held_1 * held_1 + held_2 * held_2, bound))
+    return square
+
+
+@njit(cache=True, error_model="numpy")
+def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[no-untyped-def]
+    """Return the same over ``count`` rows from ``first`` on, the prox onto the ball of radius ``bound``."""
+    squared, held_squared, square = 0.0, 0.0, 0.0
+    for k in range(first, first + count):
+        held, xi = a * impulses[k], velocity[k]
+        squared += (held - xi) * (held - xi)
+        held_squared += held * held
+        square += xi * xi
+    if squared == np.inf:
+        square = np.inf
+    elif not squared <= bound * bound:
+        scale, square = bound / np.sqrt(squared), 0.0
+        for k in range(first, first + count):
+            held = a * impulses[k]
+            square += (held - scale * (held - velocity[k])) ** 2
+    if not squared <= INSIDE * bound * bound:
+        square = max(square, _hidden_by_sliding(held_squared, bound))
+    return square
 
 
 @njit(cache=True, inline="always")
@@ -307,27 +283,15 @@ def violations(
         return _convex_violations(problem, residual, impulses, velocity)
     if model.kind == "pyramid":
         return _pyramid_violations(problem, residual, impulses, velocity, model.sides)
-    weight = 0.0 if model.kind == "frictionless" else 1.0
-    mu, fixed = weight * laws.friction_coefficient, weight * laws.fixed_bound
-    found = _coulomb_violations(laws, mu, fixed, residual, impulses, velocity)
+    found = residual.of_laws(impulses, velocity, 0.0 if model.kind == "frictionless" else 1.0)
     if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is required
         friction = laws.is_friction
         found[friction] = (residual.lengths * residual.alpha)[friction] * laws.friction_norms(impulses)
     return found
 
 
-def _coulomb_violations(
-    laws: Laws, mu: FloatArray, fixed: FloatArray, residual: Residual, impulses: FloatArray, velocity: FloatArray
-) -> FloatArray:
-    """Return ℓ_i α_i ‖R_i‖ [m/s] of every law, with friction coefficients and fixed bounds as given, (n_laws,)."""
-    squares = np.empty(laws.n_laws)
-    given = laws.sets, laws.row_count, laws.first_row, mu, fixed, laws.partner, residual.alpha
-    residual.square(given, impulses, velocity, squares)
-    return np.sqrt(squares)
-
-
 def convex_obstacle(problem: ContactProblem) -> str | None:
-    """Say why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
+    """Return why the associated (convex) model does not apply to the laws of ``problem``, or None if it does."""
     layout = problem.layout
     remote = np.flatnonzero(layout.partner != np.arange(layout.n_blocks))
     if not len(remote):
@@ -378,9 +342,9 @@ def block_lengths(problem: ContactProblem, residual: Residual) -> FloatArray:
 def _pyramid_violations(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, velocity: FloatArray, sides: int
 ) -> FloatArray:
-    """As Coulomb's law, with the disc of a spatial friction law replaced by its inscribed polygon."""
+    """Return the violations with the disc of each spatial friction law replaced by its inscribed polygon."""
     laws, alpha = problem.laws, residual.alpha
-    violations = _coulomb_violations(laws, laws.friction_coefficient, laws.fixed_bound, residual, impulses, velocity)
+    violations = residual.of_laws(impulses, velocity)
     spatial = np.flatnonzero(laws.is_friction & ~laws.is_rolling & (laws.row_count == 2) & (alpha > 0))
     rows = laws.first_row[spatial]
     held = np.column_stack([impulses[rows], impulses[rows + 1]])

@@ -18,8 +18,8 @@ from ..contact.problem import UNNAMED, ContactProblem
 from ..errors import PROBLEMS_LISTED, PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
-from .plugins import Offer, offers
-from .storage import SUFFIX, SUFFIXES, read_problem
+from .files.problem_file import SUFFIX, SUFFIXES, read_problem
+from .plugins.offers import Offer, offers
 
 FUNNEL_SIZES = (30, 100, 300, 1000)
 PILE_SIZES = (100, 300, 1000)

@@ -1,16 +1,21 @@
-"""Families of problems: what tables and samples group them by."""
+"""Families of problems, by which tables and samples group them."""
 
 import hashlib
 import re
 from collections.abc import Mapping
 from functools import cache
+from typing import Literal, get_args
 
 from ..contact.problem import ContactProblem
-from ..errors import ProblemError
+from ..errors import ProblemError, suggestion
 from ..hard import CASE_GROUPS
 
 FAMILY = "family"
-"""Where the provenance of a problem names its family."""
+"""Key of the family in the provenance of a problem."""
+
+
+Sampling = Literal["proportional", "even"]
+"""How the places of a sample are divided among families: by their sizes, or equally."""
 
 
 def family_of(problem: str | ContactProblem) -> str:
@@ -25,20 +30,24 @@ def family_of(problem: str | ContactProblem) -> str:
     return _hard_families().get(problem) or re.split("[-(]", problem, maxsplit=1)[0] or problem
 
 
-def sampled(families: Mapping[str, str], count: int, seed: int) -> list[str]:
-    """Return ``count`` of the problems, families in proportion, in their order; all if there are no more.
+def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
+    """Return ``count`` of the problems in their order; all if there are no more.
 
-    Each family has its share rounded up or down (by largest remainders). Its members are those whose names have the
-    least SHA-256 together with ``seed``: the same on every machine, and almost the same when problems are added.
+    In proportion, each family has its share rounded up or down (by largest remainders); evenly, all families have the
+    same number, but those that have fewer members. The members drawn are those whose names have the least SHA-256
+    together with ``seed``: the same on every machine, and almost the same when problems are added.
 
     Args:
         families: the family of each problem, by name.
         count: size of the sample.
         seed: which sample it is.
+        sampling: "proportional" or "even".
 
     Raises:
-        ProblemError: if ``count`` is not positive.
+        ProblemError: if ``count`` is not positive, or ``sampling`` is another word.
     """
+    if sampling not in get_args(Sampling):
+        raise ProblemError(f"`sampling` {sampling!r} is unknown{suggestion(str(sampling), get_args(Sampling))}")
     if count < 1:
         raise ProblemError(f"a sample must have at least one problem, got {count}.")
     members: dict[str, list[str]] = {}
@@ -46,7 +55,8 @@ def sampled(families: Mapping[str, str], count: int, seed: int) -> list[str]:
         members.setdefault(family, []).append(name)
     chosen: set[str] = set()
     sizes = {family: len(names) for family, names in members.items()}
-    for family, share in _shares(sizes, min(count, len(families))).items():
+    divide = _shares if sampling == "proportional" else _even_shares
+    for family, share in divide(sizes, min(count, len(families))).items():
         chosen |= set(sorted(members[family], key=lambda name: _rank(name, seed))[:share])
     return [name for name in families if name in chosen]
 
@@ -63,6 +73,16 @@ def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
     rest = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
     for family in rest[: count - sum(shares.values())]:
         shares[family] += 1
+    return shares
+
+
+def _even_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
+    """Return how many of ``count`` each family gets: one after another in turn, until a family has no more."""
+    shares = dict.fromkeys(sizes, 0)
+    while count:
+        for family in [family for family, size in sizes.items() if shares[family] < size][:count]:
+            shares[family] += 1
+            count -= 1
     return shares
 
 

@@ -1,4 +1,4 @@
-"""A folder of problem files as a suite: names, order and families, as its ``suite.toml`` says or as the files lie.
+"""Folders of problem files as suites, with names, order and families from ``suite.toml`` or the file names.
 
 A ``suite.toml`` may have::
 
@@ -8,8 +8,8 @@ A ``suite.toml`` may have::
     [groups]                                # families; else the folder in the folder, or the name up to its first dash
     "box stacks" = ["Boxes/*", "Box_Stacks-*"]
 
-Patterns are those of a shell and match paths in the folder, with ``/`` between folders. A pattern without any match is
-a mistake. Listing opens no file but ``suite.toml``.
+Patterns are shell patterns that match paths in the folder, with ``/`` between folders. A pattern without a match is an
+error. Listing opens only ``suite.toml``.
 """
 
 import os
@@ -25,10 +25,10 @@ from .catalog import is_path
 from .families import family_of
 
 DESCRIPTION = "suite.toml"
-"""The file of a folder that says what its suite is."""
+"""The file that describes the suite of a folder."""
 
-LONGEST_DESCRIPTION = 1_000_000
-"""Bytes that it may have."""
+MAX_DESCRIPTION_BYTES = 1_000_000
+"""Largest size of that file."""
 
 KEYS = ("name", "order", "exclude", "groups")
 
@@ -40,7 +40,7 @@ class Member:
     Attributes:
         name: unique in its suite: that of the file, with its folders where several files have it.
         path: the file, which ``load`` takes.
-        family: what it belongs to.
+        family: its family.
     """
 
     name: str
@@ -107,7 +107,7 @@ def list_folder(folder: Path | str) -> FolderSuite:
 
 
 def _files_below(folder: Path) -> list[Path]:
-    """Return the files below a folder; folders that vanish or cannot be read while it is looked through have none."""
+    """Return the files below a folder, without those of folders that vanish or cannot be read."""
     return [Path(place, name) for place, _, names in os.walk(folder) for name in names]
 
 
@@ -115,8 +115,8 @@ def _read_description(folder: Path) -> _Description:
     file = folder / DESCRIPTION
     if not file.is_file():
         return _Description(folder.resolve().name)
-    if file.stat().st_size > LONGEST_DESCRIPTION:
-        raise ProblemError(f"{file} has more than {LONGEST_DESCRIPTION} bytes; a suite is described by a few lines.")
+    if file.stat().st_size > MAX_DESCRIPTION_BYTES:
+        raise ProblemError(f"{file} has more than {MAX_DESCRIPTION_BYTES} bytes; a suite is described by a few lines.")
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:

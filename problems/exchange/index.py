@@ -11,7 +11,6 @@ from importlib import resources
 from pathlib import Path
 
 from .. import library
-from ..contact.laws import LawKind
 from ..contact.problem import ContactProblem
 from .catalog import SUITES, is_held, load
 
@@ -21,13 +20,13 @@ INDEX = "index.json"
 
 @dataclass(frozen=True)
 class ProblemSummary:
-    """What a table of problems shows of one.
+    """The entry of a problem in a table of problems.
 
     Attributes:
         contacts: number of contacts.
         rows: number of rows.
         laws: the kinds of law that occur, in words.
-        form: "factors" or "Delassus", which of the two the problem holds.
+        form: "factors" or "Delassus", the form that the problem holds.
     """
 
     contacts: int
@@ -38,9 +37,8 @@ class ProblemSummary:
 
 def summary_of(problem: ContactProblem) -> ProblemSummary:
     """Return the summary of one problem."""
-    laws = [LawKind(kind).name.lower().replace("_", " ") for kind in sorted(set(problem.laws.kind.tolist()))]
     form = "factors" if problem.factors is not None else "Delassus"
-    return ProblemSummary(problem.n_contacts, problem.n_rows, tuple(laws), form)
+    return ProblemSummary(problem.n_contacts, problem.n_rows, tuple(problem.laws.counts()), form)
 
 
 @cache
@@ -51,7 +49,7 @@ def stored_summaries() -> Mapping[str, ProblemSummary]:
 
 
 def current_summaries() -> dict[str, ProblemSummary]:
-    """Return the same from the problems themselves, all of which are built."""
+    """Return the same summaries from the problems themselves, building all of them."""
     return {name: summary_of(load(name)) for name in SUITES["all"] if is_held(name)}
 
 

@@ -16,8 +16,8 @@ from ..errors import ProblemError
 from .fclib.conversion import GUESSES
 from .fclib.files import SUFFIXES as FCLIB_SUFFIXES
 from .fclib.files import is_fclib_name, read_fclib
+from .files.problem_file import SUFFIXES, read_problem
 from .repair import ASYMMETRY, Repair
-from .storage import SUFFIXES, read_problem
 from .stored_solution import RESIDUAL
 
 RANK_TOLERANCE = 1e-9

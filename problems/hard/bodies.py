@@ -1,12 +1,14 @@
-"""What the hard cases share: weight, time step, and how bodies that move freely become a contact problem."""
+"""Constants and functions that the hard cases share."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
+from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 
 GRAVITY = 9.81
@@ -20,26 +22,28 @@ WEIGHT = GRAVITY * TIME_STEP
 
 
 def bodies(
-    directions: FloatArray,
+    directions: Any,
     inverse_mass: FloatArray,
     motion: FloatArray,
     friction: ArrayLike = 0.0,
     dim: int = 3,
     *,
     answer: Answer,
+    laws: Laws | None = None,
 ) -> ContactProblem:
     """Return the problem of bodies without restitution, c = Wᵀ u for their free motion u.
 
     Args:
-        directions: W, shape (n_dofs, n_rows).
+        directions: W, dense or scipy sparse, shape (n_dofs, n_rows).
         inverse_mass: diagonal of M⁻¹, shape (n_dofs,).
         motion: u, shape (n_dofs,).
         friction: μ, one number or one for each contact.
         dim: rows per contact.
-        answer: what is known of its solution.
+        answer: the known part of its solution.
+        laws: any laws, instead of ``friction`` and ``dim``.
     """
-    c = directions.T @ motion
-    return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim, free_motion=motion, answer=answer)
+    given = directions, inverse_mass, directions.T @ motion, friction, dim
+    return ContactProblem.from_factors(*given, laws=laws, free_motion=motion, answer=answer)
 
 
 def in_box(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:

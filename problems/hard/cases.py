@@ -7,6 +7,7 @@ from itertools import chain
 import numpy as np
 
 from ..contact.problem import ContactProblem
+from ..contact.transformations import in_units
 from . import degenerate, joints, mixed, rods, spheres, stacks, supports, wedges
 from .bodies import WEIGHT
 from .families import (
@@ -20,7 +21,6 @@ from .families import (
 )
 from .rods import CRITICAL_FRICTION
 from .stacks import bottom_heavy, top_heavy
-from .transformations import in_units
 
 Maker = Callable[[], ContactProblem]
 

@@ -1,4 +1,4 @@
-"""Cases at the edge of what a problem is: nothing to do, nothing that can be done, directions without length."""
+"""Degenerate cases: no contacts, no motion, no solution, and directions of zero length."""
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def no_motion(n: int = 3) -> ContactProblem:
 
 
 def almost_no_motion(speed: float) -> ContactProblem:
-    """Return a block at rest on two supports with a free velocity of ``speed`` [m/s] only, however small or large.
+    """Return a block at rest on two supports with a free velocity of ``speed`` [m/s], which may be tiny or huge.
 
     Λ_N = m·speed/2 each, because the second support lies opposite to the first.
     """
@@ -93,7 +93,7 @@ def immovable_among(n: int) -> ContactProblem:
 
 
 def squeezed() -> ContactProblem:
-    """Return a body between two walls that close in at 1 m/s each: no impulse can satisfy both, and none ends.
+    """Return a body between two walls that approach at 1 m/s each, so that no impulse can satisfy both.
 
     ξ_1 + ξ_2 = −2 whatever Λ, so that the judge's residual is at least 1.
     """
@@ -102,10 +102,10 @@ def squeezed() -> ContactProblem:
 
 
 def directions_without_length() -> ContactProblem:
-    """Return a body of 1 kg on one contact, beside contacts whose normal, tangents or all directions have no length.
+    """Return a body of 1 kg on one contact, beside contacts with tangents or all directions of zero length.
 
-    Only the first contact bears, Λ_N = m g Δt, and sticks with Λ_T = (−0.001, 0); the second has tangents of no length,
-    opens at 1 m/s and has Λ_N = 0; the third has no directions at all and opens at 1 m/s.
+    Only the first contact bears the body, with Λ_N = m g Δt, and sticks with Λ_T = (−0.001, 0). The second has tangents
+    of zero length, opens at 1 m/s and has Λ_N = 0. The third has only zero directions and opens at 1 m/s.
     """
     directions = np.zeros((6, 9))
     directions[:3, :3] = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -119,9 +119,9 @@ def directions_without_length() -> ContactProblem:
 
 
 def friction_for_nothing() -> ContactProblem:
-    """Return a contact whose normal has no length but opens at 1 m/s, with a tangent that slides at 1 m/s.
+    """Return a contact with a normal of zero length that opens at 1 m/s and a tangent that slides at 1 m/s.
 
-    Λ_N = 0 because the contact opens, so that no friction acts; a normal impulse would move nothing, and yet allow it.
+    Λ_N = 0 because the contact opens, and so friction is zero; a normal impulse would move nothing but permit friction.
     """
     directions = np.array([[0.0, 1.0]])
     answer = Answer(impulses=(np.zeros(2),), velocity=np.ones(2))

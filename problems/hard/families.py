@@ -1,11 +1,11 @@
-"""Random problems whose solution is chosen first: any rank, any spread of masses, any sparsity, any friction.
+"""Random problems with a chosen solution, of any rank, mass ratio, sparsity and friction.
 
 Λ and ξ are drawn complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ at random,
 and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5), so that c
 has no rounding error and the chosen solution solves the stored problem exactly, whatever its condition.
 
-Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction other solutions may exist
-beside the chosen one, unless normal impulses alone bear the load (``braced``).
+Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
+solutions, unless normal impulses alone bear the load (``braced``).
 """
 
 from dataclasses import dataclass
@@ -26,16 +26,16 @@ FINEST_MASS = 12
 
 @dataclass(frozen=True)
 class Family:
-    """What is chosen of a random problem.
+    """The parameters of a random problem.
 
     Attributes:
         n_contacts: number of contacts.
         dim: rows per contact, 1, 2 or 3.
         n_dofs: degrees of freedom, the largest rank that G can have.
         mass_range: masses are powers of two from 2^−mass_range to 2^mass_range kg, at most ``FINEST_MASS``.
-        density: share of the entries of W that are not zero; every column keeps at least one.
+        density: fraction of nonzero entries of W; every column has at least one.
         friction: μ of all contacts, a multiple of 1/8.
-        states: what contacts may do, of ``STATES``.
+        states: the states that contacts may have, of ``STATES``.
     """
 
     n_contacts: int
@@ -52,15 +52,13 @@ def with_solution(family: Family, seed: int) -> ContactProblem:
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
     impulses, velocity = _complementary(family, rng)
-    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
-    unique = family.dim == 1 or family.friction == 0.0
-    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
+    is_unique = family.dim == 1 or family.friction == 0.0
+    return _solved_by(impulses, velocity, is_unique, directions, inverse_mass, _contacts(family))
 
 
 @dataclass(frozen=True)
 class LinkedFamily(Family):
-    """What is chosen of a random problem with joints and rolling friction beside its contacts.
+    """The parameters of a random problem with joints and rolling friction.
 
     Attributes:
         n_joints: number of bilateral rows.
@@ -79,7 +77,7 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
     A contact that slides or sticks may roll or not, independently.
     """
     rng = np.random.default_rng(seed)
-    laws = Laws.contacts(np.full(family.n_contacts, family.friction), family.dim, family.n_contacts)
+    laws = _contacts(family)
     if family.rolling_rows:
         laws = laws.with_rolling(family.rolling_friction, family.rolling_rows)
     laws = Laws.together([laws, Laws.joints(family.n_joints)])
@@ -96,26 +94,22 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
         rolling[1][contact] = float(rng.integers(1, 9)) / 8.0 * direction * (state == "slip")
     joints = [rng.integers(-8, 9, size=family.n_joints) / 8.0, np.zeros(family.n_joints)]
     impulses, velocity = (np.append(np.column_stack([sliding[k], rolling[k]]).ravel(), joints[k]) for k in range(2))
-    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
-    unique = family.dim == 1 and family.rolling_rows == 0
-    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, answer=answer)
+    is_unique = family.dim == 1 and family.rolling_rows == 0
+    return _solved_by(impulses, velocity, is_unique, directions, inverse_mass, laws)
 
 
 def braced(family: Family, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
 
     c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0, see ``supports``; Λ itself is unique only if W has full rank
-    and nothing can be wedged. The states of the family are not looked at.
+    and nothing can be wedged. The states of the family are ignored.
     """
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
     bearing = np.zeros((family.n_contacts, family.dim))
     bearing[:, 0] = rng.integers(1, 17, size=family.n_contacts) / 8.0
     impulses = bearing.ravel()
-    c = -(directions.T @ (inverse_mass * (directions @ impulses)))
-    answer = Answer(velocity=np.zeros(len(c)), witness=impulses, sensitivity=1e6)
-    return ContactProblem.from_factors(directions, inverse_mass, c, family.friction, dim=family.dim, answer=answer)
+    return _solved_by(impulses, np.zeros(len(impulses)), True, directions, inverse_mass, _contacts(family))
 
 
 def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
@@ -137,7 +131,7 @@ def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int)
 
 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
-    """Return a problem of ``family`` given by arrays of float32, which lose nothing of it: its fractions are short.
+    """Return a problem of ``family`` given by arrays of float32, which represent its short fractions exactly.
 
     It is in factor form, or ``assembled`` in Delassus form, for equal masses and few degrees of freedom.
     """
@@ -150,6 +144,24 @@ def single_precision(family: Family, seed: int, assembled: bool = False) -> Cont
     directions = whole.factors.force_directions.astype(np.float32)
     inverse_mass = whole.factors.inverse_mass.matrix.diagonal().astype(np.float32)
     return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim=family.dim, answer=whole.answer)
+
+
+def _contacts(family: Family) -> Laws:
+    return Laws.contacts(np.full(family.n_contacts, family.friction), family.dim, family.n_contacts)
+
+
+def _solved_by(
+    impulses: FloatArray,
+    velocity: FloatArray,
+    is_unique: bool,
+    directions: FloatArray,
+    inverse_mass: FloatArray,
+    laws: Laws,
+) -> ContactProblem:
+    """Return the problem with c = ξ − Wᵀ M⁻¹ W Λ, whose ξ is the only one if ``is_unique``."""
+    c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
+    answer = Answer(velocity=velocity if is_unique else None, witness=impulses, sensitivity=1e6)
+    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, answer=answer)
 
 
 def _factors(family: Family, rng: np.random.Generator, n_rows: int) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,7 @@
-"""Linked bodies in closed form: hanging and towed chains, loops with more joints than they need, pendulums.
+"""Linked bodies in closed form: hanging and towed chains, loops with redundant joints, pendulums.
 
-Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 there, and what the joints
-push their bodies with, W Λ = M (u − u_f), is known wherever the motion u is, unique or not as Λ may be.
+Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 there. The momentum that the
+joints transfer, W Λ = M (u − u_f), is known wherever the motion u is, even if Λ is not unique.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, in_box
+from .bodies import WEIGHT, bodies, in_box
 
 
 def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
@@ -103,14 +103,8 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     inverse_mass = np.append(np.full(n, 1.0 / mass), [1.0, 1.0, 1.0 / inertia])
     velocity = directions.T @ (inverse_mass * (directions @ impulses) + motion)
     velocity[: n + 1] = 0.0
-    return ContactProblem.from_factors(
-        directions,
-        inverse_mass,
-        directions.T @ motion,
-        laws=laws,
-        free_motion=motion,
-        answer=Answer(impulses=(impulses,), velocity=velocity, sensitivity=100.0 * n * n),
-    )
+    answer = Answer(impulses=(impulses,), velocity=velocity, sensitivity=100.0 * n * n)
+    return bodies(directions, inverse_mass, motion, laws=laws, answer=answer)
 
 
 def immovable_joint() -> ContactProblem:
@@ -120,12 +114,11 @@ def immovable_joint() -> ContactProblem:
 
 
 def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
-    """Return the answer of joints that are known to push their bodies with W Λ = ``push``, shape (n_dofs,)."""
+    """Return the answer of joints whose W Λ is known to be ``push`` [N s], shape (n_dofs,)."""
     return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=push)
 
 
 def _jointed(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
-    """Return the problem of joints alone, W as ``given``, dense or sparse, and c = Wᵀ u for the free motion u."""
+    """Return the problem of joints alone, with W dense or scipy sparse."""
     directions = sp.csc_array(given)
-    c, laws = directions.T @ motion, Laws.joints(directions.shape[1])
-    return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, free_motion=motion, answer=answer)
+    return bodies(directions, inverse_mass, motion, laws=Laws.joints(directions.shape[1]), answer=answer)

@@ -1,4 +1,4 @@
-"""Laws of every kind in one problem: fixed bounds, planar and spatial friction, partners far away, separate parts."""
+"""Cases that mix laws: fixed bounds, planar and spatial friction, remote partners, disconnected parts."""
 
 import numpy as np
 import scipy.sparse as sp
@@ -6,11 +6,11 @@ import scipy.sparse as sp
 from ..contact.answer import Answer
 from ..contact.laws import LawKind, Laws
 from ..contact.problem import ContactProblem
+from ..contact.transformations import in_units, united
 from .degenerate import one_row
 from .rods import pressing_rod
 from .stacks import sliding_tower, stack
 from .supports import block_on_supports, sticking_box
-from .transformations import in_units, united
 
 
 def tresca_joint() -> ContactProblem:
@@ -33,9 +33,10 @@ def mixed_laws(copies: int = 1) -> ContactProblem:
     rank and is nearly diagonal, so the solution is the only one.
     """
     one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
-    kind = np.tile([0, 0, 0, 1, 0, 1, 0, 2, 0, 2, 1], copies)
+    n, t, s = LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION
+    kind = np.tile([n, n, n, t, n, t, n, s, n, s, t], copies)
     partner = np.concatenate([np.where(one >= 0, one + 11 * copy, -1) for copy in range(copies)])
-    laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind > 0, 0.1, 0.0), partner)
+    laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind != n, 0.1, 0.0), partner)
     impulses = np.tile([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1], copies)
     velocity = np.tile([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7], copies)
     n_rows = 13 * copies
@@ -78,7 +79,7 @@ def remote_brakes(n: int) -> ContactProblem:
 
 
 def few_parts() -> ContactProblem:
-    """Return an opening row, a jammed rod, joints and a remote partner side by side, a few of every kind of law."""
+    """Return an opening row, a jammed rod, joints and a remote partner side by side."""
     return united([one_row(0.1), pressing_rod(2.0), tresca_joint(), remote_partner()])
 
 

@@ -1,7 +1,7 @@
 """Painlevé's rods: one planar contact whose normal and tangent are coupled, at friction below and above the critical.
 
 Sliding with Λ_T = +μ Λ_N has G_NN + μ G_NT in the place of the normal compliance, which vanishes at the critical
-friction μ = −G_NN/G_NT: beyond it a rod that presses on the ground may jam, and one that leaves it may not.
+friction μ = −G_NN/G_NT: beyond it a rod that presses on the ground may jam.
 """
 
 from itertools import product
@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .transformations import united
+from ..contact.transformations import united
 
 ROD = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
 """G of the rod [1/kg]; of a rod ``mass`` times as heavy it is G/mass."""

@@ -3,7 +3,7 @@
 G of a sphere's contact is diag(1, 7/2, 7/2)/m and that of a block without rotation diag(1, 1, 1)/m, so that the normal
 impulse comes first, Λ_N = m max(−c_N, 0), and bounds the tangential one, Λ_T = −m_T c_T cut to the length μ Λ_N.
 
-With rolling friction the normal impulse still comes first, and bounds what acts on a sphere that moves in one
+With rolling friction the normal impulse still comes first. It bounds the friction of a sphere that moves in one
 direction, |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N. On a slope it stays where tan θ ≤ μ_r/r, and gains
 5/7 g (sin θ − μ_r/r cos θ) Δt where it rolls.
 """
@@ -16,10 +16,10 @@ from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
-from .bodies import WEIGHT, in_box
+from .bodies import WEIGHT, bodies, in_box
 
 RADIUS = 0.1
-"""Of the spheres that resist rolling [m]."""
+"""Radius of the spheres with rolling friction [m]."""
 
 
 def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3.5) -> ContactProblem:
@@ -38,9 +38,7 @@ def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3
     impulses = np.column_stack([normal, cut[:, None] * wanted]).ravel()
     diagonal = np.tile([1.0, compliance, compliance], n)
     answer = Answer(impulses=(impulses,), velocity=diagonal * impulses + c.ravel())
-    return ContactProblem.from_factors(
-        sp.eye_array(3 * n), diagonal, c.ravel(), friction, free_motion=c.ravel(), answer=answer
-    )
+    return bodies(sp.eye_array(3 * n), diagonal, c.ravel(), friction, answer=answer)
 
 
 def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactProblem:
@@ -119,15 +117,11 @@ def resisting_spheres(
     free[:, 3], free[:, 4] = -motion[:, 2] * along[:, 1], motion[:, 2] * along[:, 0]
     directions = sp.csc_array(sp.block_diag([whole[:, kept]] * n))
     inverse_mass = np.tile([1.0, 1.0, 1.0, *[1.0 / inertia] * 3], n)
-    known, c = impulses[:, kept].ravel(), directions.T @ free.ravel()
-    return ContactProblem.from_factors(
-        directions,
-        inverse_mass,
-        c,
-        laws=Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes),
-        free_motion=free.ravel(),
-        answer=Answer(impulses=(known,), velocity=directions.T @ (inverse_mass * (directions @ known)) + c),
-    )
+    known, motion = impulses[:, kept].ravel(), free.ravel()
+    velocity = directions.T @ (inverse_mass * (directions @ known)) + directions.T @ motion
+    answer = Answer(impulses=(known,), velocity=velocity)
+    laws = Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes)
+    return bodies(directions, inverse_mass, motion, laws=laws, answer=answer)
 
 
 def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:
@@ -144,7 +138,7 @@ def slowing_sphere(speed: float, share: float = 0.2) -> ContactProblem:
 
 
 def many_resisting_spheres(n: int, axes: int = 2) -> ContactProblem:
-    """Return ``n`` spheres that slide, roll, do both or stay, of all friction and in all directions."""
+    """Return ``n`` spheres that slide, roll, do both or stay, with random friction and directions."""
     rng = np.random.default_rng(n)
     motion = np.column_stack([rng.random(n), rng.normal(size=n), rng.normal(size=n) / RADIUS])
     motion[::4, 1:] *= 0.01
@@ -153,7 +147,7 @@ def many_resisting_spheres(n: int, axes: int = 2) -> ContactProblem:
 
 
 def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes: int = 2) -> ContactProblem:
-    """Return contacts between balls with rolling friction added: a pile of the library that resists rolling.
+    """Return contacts between balls with rolling friction added.
 
     Args:
         problem: spatial contacts in factor form, with the velocity and the angular velocity of each ball as degrees of
@@ -162,7 +156,7 @@ def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes
         axes: 2 for rolling, 3 for rolling and spinning.
 
     Raises:
-        ProblemError: if the problem has not this form.
+        ProblemError: if the problem does not have this form.
     """
     factors = problem.factors
     is_spatial = problem.layout.width == 3 and problem.layout.is_dense and problem.layout.bounds_are_own

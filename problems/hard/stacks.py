@@ -51,11 +51,11 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
 
 
 UNITS = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
-"""Units of the contacts of scaled problems, over and over."""
+"""Units of the contacts of scaled problems, repeated."""
 
 
 def scaled_rows(n: int = 5) -> ContactProblem:
-    """Return a stack of ``n`` ≥ 3 whose contacts are measured in units 1, 1e3, 1e-3, 1 and 1e6 apart, over and over.
+    """Return a stack of ``n`` ≥ 3 whose contacts have the units 1, 1e3, 1e-3, 1 and 1e6, repeated.
 
     With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ.
     """
@@ -63,9 +63,9 @@ def scaled_rows(n: int = 5) -> ContactProblem:
 
 
 def scaled_tower(n: int) -> ContactProblem:
-    """Return the sliding tower of ``n`` equal point masses, its contacts measured in the units of ``scaled_rows``.
+    """Return the sliding tower of ``n`` equal point masses, its contacts in the units of ``scaled_rows``.
 
-    All three rows of a contact have one unit, so that its friction cone is as it was.
+    All three rows of a contact have one unit, which leaves its friction cone unchanged.
     """
     return _scaled(sliding_tower(np.ones(n)), 3, 200.0 * n)
 

@@ -1,11 +1,11 @@
-"""Bodies on more supports than hold them: redundant, identical and duplicated contacts, at rest and sliding.
+"""Bodies on redundant supports: redundant, identical and duplicated contacts, at rest and sliding.
 
 The impulses of single contacts are not unique, their sums and all velocities are. Where the load is borne by normal
 impulses alone, M u_f = −W_N λ with λ ≥ 0, every solution is at rest whatever the friction: no impulse of a solution
 does positive work on ξ = Wᵀu, so that u·M u ≤ u·M u_f = −λ·ξ_N ≤ 0.
 
-On a body that slides at 1 m/s a residual ρ means velocities wrong by ρ m/s at each of n supports, which is 100 n ρ of
-the weight m g Δt = 0.00981 N s: hence the sensitivities.
+On a body that slides at 1 m/s, a residual ρ permits velocity errors of ρ m/s at each of n supports. This is 100 n ρ of
+the weight m g Δt = 0.00981 N s, which gives the sensitivities.
 """
 
 import numpy as np

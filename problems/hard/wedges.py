@@ -1,4 +1,4 @@
-"""Bodies between walls and in arches: contacts that brace each other, where friction makes impulses many."""
+"""Bodies between walls and in arches, where contacts brace each other and friction makes impulses not unique."""
 
 import numpy as np
 

@@ -7,15 +7,14 @@ system, the projection equations of ``linearised`` (Alart & Curnier 1991; that a
 lower the judge's residual started from wrong states, and is discarded.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Prepared, SolverError
-from ..iteration.correction import Correctable
+from ...problems.contact.solver import SolverError
+from ..conic.fixed_point import Correction, FixedPointMethod, PreparedFixedPoint
 from ..iteration.method import Method
 from ..iteration.stopping import Clock
 from ..newton.linearised import Equations
@@ -45,10 +44,10 @@ class Refined(Method):
         SolverError: if the solver does not offer its iterates.
     """
 
-    solver: Correctable
+    solver: FixedPointMethod
 
     def __post_init__(self) -> None:
-        if not isinstance(self.solver, Correctable) or self.solver.model != Model.COULOMB:
+        if not isinstance(self.solver, FixedPointMethod):
             raise SolverError(
                 f"Refined cannot refine {self.solver.name}, which does not offer its iterates; "
                 "use ClarabelCoulomb or CvxpyCoulomb."
@@ -63,27 +62,28 @@ class Refined(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         return self.solver.supports(problem)
 
-    def prepare(self, problem: ContactProblem) -> Prepared:
+    def prepare(self, problem: ContactProblem) -> PreparedFixedPoint:
         """Prepare the solver."""
-        return self.solver.prepare_corrected(problem, partial(Refinement, problem, Residual(problem)))
+        return replace(self.solver.prepare(problem), correction=partial(Refinement, problem, Residual(problem)))
 
 
-class Refinement:
+class Refinement(Correction):
     """Newton steps from the iterates of one solve: less and less often after failures, and always at the end."""
 
     def __init__(self, problem: ContactProblem, residual: Residual, clock: Clock, tolerance: float) -> None:
-        self._problem, self._residual, self._clock, self._tolerance = problem, residual, clock, tolerance
+        super().__init__(clock, tolerance)
+        self._problem, self._residual = problem, residual
         self._newton: NewtonMethod | None = None
         self.begin_phase()
 
     def begin_phase(self) -> None:
-        """See ``iteration.correction``."""
+        """See ``Correction``."""
         self._seen, self._wait, self._next, self._search = 0, 1, 2, FIRST_SEARCH
 
     def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
-        """See ``iteration.correction``."""
+        """See ``Correction``."""
         self._seen += 1
-        if residual <= self._tolerance:
+        if residual <= self.tolerance:
             return impulses, residual
         if is_last:
             return self._refine(THOROUGH, impulses, residual)
@@ -101,12 +101,12 @@ class Refinement:
         self, attempts: tuple[NewtonSettings, ...], impulses: FloatArray, residual: float
     ) -> tuple[FloatArray, float]:
         if self._newton is None:  # the equations assemble G, which is useless without a refinement
-            self._newton = NewtonMethod(Equations(self._problem, self._residual), self._clock, self._tolerance)
+            self._newton = NewtonMethod(Equations(self._problem, self._residual), self.clock, self.tolerance)
         best, lowest = impulses, residual
         for settings in attempts:
-            if lowest <= self._tolerance or self._clock.has_expired:
+            if lowest <= self.tolerance or self.clock.has_expired:
                 break
-            found, reached = self._newton.run(settings, impulses, residual, lambda _: not self._clock.has_expired)
+            found, reached = self._newton.run(settings, impulses, residual, lambda _: not self.clock.has_expired)
             if reached < lowest:
                 best, lowest = found, reached
         return best, lowest

@@ -17,7 +17,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
 from .fixed_point import FixedPointMethod, check_memory
@@ -73,7 +72,7 @@ class CvxpyCoulomb(FixedPointMethod):
         """Return why the solver cannot solve ``problem``, or None."""
         laws = problem.laws
         if (laws.row_count > 1).any() and not takes_cones(self.solver):
-            is_spatial = (laws.kind == LawKind.SPATIAL_FRICTION).any()
+            is_spatial = (laws.row_count[~laws.is_rolling] > 1).any()
             discs = "spatial friction" if is_spatial else "rolling friction about several axes"
             return f"it has {discs}, and {self.solver} does not support second-order cones"
         if problem.n_contacts > MAX_CONTACTS:

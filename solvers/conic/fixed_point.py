@@ -20,11 +20,12 @@ contraction. Where the iteration fails a proximal iteration follows (nonsmooth p
 G + diag(w) is positive definite: the program has exactly one solution, which depends continuously on (s, Λ). A fixed
 point solves the original problem. Small ε allow long steps, large ε damp oscillations.
 
-Another method may correct the iterates (``iteration.correction``), and the iteration continues from the result. No
+Another method may correct the iterates (``Correction``), and the iteration continues from the result. No
 decision depends on the tolerance: a solve to a tighter tolerance begins with the same iterates and ends no worse.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,7 +36,6 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.anderson import Anderson
-from ..iteration.correction import BeginCorrection, Correction, NoCorrection
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_option
 from ..iteration.stopping import ROUNDING, Clock, Outcome
@@ -83,8 +83,26 @@ def check_memory(memory: int) -> None:
     check_option("memory", memory, isinstance(memory, int) and memory >= 0, "a whole number, 0 or more")
 
 
+class Correction:
+    """Corrects the iterates of one solve; this one leaves them unchanged."""
+
+    def __init__(self, clock: Clock, tolerance: float) -> None:
+        """Take the clock and the tolerance of the solve."""
+        self.clock, self.tolerance = clock, tolerance
+
+    def begin_phase(self) -> None:
+        """Note that the iteration starts, or restarts in another way."""
+
+    def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
+        """Return better impulses [N s], shape (n_rows,), and their residual, or the given ones.
+
+        ``is_last`` means that the phase ends with this iterate unless it is corrected.
+        """
+        return impulses, residual
+
+
 class FixedPointMethod(Method, ABC):
-    """A fixed point over cone programs, whose iterates can be corrected (``iteration.correction``)."""
+    """A fixed point over cone programs, whose iterates can be corrected."""
 
     memory: int
 
@@ -94,23 +112,19 @@ class FixedPointMethod(Method, ABC):
 
     def prepare(self, problem: ContactProblem) -> "PreparedFixedPoint":
         """Set up the program."""
-        return self.prepare_corrected(problem, NoCorrection)
-
-    def prepare_corrected(self, problem: ContactProblem, begin: BeginCorrection) -> "PreparedFixedPoint":
-        """Set up the program; ``begin`` makes the correction of each solve."""
         self.check_supports(problem)
-        return PreparedFixedPoint(problem, Residual(problem), self.program(problem), self.memory, begin)
+        return PreparedFixedPoint(problem, Residual(problem), self.program(problem), self.memory)
 
 
 @dataclass(frozen=True)
 class PreparedFixedPoint:
-    """The outer iteration over the cone program of one problem."""
+    """The outer iteration over the cone program of one problem; ``correction`` makes the correction of each solve."""
 
     problem: ContactProblem
     residual: Residual = field(repr=False)
     program: ConicProgram = field(repr=False)
     memory: int
-    correction: BeginCorrection = NoCorrection
+    correction: Callable[[Clock, float], Correction] = Correction
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""

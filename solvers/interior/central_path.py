@@ -22,15 +22,12 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.loop import infeasible_solution
-from ..iteration.method import check_form, check_option
+from ..iteration.method import check_option
 from .followed_path import FollowedPath
-from .interior_point import NewtonSystem, newton_system, unsupported_form
 from .progress import Progress
 from .runs import NEGLIGIBLE_STEP, InteriorMethod, PreparedRuns
-from .scaled_problem import ScaledProblem
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ class CentralPath(InteriorMethod):
 
     def __post_init__(self) -> None:
         check_option("order", self.order, type(self.order) is int and 2 <= self.order <= 50, "a whole number, 2 to 50")
-        check_form(self.form)
+        super().__post_init__()
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
@@ -61,40 +58,17 @@ class CentralPath(InteriorMethod):
         if len(remote):
             law = int(layout.friction_law[remote[0]])
             return f"friction law {law} is bounded by the unilateral law of another contact"
-        return unsupported_form(problem, self.form)
+        return super().supports(problem)
 
-    def prepare(self, problem: ContactProblem) -> "PreparedPath":
-        """Scale the problem, assemble what the form needs, and order the factorisation."""
-        self.check_supports(problem)
-        residual = Residual(problem)
-        scaled = ScaledProblem(problem, residual, "de_saxce")
-        return PreparedPath(problem, residual, scaled, newton_system(problem, scaled, self.form), self.order)
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedPath(PreparedRuns):
-    """The scaled problem and its ordered factorisation."""
-
-    problem: ContactProblem
-    residual: Residual = field(repr=False)
-    scaled: ScaledProblem = field(repr=False)
-    system: NewtonSystem = field(repr=False)
-    order: int
-
-    @property
-    def flops(self) -> float:
-        """See ``PreparedRuns``."""
-        return self.system.flops
-
-    def run(self, progress: Progress) -> None:
+    def run(self, prepared: PreparedRuns, progress: Progress) -> None:
         """Follow the path until the progress has ended."""
-        path = self.path(progress)
+        path = self.path(prepared, progress)
         path.find(progress.best)
         path.follow()
 
-    def path(self, progress: Progress) -> FollowedPath:
+    def path(self, prepared: PreparedRuns, progress: Progress) -> FollowedPath:
         """Return the path; its first point is not known yet."""
-        return FollowedPath(self.scaled, self.system, self.order, progress)
+        return FollowedPath(prepared.scaled, prepared.system, self.order, progress)
 
 
 @dataclass(eq=False)
@@ -110,7 +84,7 @@ class ResumablePath:
     method: CentralPath
     problem: ContactProblem
     has_ended: bool = False
-    _prepared: PreparedPath | None = field(default=None, repr=False)
+    _prepared: PreparedRuns | None = field(default=None, repr=False)
     _path: FollowedPath | None = field(default=None, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -120,7 +94,7 @@ class ResumablePath:
         if progress is None:
             self.has_ended = True
             return infeasible_solution(self.problem)
-        self._path = self._path or self._prepared.path(progress)
+        self._path = self._path or self.method.path(self._prepared, progress)
         self._path.resume(progress)
         self.has_ended = progress.outcome is None or progress.outcome[0] is not Status.ITERATION_LIMIT
         return progress.solution()

@@ -88,7 +88,7 @@ def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def linearise_plainly(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
+def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
     """Write D₀ = L(p)⁻¹ L(q) and x₀ = L(p)⁻¹ (στ e − p∘q − dp_a∘dq_a) of each cone.
 
     ``target`` is στ, ``second`` the product of the predictor steps: the lanes of the cone, then the normal.
@@ -112,34 +112,6 @@ def linearise_plainly(kind, p, q, target, second, matrices, shifts):  # type: ig
         for lane in range(1, width):
             shifts[i, lane] = -(a[0] * b[lane] + b[0] * a[lane]) - second[i, lane]
         divide_by_arrow(a, shifts[i])
-
-
-@njit(cache=True, error_model="numpy")
-def linearise_by_nesterov_todd(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
-    """Write D₀ = Q_w⁻¹ with Q_w q = p (Nesterov & Todd 1997) and x₀ = στ p⁻¹ − q of each cone.
-
-    D₀ is symmetric. There is no second-order term.
-    """
-    width = p.shape[1]
-    for i in range(len(kind)):
-        if kind[i] < CONE:
-            continue
-        a, b, d = p[i], q[i], matrices[i]
-        det = determinant(a)
-        norm_a, norm_b = np.sqrt(det), np.sqrt(determinant(b))
-        cosine = (a[0] * b[0] + dot_tangential(a, b)) / (norm_a * norm_b)
-        size = 1.0 / np.sqrt(2.0 * (1.0 + cosine))
-        ratio, v = norm_b / norm_a, shifts[i]
-        v[0] = size * (a[0] / norm_a + b[0] / norm_b)
-        for lane in range(1, width):
-            v[lane] = -size * (a[lane] / norm_a - b[lane] / norm_b)
-        for lane in range(width):
-            for column in range(width):
-                unit = (-1.0 if lane == 0 else 1.0) if lane == column else 0.0
-                d[lane, column] = ratio * (2.0 * v[lane] * v[column] + unit)
-        shifts[i, 0] = target * a[0] / det - b[0]
-        for lane in range(1, width):
-            shifts[i, lane] = -target * a[lane] / det - b[lane]
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,8 +184,8 @@ def follow(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def longest_steps(kind, friction, p, q, r, u, dr, du, ds, longest):  # type: ignore[no-untyped-def]
-    """Write the longest step of each cone within its boundaries; return the smallest."""
+def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-untyped-def]
+    """Return the longest step within the boundaries of all cones."""
     least = np.inf
     for i in range(len(kind)):
         t = np.inf
@@ -226,7 +198,6 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds, longest):  # type: ign
             dp, dq = (dr[i, 0], du[i, 0]) if kind[i] == CONE else (friction[i] * dr[i, 0], ds[i])
             t = min(t, to_boundary(p[i], dp, dr[i]))
             t = min(t, to_boundary(q[i], dq, du[i]))
-        longest[i] = t
         least = min(least, t)
     return least
 

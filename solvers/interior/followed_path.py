@@ -8,9 +8,9 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
 from . import cones
-from .interior_point import NewtonSystem
 from .power_series import Direction, Series, local_product, products, write_right
 from .progress import Progress
+from .runs import NewtonSystem
 from .scaled_problem import ScaledProblem
 from .smoothing import on_manifold
 
@@ -77,9 +77,10 @@ class FollowedPath:
     def __init__(self, scaled: ScaledProblem, system: NewtonSystem, order: int, progress: Progress) -> None:
         self._scaled, self._system, self._order = scaled, system, order
         self._progress, n, width = progress, scaled.n_cones, scaled.lanes.width
-        self._full, self._none = np.ones(n), np.zeros(n)
+        self._full = np.ones(n)
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._right = np.zeros((n, width)), np.zeros((n, width))
+        self._linearised, self._reduced = (self._matrices, self._shifts), (self._coupled, self._right)
         self._heads, self._lifts = np.zeros((n, width + 1)), np.zeros(n)
         self._p, self._q = np.empty((n, width)), np.empty((n, width))
         self._point: Point
@@ -153,20 +154,9 @@ class FollowedPath:
         scaled, kind = self._scaled, self._scaled.kind
         cones.write_pairs(kind, scaled.bounds(point.r), point.r, point.u, point.s, self._p, self._q)
         self._heads[:] = 0.0
-        cones.linearise_plainly(kind, self._p, self._q, point.tau, self._heads, self._matrices, self._shifts)
-        cones.couple(
-            kind,
-            scaled.friction,
-            self._full,
-            point.r,
-            point.u,
-            self._matrices,
-            self._shifts,
-            point.tau,
-            self._heads,
-            self._coupled,
-            self._right,
-        )
+        cones.linearise(kind, self._p, self._q, point.tau, self._heads, *self._linearised)
+        laws = (kind, scaled.friction, self._full)
+        cones.couple(*laws, point.r, point.u, *self._linearised, point.tau, self._heads, *self._reduced)
         self._at = point
         return self._progress.factorise(lambda: self._system.factorise(self._coupled))
 
@@ -185,20 +175,8 @@ class FollowedPath:
         total = self._right if primal is None else self._right + primal
         dr = np.where(scaled.uses, self._system.solve(np.where(scaled.uses, total, 0.0), refinements), 0.0)
         du, ds = np.empty_like(dr), np.empty(len(dr))
-        cones.follow(
-            scaled.kind,
-            scaled.friction,
-            self._full,
-            point.u,
-            self._matrices,
-            self._shifts,
-            self._coupled,
-            self._right,
-            -lifts,
-            dr,
-            du,
-            ds,
-        )
+        laws = (scaled.kind, scaled.friction, self._full)
+        cones.follow(*laws, point.u, *self._linearised, *self._reduced, -lifts, dr, du, ds)
         return Direction(dr, du, ds, 0.0)
 
     def _product(self, x: Direction, y: Direction) -> float:

@@ -14,29 +14,19 @@ path of a convex cone program. Both parts of a step share one factorisation of �
 Where ‖R_s‖ > ‖r∘û‖ there is a single step towards σ₀τ. All contacts have the same step length.
 """
 
-from dataclasses import dataclass, field
-from typing import Literal, Protocol, get_args
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Status
-from ..iteration.method import check_form, check_option
 from . import cones
-from .damping import SHARES, Damping
 from .progress import Progress
-from .runs import InteriorMethod, PreparedRuns
-from .scaled_problem import Formulation, ScaledProblem, tangential_lengths
+from .runs import InteriorMethod, NewtonSystem, PreparedRuns
+from .scaled_problem import ScaledProblem, tangential_lengths
 from .smoothing import on_manifold
-from .systems.body_system import BodySystem
-from .systems.delassus_system import REFINEMENTS, DelassusSystem
-
-Scaling = Literal["plain", "nesterov_todd"]
-
-LINEARISATIONS = {"plain": cones.linearise_plainly, "nesterov_todd": cones.linearise_by_nesterov_todd}
-"""Linearisations of complementarity, by name."""
+from .systems.delassus_system import REFINEMENTS
 
 START, START_TANGENT = 1.0, 0.1
 """r_N = û_N and r_T = û_T of each contact at a cold start, in scaled units."""
@@ -57,100 +47,22 @@ WARM_SHARE, MIN_WARM_TAU, MAX_WARM_TAU = 0.1, 1e-8, 0.5
 """A warm start begins at τ = share × its residual, within these limits."""
 
 
-class NewtonSystem(Protocol):
-    """Ĝ of one problem, and the solution of (Ĝ + D) dr = b."""
-
-    @property
-    def flops(self) -> float:
-        """Multiplications and additions of one factorisation."""
-        ...
-
-    def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r for r, both of shape (m, w): m cones with w lanes each."""
-        ...
-
-    def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise for D of shape (m, w, w); return False if the matrix is singular."""
-        ...
-
-    def determinant_sign(self) -> float:
-        """Return the sign of det (Ĝ + D) of the last factorisation, 1 or −1."""
-        ...
-
-    def solve(self, right: FloatArray, refinements: int = 2) -> FloatArray:
-        """Return dr for a right side, both of shape (m, w)."""
-        ...
-
-
 @dataclass(frozen=True)
 class InteriorPoint(InteriorMethod):
     """A primal-dual interior point method for exact Coulomb friction; one iteration is one Newton step.
 
     Attributes:
-        scaling: linearise complementarity "plain", or in the metric of "nesterov_todd".
-        damping: of De Saxcé's term in the matrix: "none", "global" or by "contact", see ``damping``.
-        formulation: "de_saxce" combines contact and friction in one cone, with the velocity lifted by s; "bounded"
-            separates them, with a disc of radius a + μΛ_N. Laws with a fixed bound always have the second form.
         form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: for an unknown form.
     """
 
-    scaling: Scaling = "plain"
-    damping: Damping = "none"
-    formulation: Formulation = "de_saxce"
     form: Literal["delassus", "factors"] = "delassus"
 
-    def __post_init__(self) -> None:
-        check_option("scaling", self.scaling, self.scaling in get_args(Scaling), "'plain' or 'nesterov_todd'")
-        check_option("damping", self.damping, self.damping in get_args(Damping), "'none', 'global' or 'contact'")
-        is_known = self.formulation in get_args(Formulation)
-        check_option("formulation", self.formulation, is_known, "'de_saxce' or 'bounded'")
-        check_form(self.form)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_form(problem, self.form)
-
-    def prepare(self, problem: ContactProblem) -> "PreparedInteriorPoint":
-        """Scale the problem, assemble what the form needs, and order the factorisation."""
-        self.check_supports(problem)
-        residual = Residual(problem)
-        scaled = ScaledProblem(problem, residual, self.formulation)
-        return PreparedInteriorPoint(problem, residual, scaled, newton_system(problem, scaled, self.form), self)
-
-
-def unsupported_form(problem: ContactProblem, form: str) -> str | None:
-    """Return why the Newton systems of ``problem`` cannot have this form, or None."""
-    if form == "factors" and problem.factors is None:
-        return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"
-    return None
-
-
-def newton_system(problem: ContactProblem, scaled: ScaledProblem, form: str) -> NewtonSystem:
-    """Return the Newton systems of a problem over contacts ("delassus") or over bodies ("factors")."""
-    return BodySystem(problem, scaled) if form == "factors" else DelassusSystem(problem, scaled)
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedInteriorPoint(PreparedRuns):
-    """The scaled problem and its ordered factorisation."""
-
-    problem: ContactProblem
-    residual: Residual = field(repr=False)
-    scaled: ScaledProblem = field(repr=False)
-    system: NewtonSystem = field(repr=False)
-    method: InteriorPoint
-
-    @property
-    def flops(self) -> float:
-        """See ``PreparedRuns``."""
-        return self.system.flops
-
-    def run(self, progress: Progress) -> None:
+    def run(self, prepared: PreparedRuns, progress: Progress) -> None:
         """Do Newton steps until the progress has ended."""
-        iterate = _Iterate(self, progress.best, progress.best_residual)
+        iterate = _Iterate(prepared.scaled, prepared.system, progress.best, progress.best_residual)
         while progress.outcome is None:
             iterate.step(progress)
             progress.check_gain()
@@ -159,17 +71,19 @@ class PreparedInteriorPoint(PreparedRuns):
 class _Iterate:
     """r, û and s of one solve, strictly inside the cones."""
 
-    def __init__(self, prepared: PreparedInteriorPoint, first: FloatArray, residual: float) -> None:
-        self._prepared, self._scaled, self._system = prepared, prepared.scaled, prepared.system
-        self._linearise = LINEARISATIONS[prepared.method.scaling]
+    def __init__(self, scaled: ScaledProblem, system: NewtonSystem, first: FloatArray, residual: float) -> None:
+        self._scaled, self._system = scaled, system
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
-        self._share = SHARES[prepared.method.damping](n)
+        # a bound by another contact is constant in the matrix of a step
+        self._share = np.where(self._scaled.is_remote, 0.0, 1.0)
         self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))
         self._p, self._q, self._right = np.empty((n, width)), np.empty((n, width)), np.empty((n, width))
-        self._du, self._ds, self._longest = np.empty((n, width)), np.empty(n), np.empty(n)
+        self._du, self._ds = np.empty((n, width)), np.empty(n)
+        self._laws = (self._kind, self._friction, self._share)
+        self._linearised, self._reduced = (self._matrices, self._shifts), (self._coupled, self._right)
         if np.any(first):
             tau = float(np.clip(WARM_SHARE * residual, MIN_WARM_TAU, MAX_WARM_TAU))
             r, u = self._scaled.of_impulses(first)
@@ -204,7 +118,6 @@ class _Iterate:
         self._lag = np.where(scaled.is_cone, self._s - tangential_lengths(self._u), 0.0)
         self._primal = self._u - self._system.times(self._r) - scaled.free_velocity
         self._primal[:, 0] += np.where(scaled.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
-        self._values = np.where(scaled.is_remote, 0.0, self._share.values)
         self._refinements = REFINEMENTS if progress.best_residual <= REFINED_RESIDUAL else 0
         found = self._combined_step(tau, bool(np.linalg.norm(self._lag) > norm), progress)
         if found is None:
@@ -214,7 +127,6 @@ class _Iterate:
         self._r, self._u = self._r + self._part * found, self._u + self._part * self._du
         self._s = self._s + self._part * self._ds
         self._keep_inside()
-        self._share.record(self._part, self._longest)
         progress.record(*scaled.judged(self._r), self._part)
         progress.check_feasibility(self._r)
 
@@ -242,47 +154,20 @@ class _Iterate:
 
     def _complete(self, target: float) -> None:
         """Linearise complementarity towards ``target`` = στ, and couple the lanes of each contact."""
-        self._linearise(self._kind, self._p, self._q, target, self._second, self._matrices, self._shifts)
-        cones.couple(
-            self._kind,
-            self._friction,
-            self._values,
-            self._r,
-            self._u,
-            self._matrices,
-            self._shifts,
-            target,
-            self._second,
-            self._coupled,
-            self._right,
-        )
+        cones.linearise(self._kind, self._p, self._q, target, self._second, *self._linearised)
+        cones.couple(*self._laws, self._r, self._u, *self._linearised, target, self._second, *self._reduced)
 
     def _solve(self) -> FloatArray:
         """Return dr of the linearised equations, and store dû and ds."""
         uses = self._scaled.uses
         right = np.where(uses, self._right + self._primal, 0.0)
         found = np.where(uses, self._system.solve(right, self._refinements), 0.0)
-        cones.follow(
-            self._kind,
-            self._friction,
-            self._values,
-            self._u,
-            self._matrices,
-            self._shifts,
-            self._coupled,
-            self._right,
-            self._lag,
-            found,
-            self._du,
-            self._ds,
-        )
+        cones.follow(*self._laws, self._u, *self._linearised, *self._reduced, self._lag, found, self._du, self._ds)
         return found
 
     def _longest_step(self, dr: FloatArray) -> float:
         return float(
-            cones.longest_steps(
-                self._kind, self._friction, self._p, self._q, self._r, self._u, dr, self._du, self._ds, self._longest
-            )
+            cones.longest_steps(self._kind, self._friction, self._p, self._q, self._r, self._u, dr, self._du, self._ds)
         )
 
     def _tau_at(self, dr: FloatArray, part: float) -> float:

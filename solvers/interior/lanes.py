@@ -9,61 +9,28 @@ Impulses are copied from blocks to cones, velocities are summed from cones to bl
 of its cones. A Newton system does not contain the splitting.
 """
 
-from typing import Protocol
-
 import numpy as np
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.blocks import BlockLayout
 
 
-class Lanes(Protocol):
-    """The lanes of m cones with w lanes each in n blocks.
+class Lanes:
+    """The lanes of m cones with w lanes each in n blocks: one cone per block, with its lanes padded by zeros.
 
     Attributes:
         width: lanes of a cone, w, 3 or 4.
         block: block of each cone, the first cones of all blocks in their order and then the second ones, shape (m,).
     """
 
-    width: int
-    block: IntArray
-
-    def from_block(self, blocks: FloatArray) -> FloatArray:
-        """Return impulses of cones, shape (m, w), from those of blocks; both cones get Λ_N."""
-        ...
-
-    def once_from_block(self, blocks: FloatArray) -> FloatArray:
-        """Return velocities of cones, shape (m, w), from those of blocks; the first cone gets all of ξ_N."""
-        ...
-
-    def to_block(self, cones: FloatArray) -> FloatArray:
-        """Return impulses of blocks, shape (n, width), from those of cones, whose Λ_N agree."""
-        ...
-
-    def sum_to_block(self, cones: FloatArray) -> FloatArray:
-        """Return velocities of blocks, shape (n, width), from those of cones."""
-        ...
-
-    def matrices_to_block(self, cones: FloatArray) -> FloatArray:
-        """Return D of blocks, shape (n, width, width), from D of cones, shape (m, w, w)."""
-        ...
-
-    def agree(self, impulses: FloatArray) -> None:
-        """Set Λ_N of both cones of a block to the larger one, in place, shape (m, w)."""
-        ...
-
-
-class ContactLanes:
-    """One cone per block, with the lanes of the block, padded by zeros."""
-
-    width = 3
+    width: int = 3
 
     def __init__(self, layout: BlockLayout) -> None:
         self._layout = layout
         self.block: IntArray = np.arange(layout.n_blocks)
 
     def from_block(self, blocks: FloatArray) -> FloatArray:
-        """See ``Lanes``."""
+        """Return impulses of cones, shape (m, w), from those of blocks; both cones get Λ_N."""
         if blocks.shape[1] == self.width:
             return blocks
         lanes = np.zeros((len(blocks), self.width))
@@ -71,33 +38,34 @@ class ContactLanes:
         return lanes
 
     def once_from_block(self, blocks: FloatArray) -> FloatArray:
-        """See ``Lanes``."""
+        """Return velocities of cones, shape (m, w), from those of blocks; the first cone gets all of ξ_N."""
         return self.from_block(blocks)
 
     def to_block(self, cones: FloatArray) -> FloatArray:
-        """See ``Lanes``."""
+        """Return impulses of blocks, shape (n, width), from those of cones, whose Λ_N agree."""
         return np.ascontiguousarray(cones[:, : self._layout.width])
 
     def sum_to_block(self, cones: FloatArray) -> FloatArray:
-        """See ``Lanes``."""
+        """Return velocities of blocks, shape (n, width), from those of cones."""
         return self.to_block(cones)
 
     def matrices_to_block(self, cones: FloatArray) -> FloatArray:
-        """See ``Lanes``."""
+        """Return D of blocks, shape (n, width, width), from D of cones, shape (m, w, w)."""
         return np.ascontiguousarray(cones[:, : self._layout.width, : self._layout.width])
 
     def agree(self, impulses: FloatArray) -> None:
-        """See ``Lanes``."""
+        """Set Λ_N of both cones of a block to the larger one, in place, shape (m, w)."""
 
 
-class RollingLanes:
+class RollingLanes(Lanes):
     """A second cone for each block with rolling friction; it uses its N lane if μ_r > 0."""
 
     def __init__(self, layout: BlockLayout) -> None:
-        self._layout, n = layout, layout.n_blocks
+        super().__init__(layout)
+        n = layout.n_blocks
         self._rolls = np.flatnonzero(layout.rolling_law >= 0)
         self.width = max(3, 1 + layout.rolling)
-        self.block: IntArray = np.concatenate([np.arange(n), self._rolls])
+        self.block = np.concatenate([np.arange(n), self._rolls])
         self._first, self._second = slice(0, n), slice(n, n + len(self._rolls))
         self._sliding, self._rolling = 1 + layout.sliding, layout.rolling
         shares = layout.rolling_coefficient[self._rolls] > 0.0
@@ -151,4 +119,4 @@ class RollingLanes:
 
 def lanes_of(layout: BlockLayout) -> Lanes:
     """Return the lanes of the cones of a layout."""
-    return RollingLanes(layout) if layout.rolling else ContactLanes(layout)
+    return RollingLanes(layout) if layout.rolling else Lanes(layout)

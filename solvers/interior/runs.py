@@ -6,73 +6,89 @@ would repeat it. If other methods follow, a single run is enough, and it ends wh
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Stop
 from ..iteration.loop import infeasible_solution, initial_impulses
-from ..iteration.method import Method
+from ..iteration.method import Method, check_form
 from .progress import Progress
+from .scaled_problem import ScaledProblem
+from .systems.body_system import BodySystem
+from .systems.delassus_system import DelassusSystem
 
 NEGLIGIBLE_STEP = 1e-9
 """Steps below this fraction of a Newton step are negligible."""
 
+NewtonSystem = DelassusSystem | BodySystem
+"""The Newton systems of one problem, over contacts or over bodies."""
 
-class PreparedRuns(ABC):
-    """An interior point method made ready for one problem.
+
+class InteriorMethod(Method, ABC):
+    """An interior point method.
 
     Attributes:
-        problem: the problem.
-        residual: its residual.
+        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
     """
 
-    problem: ContactProblem
-    residual: Residual
+    form: Literal["delassus", "factors"]
 
-    @property
-    @abstractmethod
-    def flops(self) -> float:
-        """Multiplications and additions of one factorisation."""
+    def __post_init__(self) -> None:
+        check_form(self.form)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Return why the solver cannot solve ``problem``, or None."""
+        if self.form == "factors" and problem.factors is None:
+            return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"
+        return None
+
+    def prepare(self, problem: ContactProblem) -> "PreparedRuns":
+        """Scale the problem, assemble what the form needs, and order the factorisation."""
+        self.check_supports(problem)
+        residual = Residual(problem)
+        scaled = ScaledProblem(problem, residual)
+        system = BodySystem(problem, scaled) if self.form == "factors" else DelassusSystem(problem, scaled)
+        return PreparedRuns(self, problem, residual, scaled, system)
 
     @abstractmethod
-    def run(self, progress: Progress) -> None:
+    def run(self, prepared: "PreparedRuns", progress: Progress) -> None:
         """Continue from the best Λ until the progress has ended."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRuns:
+    """The scaled problem and its ordered factorisation; a solve is several runs, or one if ``is_single``."""
+
+    method: InteriorMethod
+    problem: ContactProblem
+    residual: Residual = field(repr=False)
+    scaled: ScaledProblem = field(repr=False)
+    system: NewtonSystem = field(repr=False)
+    is_single: bool = False
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run until the residual reaches the tolerance or a run fails to reduce it; see ``Prepared.solve``."""
-        progress = self.begin(stop, start, observe, 0.0)
-        while progress is not None and progress.may_run():
-            self.run(progress)
-        return infeasible_solution(self.problem) if progress is None else progress.solution()
-
-    def solve_in_one_run(
-        self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None
-    ) -> Solution:
-        """Do a single run."""
-        progress = self.begin(stop, start, observe, NEGLIGIBLE_STEP)
-        if progress is not None and progress.outcome is None:
-            self.run(progress)
-        return infeasible_solution(self.problem) if progress is None else progress.solution()
+        progress = self.begin(stop, start, observe, NEGLIGIBLE_STEP if self.is_single else 0.0)
+        if progress is None:
+            return infeasible_solution(self.problem)
+        while progress.may_run():
+            self.method.run(self, progress)
+            if self.is_single:
+                break
+        return progress.solution()
 
     def begin(self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float) -> Progress | None:
         """Begin a solve; return its progress, None if the problem is infeasible.
 
         Steps below the fraction ``shortest`` of a Newton step are negligible.
         """
-        first = initial_impulses(self.problem, self.residual, start)
+        first, flops = initial_impulses(self.problem, self.residual, start), self.system.flops
         if self.residual.infeasible:
             return None
-        return Progress(self.problem, self.residual, stop, observe, flops=self.flops, first=first, shortest=shortest)
-
-
-class InteriorMethod(Method, ABC):
-    """An interior point method."""
-
-    @abstractmethod
-    def prepare(self, problem: ContactProblem) -> PreparedRuns:
-        """Do the work that depends on the problem alone."""
+        return Progress(self.problem, self.residual, stop, observe, flops=flops, first=first, shortest=shortest)
 
 
 @dataclass(frozen=True)
@@ -90,17 +106,6 @@ class SingleRun(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         return self.method.supports(problem)
 
-    def prepare(self, problem: ContactProblem) -> "PreparedSingleRun":
+    def prepare(self, problem: ContactProblem) -> PreparedRuns:
         """Prepare the method."""
-        return PreparedSingleRun(self.method.prepare(problem))
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedSingleRun:
-    """A prepared method that does one run."""
-
-    method: PreparedRuns
-
-    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Run once; see ``Prepared.solve``."""
-        return self.method.solve_in_one_run(stop, start, observe)
+        return replace(self.method.prepare(problem), is_single=True)

@@ -9,8 +9,6 @@ beginning of the path then depends neither on units nor on masses. Both factors 
 and r∘û does not depend on k.
 """
 
-from typing import Literal
-
 import numpy as np
 
 from ...problems.arrays import FloatArray, IntArray
@@ -19,8 +17,6 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from . import cones
 from .lanes import lanes_of
-
-Formulation = Literal["de_saxce", "bounded"]
 
 Mask = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
@@ -40,13 +36,13 @@ class ScaledProblem:
         free_velocity: ĉ, shape (m, w).
     """
 
-    def __init__(self, problem: ContactProblem, residual: Residual, formulation: Formulation) -> None:
+    def __init__(self, problem: ContactProblem, residual: Residual) -> None:
         layout = problem.layout
         self._problem, self._residual, self.layout = problem, residual, layout
         self.lanes = lanes_of(layout)
-        sliding, self._remote = _sliding_kinds(layout, formulation)
+        sliding, self._remote = _sliding_kinds(layout)
         second = self.lanes.block[layout.n_blocks :]
-        self.kind: IntArray = np.concatenate([sliding, _rolling_kinds(layout, formulation)[second]])
+        self.kind: IntArray = np.concatenate([sliding, _rolling_kinds(layout)[second]])
         self.uses = self.lanes.from_block(layout.pad(np.ones(problem.n_rows))) > 0.0
         self.uses[(self.kind == cones.NORMAL) | (self.kind == cones.JOINT), 1:] = False
         self.uses[self.kind == cones.DISC, 0] = False
@@ -131,7 +127,7 @@ def tangential_lengths(lanes: FloatArray) -> FloatArray:
     return lengths
 
 
-def _sliding_kinds(layout: BlockLayout, formulation: Formulation) -> tuple[IntArray, IntArray]:
+def _sliding_kinds(layout: BlockLayout) -> tuple[IntArray, IntArray]:
     """Return the kind of each block's first cone, and the blocks whose friction is bounded by another contact."""
     own = layout.partner == np.arange(layout.n_blocks)
     mu, fixed = layout.friction_coefficient, layout.fixed_bound
@@ -141,18 +137,16 @@ def _sliding_kinds(layout: BlockLayout, formulation: Formulation) -> tuple[IntAr
     kind[has_normal & ~rubs] = cones.NORMAL
     kind[has_normal & rubs] = cones.BOTH
     kind[~has_normal & rubs] = cones.DISC
-    if formulation == "de_saxce":
-        kind[has_normal & own & (mu > 0.0) & (fixed == 0.0)] = cones.CONE
+    kind[has_normal & own & (mu > 0.0) & (fixed == 0.0)] = cones.CONE
     kind[layout.is_bilateral] = cones.JOINT
     return kind, np.flatnonzero(has_friction & ~own & (mu > 0.0))
 
 
-def _rolling_kinds(layout: BlockLayout, formulation: Formulation) -> IntArray:
+def _rolling_kinds(layout: BlockLayout) -> IntArray:
     """Return the kind of each block's second cone, that of rolling friction."""
     mu, fixed = layout.rolling_coefficient, layout.rolling_bound
     kind = np.full(layout.n_blocks, cones.IDLE, dtype=np.int64)
     kind[fixed > 0.0] = cones.DISC
     kind[mu > 0.0] = cones.BOTH
-    if formulation == "de_saxce":
-        kind[(mu > 0.0) & (fixed == 0.0)] = cones.CONE
+    kind[(mu > 0.0) & (fixed == 0.0)] = cones.CONE
     return kind

@@ -1,1 +1,1 @@
-"""What iterative methods share: the loop, stopping, momentum, relaxation and Anderson acceleration."""
+"""What iterative methods share: the loop, stopping, momentum and Anderson acceleration."""

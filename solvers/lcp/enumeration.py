@@ -13,7 +13,6 @@ from typing import ClassVar
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.contact.laws import LawKind
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
@@ -45,7 +44,7 @@ class Enumeration(Method):
         reason = unsupported_laws(problem)
         if reason:
             return reason
-        if (problem.laws.kind == LawKind.SPATIAL_FRICTION).any():
+        if (problem.laws.row_count > 1).any():
             return "it has spatial friction, whose directions of slip cannot be enumerated"
         if problem.n_contacts > MAX_CONTACTS:
             return f"it has {problem.n_contacts} contacts, and the states of more than {MAX_CONTACTS} are too many"
@@ -118,7 +117,7 @@ class PreparedEnumeration:
     def _candidates(self) -> Iterator[tuple[FloatArray, bool]]:
         """Yield the impulses of each combination of states, and whether its system is regular."""
         laws = self.problem.laws
-        choices = [("open", "closed") if kind == LawKind.UNILATERAL else ("stick", "+", "-") for kind in laws.kind]
+        choices = [("stick", "+", "-") if is_friction else ("open", "closed") for is_friction in laws.is_friction]
         for states in itertools.product(*choices):
             slips_for_nothing = any(
                 state == "-" and laws.fixed_bound[law] == 0.0 and states[laws.partner[law]] == "open"

@@ -19,9 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.laws import LawKind, Laws
+from ...problems.contact.laws import Laws
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.method import check_option
@@ -60,7 +61,7 @@ def check_sides(sides: int) -> None:
 
 def unknowns_of_laws(laws: Laws, sides: int) -> IntArray:
     """Return the number of unknowns of each law, shape (n_laws,)."""
-    unknowns: IntArray = np.array([1, 2, sides + 1])[laws.kind]
+    unknowns: IntArray = np.where(laws.is_friction, np.where(laws.row_count == 2, sides + 1, 2), 1)
     return unknowns
 
 
@@ -111,12 +112,12 @@ class _Conditions:
         self.direct: list[_Entries] = []
 
     def add_unilateral(self) -> None:
-        _, row, unknown = self._of_kind(LawKind.UNILATERAL)
+        _, row, unknown = self._unknowns(self._laws.is_unilateral)
         self.impulse.append((row, unknown, 1.0))
         self.velocity.append((unknown, row, 1.0))
 
     def add_planar(self) -> None:
-        law, row, upper = self._of_kind(LawKind.PLANAR_FRICTION)
+        law, row, upper = self._unknowns(self._laws.is_friction & (self._laws.row_count == 1))
         back = upper + 1
         self.impulse += [(row, upper, 1.0), self._bounds(law, row, -1.0)]
         self.velocity.append((upper, row, 1.0))
@@ -124,7 +125,7 @@ class _Conditions:
         self.offset[row], self.constant[back] = -self._bound[law], 2.0 * self._bound[law]
 
     def add_spatial(self) -> None:
-        law, row, first = self._of_kind(LawKind.SPATIAL_FRICTION)
+        law, row, first = self._unknowns(self._laws.is_friction & (self._laws.row_count == 2))
         corner, speed = first[:, None] + np.arange(self._sides), first + self._sides
         for axis, of_corner in enumerate(corners(self._sides)):
             self.impulse.append((row[:, None] + axis, corner, of_corner))
@@ -133,9 +134,9 @@ class _Conditions:
         self.direct += [(corner, column, 1.0), (column, corner, -1.0), self._bounds(law, speed, 1.0)]
         self.constant[speed] = self._bound[law]
 
-    def _of_kind(self, kind: LawKind) -> tuple[IntArray, IntArray, IntArray]:
-        """Return the laws of one kind, their first rows and their first unknowns."""
-        law = np.flatnonzero(self._laws.kind == kind)
+    def _unknowns(self, is_meant: NDArray[np.bool_]) -> tuple[IntArray, IntArray, IntArray]:
+        """Return the laws that are meant, their first rows and their first unknowns."""
+        law = np.flatnonzero(is_meant)
         return law, self._laws.first_row[law], self._first[law]
 
     def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:

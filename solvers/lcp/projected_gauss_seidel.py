@@ -16,7 +16,6 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.laws import LawKind
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
@@ -91,12 +90,12 @@ class Segments:
     def of(problem: ContactProblem, sides: int, relaxation: float) -> "Segments":
         """Return the segments of pyramids with ``sides`` sides."""
         blocks = problem.delassus_blocks()
-        kind = np.append(problem.laws.kind, LawKind.UNILATERAL)[problem.layout.friction_law]  # last: no friction
+        rows = np.append(problem.laws.row_count, 0)[problem.layout.friction_law]  # last: no friction
         angle = np.pi / sides * (2 * np.arange(sides // 2) + 1) + np.pi / 2
-        edges = np.zeros((len(kind), sides // 2, 2))
-        edges[kind == LawKind.SPATIAL_FRICTION] = np.column_stack([np.cos(angle), np.sin(angle)])
-        edges[kind == LawKind.PLANAR_FRICTION, 0, 0] = 1.0
-        share = np.where(kind == LawKind.SPATIAL_FRICTION, np.sin(np.pi / sides), 1.0)
+        edges = np.zeros((len(rows), sides // 2, 2))
+        edges[rows == 2] = np.column_stack([np.cos(angle), np.sin(angle)])
+        edges[rows == 1, 0, 0] = 1.0
+        share = np.where(rows == 2, np.sin(np.pi / sides), 1.0)
         own = blocks.values[blocks.starts[:-1]]
         curvature = np.einsum("bsi,bij,bsj->bs", edges, own[:, 1:, 1:], edges)
         return Segments(edges, share, inverse(curvature, relaxation), inverse(own[:, 0, 0], relaxation))

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.laws import LawKind, Laws
+from ...problems.contact.laws import Laws
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
 from ..conic.programs import Scaling
@@ -52,8 +52,8 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
     n_contacts = laws.n_laws // 2
     equal = Laws.contacts(laws.friction_coefficient[1::2], 3, n_contacts) if 2 * n_contacts == laws.n_laws else None
     if equal is None or not np.array_equal(laws.kind, equal.kind) or not np.array_equal(laws.partner, equal.partner):
-        kinds = sorted({LawKind(kind).name.lower().replace("_", " ") for kind in laws.kind.tolist()})
-        return f"Pinocchio supports only contacts with spatial Coulomb friction, and the laws are {', '.join(kinds)}"
+        kinds = ", ".join(sorted(laws.counts()))
+        return f"Pinocchio supports only contacts with spatial Coulomb friction, and the laws are {kinds}"
     if laws.fixed_bound.any():
         return "it has fixed friction bounds, which Pinocchio does not support"
     if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:

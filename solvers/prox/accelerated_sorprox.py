@@ -1,10 +1,9 @@
-"""SORprox over the Delassus matrix with ω = 1 and an acceleration: three methods that differ in this ingredient alone.
+"""SORprox over the Delassus matrix with ω = 1 and an acceleration: two methods that differ in this ingredient alone.
 
     NesterovSORprox     momentum by Nesterov's sequence, with restarts      (``iteration.momentum``)
     AndersonSORprox     Anderson acceleration every three sweeps            (``iteration.anderson``)
-    AdaptiveSORprox     relaxation that follows the convergence rate        (``iteration.relaxation``)
 
-The last two have the safeguard of ``sweeps.safeguarded``: contacts that oscillate take smaller steps, one by one.
+``AndersonSORprox`` has the safeguard of ``sweeps.safeguarded``: contacts that oscillate take smaller steps, one by one.
 """
 
 from abc import ABC, abstractmethod
@@ -17,7 +16,6 @@ from ..iteration.anderson import AndersonSweeps
 from ..iteration.loop import AcceleratedIterates, PreparedIteration
 from ..iteration.method import Method, check_option
 from ..iteration.momentum import RestartedMomentum
-from ..iteration.relaxation import AdaptiveRelaxation
 from ..sweeps.delassus import DelassusIterates, DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 from ..sweeps.step_size import diagonal_step_sizes, lane_weights
@@ -70,27 +68,3 @@ class AndersonSORprox(_AcceleratedSORprox):
     def accelerate(self, iterates: DelassusIterates, weights: FloatArray) -> AcceleratedIterates:
         """Add the safeguard, then the acceleration."""
         return AndersonSweeps(SafeguardedIterates(iterates), weights, self.memory)
-
-
-@dataclass(frozen=True)
-class AdaptiveSORprox(_AcceleratedSORprox):
-    """SORprox over the Delassus matrix with a relaxation that follows the convergence rate, from ω = 1 to 1.9."""
-
-    def accelerate(self, iterates: DelassusIterates, weights: FloatArray) -> AcceleratedIterates:
-        """Adapt ω, then add the safeguard."""
-        return SafeguardedRelaxation(AdaptiveRelaxation(iterates, weights))
-
-
-class SafeguardedRelaxation(SafeguardedIterates):
-    """Safeguarded iterates with adaptive relaxation."""
-
-    def __init__(self, iterates: AdaptiveRelaxation) -> None:
-        super().__init__(iterates)
-        self._relaxation = iterates
-
-    def reduce_acceleration(self) -> bool:
-        """Reduce the largest ω, and restore the steps of contacts that oscillated with a larger one."""
-        is_reduced = self._relaxation.reduce_acceleration()
-        if is_reduced:
-            self.restore_steps()
-        return is_reduced

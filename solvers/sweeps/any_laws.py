@@ -94,21 +94,7 @@ def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def sweep_delassus(  # type: ignore[no-untyped-def]
-    count,
-    starts,
-    lanes,
-    values,
-    free,
-    sizes,
-    friction,
-    fixed,
-    partner,
-    lowest,
-    rolling,
-    rolling_fixed,
-    axes,
-    sliding,
-    impulses,
+    count, starts, lanes, values, free, sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses
 ):
     """Gauss–Seidel sweeps over G in block rows."""
     width = len(axes)
@@ -129,13 +115,13 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
                 for lane in range(first_rolling, width):
                     for other in range(first_rolling):
                         xi[lane] += values[own + width * lane + other] * change[other]
-                bound = rolling_fixed[i] + rolling[i] * new
+                bound = a_r[i] + mu_r[i] * new
                 into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
 
 
 @njit(cache=True)
 def project_all(  # type: ignore[no-untyped-def]
-    sizes, friction, fixed, partner, lowest, rolling, rolling_fixed, axes, sliding, velocity, impulses
+    sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, velocity, impulses
 ):
     """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
     width = len(axes)
@@ -148,7 +134,7 @@ def project_all(  # type: ignore[no-untyped-def]
         xi = velocity[k : k + width]
         bound = fixed[i] + friction[i] * impulses[partner[i]]
         into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
-        bound = rolling_fixed[i] + rolling[i] * impulses[k]
+        bound = a_r[i] + mu_r[i] * impulses[k]
         into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
 
 
@@ -178,22 +164,7 @@ def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ign
 
 @njit(cache=True)
 def sweep_factors(  # type: ignore[no-untyped-def]
-    count,
-    starts,
-    chunks,
-    pieces,
-    free,
-    sizes,
-    friction,
-    fixed,
-    partner,
-    lowest,
-    rolling,
-    rolling_fixed,
-    axes,
-    sliding,
-    impulses,
-    scaled,
+    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses, v
 ):
     """Gauss–Seidel sweeps over the pieces of W̃, with v = W̃ Λ kept up to date law by law."""
     width = len(axes)
@@ -203,17 +174,17 @@ def sweep_factors(  # type: ignore[no-untyped-def]
         for i in range(len(friction)):
             k, begin, end = width * i, np.int64(starts[i]), np.int64(starts[i + 1])
             own = free[k : k + width]
-            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, scaled, own, xi)
+            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, own, xi)
             new = max(impulses[k] - sizes[3 * i] * xi[0], lowest[i])
             change[0], impulses[k] = new - impulses[k], new
-            _push(0, 1, begin, end, chunks, pieces, change, scaled)
+            _push(0, 1, begin, end, chunks, pieces, change, v)
             if sliding > 0:
-                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, scaled, own, xi)
+                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, own, xi)
                 bound = fixed[i] + friction[i] * impulses[partner[i]]
                 into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
-                _push(1, first_rolling, begin, end, chunks, pieces, change, scaled)
+                _push(1, first_rolling, begin, end, chunks, pieces, change, v)
             if first_rolling < width:
-                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, scaled, own, xi)
-                bound = rolling_fixed[i] + rolling[i] * new
+                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, own, xi)
+                bound = a_r[i] + mu_r[i] * new
                 into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
-                _push(first_rolling, width, begin, end, chunks, pieces, change, scaled)
+                _push(first_rolling, width, begin, end, chunks, pieces, change, v)

@@ -6,19 +6,24 @@ contacts fixed (``one_contact``), and moves Λ to Λ + ω(Λ* − Λ), projected
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
 from .any_laws import AnyLawArrays, into_ball, velocity_of_block
 from .delassus import DelassusState, FlatDelassus, LawArrays, planar_velocity, spatial_velocity
-from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial
+from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial, solve_usual_spatial
 from .rolling_contact import solve_rolling
 from .slip_angle import WORKSPACE
 from .step_size import diagonal_step_sizes
+
+NO_STEP_SIZES = np.empty(0)
+"""Stands for the step sizes of laws, which block sweeps do not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,68 +31,82 @@ class BlockSweep:
     """The constant data of a sweep.
 
     Attributes:
+        problem: the problem.
         delassus: G and c.
-        laws: μ for the contact's own normal impulse and μ for that of another contact, then ``LawArrays`` or
-            ``AnyLawArrays`` without step sizes and friction.
-        step_sizes: 1/α for the lanes of each block [kg], as in ``step_size``.
+        laws: ``LawArrays`` or ``AnyLawArrays`` without step sizes.
         relaxation: ω.
     """
 
+    problem: ContactProblem
     delassus: FlatDelassus
     laws: tuple[Any, ...]
-    step_sizes: FloatArray
     relaxation: float
 
     @staticmethod
     def over(problem: ContactProblem, relaxation: float) -> "BlockSweep":
         """Return the sweep of ``problem``."""
-        layout, sizes = problem.layout, diagonal_step_sizes(problem, 1.0)
-        own_friction, remote = _split_friction(layout.friction_coefficient, layout.partner)
-        laws = (LawArrays if layout.has_contacts_only else AnyLawArrays).of(layout, sizes)
-        return BlockSweep(FlatDelassus.of(problem), (own_friction, remote, *laws[2:]), sizes, relaxation)
+        layout = problem.layout
+        laws = (LawArrays if layout.has_contacts_only else AnyLawArrays).of(layout, NO_STEP_SIZES)
+        return BlockSweep(problem, FlatDelassus.of(problem), laws[1:], relaxation)
 
-
-@njit(cache=True)
-def _split_friction(friction, partner):  # type: ignore[no-untyped-def]
-    """Return μ of each contact's own normal impulse, and μ of another contact's."""
-    own, remote = np.zeros_like(friction), np.zeros_like(friction)
-    for i in range(len(friction)):
-        if partner[i] == i:
-            own[i] = friction[i]
-        else:
-            remote[i] = friction[i]
-    return own, remote
+    @cached_property
+    def step_sizes(self) -> FloatArray:
+        """1/α for the lanes of each block [kg], as in ``step_size``."""
+        return diagonal_step_sizes(self.problem, 1.0)
 
 
 class BlockIterates(DelassusState):
-    """Λ of a block Gauss–Seidel iteration.
-
-    Attributes:
-        step_sizes: 1/α for the lanes of each block [kg], as in ``step_size``.
-    """
+    """Λ of a block Gauss–Seidel iteration."""
 
     def __init__(self, sweep: BlockSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
-        self._sweep, self.step_sizes = sweep, sweep.step_sizes
-        self._kernel: Callable[..., None] = _sweep_any
-        if self.layout.has_contacts_only:
-            self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
-        self._work = np.empty(WORKSPACE)
-        self._relaxation = np.full(self.layout.n_blocks, float(sweep.relaxation))
-        self._arguments = (self._relaxation, *self._delassus.arrays, *sweep.laws, self.padded, self._work)
+        self._sweep, self._kernel = sweep, _kernel_of(self.layout)
+        self._relaxation = np.empty(self.layout.n_blocks)
+        self._relaxation.fill(sweep.relaxation)
+        self._arguments = (self._relaxation, *self._delassus.arrays, *sweep.laws, self.padded)
+
+    @property
+    def step_sizes(self) -> FloatArray:
+        """1/α for the lanes of each block [kg], as in ``step_size``."""
+        return self._sweep.step_sizes
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps."""
-        self._kernel(count, *self._arguments)
+        """Do ``count`` sweeps; the exact kernel ends each sweep in which a contact is not in a usual state."""
+        if self._kernel is not _sweep_usual_spatial:
+            self._kernel(count, *self._arguments)
+            return
+        n_blocks = max(self.layout.n_blocks, 1)
+        while count > 0:
+            visited = _sweep_usual_spatial(count, *self._arguments)
+            count -= visited // n_blocks + 1
+            if count >= 0:
+                _end_sweep_spatial(visited % n_blocks, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set ω of each block to this fraction of its initial value, shape (n_blocks,)."""
         self._relaxation[:] = self._sweep.relaxation * fraction
 
 
+def _kernel_of(layout: BlockLayout) -> Callable[..., Any]:
+    """Return the kernel that sweeps over blocks of these laws."""
+    if not layout.has_contacts_only:
+        return _sweep_any
+    kernels: tuple[Callable[..., Any], ...] = (_sweep_frictionless, _sweep_planar, _sweep_usual_spatial)
+    return kernels[layout.width - 1]
+
+
+@njit(cache=True, inline="always")
+def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no-untyped-def]
+    """Return μ of the own Λ_N of block i, in lane ``own``, and the part of its bound that does not depend on it."""
+    mu, bound = friction[i], fixed[i]
+    if partner[i] != own:
+        mu, bound = 0.0, bound + mu * impulses[partner[i]]
+    return mu, bound
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _sweep_frictionless(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, remote, fixed, partner, impulses, work
+    count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
     one = uint64(1)
     for _ in range(count):
@@ -101,7 +120,7 @@ def _sweep_frictionless(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _sweep_planar(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, remote, fixed, partner, impulses, work
+    count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
     for _ in range(count):
@@ -110,65 +129,74 @@ def _sweep_planar(  # type: ignore[no-untyped-def]
             normal, tangent = planar_velocity(i, 1, starts, lanes, values, free, impulses)
             nn, nt, tn, tt = values[own], values[own + one], values[own + two], values[own + three]
             old_n, old_t = impulses[k], impulses[k + one]
-            bound = fixed[i]
-            if remote[i] > 0.0:
-                bound += remote[i] * impulses[partner[i]]
-            n, t = solve_planar(nn, nt, tn, tt, normal, tangent, friction[i], bound, old_n, old_t)
+            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
+            n, t = solve_planar(nn, nt, tn, tt, normal, tangent, mu, bound, old_n, old_t)
             if relaxation[i] != 1.0:
                 n = max(old_n + relaxation[i] * (n - old_n), 0.0)
-                bound += friction[i] * n
+                bound += mu * n
                 t = min(max(old_t + relaxation[i] * (t - old_t), -bound), bound)
             impulses[k], impulses[k + one] = n, t
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _sweep_spatial(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, remote, fixed, partner, impulses, work
+def _sweep_usual_spatial(  # type: ignore[no-untyped-def]
+    count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
+    """Sweep until a contact is not in a usual state; return the number of contacts visited before it."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
-    for _ in range(count):
+    for done in range(count):
         for i in range(uint64(len(friction))):
             k, own = three * i, nine * starts[i]
             normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
+            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
             old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
-            bound = fixed[i]
-            if remote[i] > 0.0:
-                bound += remote[i] * impulses[partner[i]]
             block = values[own : own + nine]
-            n, t, s = solve_spatial(block, normal, first, second, friction[i], bound, old_n, old_t, old_s, work)
-            if relaxation[i] != 1.0:
-                n = max(old_n + relaxation[i] * (n - old_n), 0.0)
-                bound += friction[i] * n
-                t, s = old_t + relaxation[i] * (t - old_t), old_s + relaxation[i] * (s - old_s)
-                scale = disc_scale(t, s, bound)
-                t *= scale
-                s *= scale
-            impulses[k], impulses[k + one], impulses[k + two] = n, t, s
+            n, t, s, is_usual = solve_usual_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s)
+            if not is_usual:
+                return done * len(friction) + np.int64(i)
+            _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+    return count * len(friction)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _end_sweep_spatial(  # type: ignore[no-untyped-def]
+    begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+):
+    """Do the end of a sweep from contact ``begin`` on."""
+    one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
+    work = np.empty(WORKSPACE)
+    for i in range(uint64(begin), uint64(len(friction))):
+        k, own = three * i, nine * starts[i]
+        normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
+        mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
+        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        block = values[own : own + nine]
+        n, t, s = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s, work)
+        _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+
+
+@njit(cache=True, inline="always")
+def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[no-untyped-def]
+    """Move the impulse in lanes k, k + 1, k + 2 by the part ``relaxation`` towards (n, t, s), back onto its cone."""
+    one, two = uint64(1), uint64(2)
+    if relaxation != 1.0:
+        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        n = max(old_n + relaxation * (n - old_n), 0.0)
+        bound += mu * n
+        t, s = old_t + relaxation * (t - old_t), old_s + relaxation * (s - old_s)
+        scale = disc_scale(t, s, bound)
+        t *= scale
+        s *= scale
+    impulses[k], impulses[k + one], impulses[k + two] = n, t, s
 
 
 @njit(cache=True, error_model="numpy")
 def _sweep_any(  # type: ignore[no-untyped-def]
-    count,
-    relaxation,
-    starts,
-    lanes,
-    values,
-    free,
-    friction,
-    remote,
-    fixed,
-    partner,
-    lowest,
-    rolling,
-    rolling_fixed,
-    axes,
-    sliding,
-    impulses,
-    work,
+    count, relaxation, starts, lanes, values, free, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses
 ):
     """Sweeps over joints, row by row, and contacts with and without rolling friction."""
     width = len(axes)
-    xi, old, block = np.empty(width), np.empty(width), np.empty((width, width))
+    xi, old, block, work = np.empty(width), np.empty(width), np.empty((width, width)), np.empty(WORKSPACE)
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
@@ -181,16 +209,14 @@ def _sweep_any(  # type: ignore[no-untyped-def]
                 continue
             for row in range(width):
                 block[row] = values[own + width * row : own + width * (row + 1)]
-            bound = fixed[i]
-            if remote[i] > 0.0:
-                bound += remote[i] * impulses[partner[i]]
-            if rolling[i] > 0.0 or rolling_fixed[i] > 0.0:
-                solve_rolling(block, xi, sliding, friction[i], bound, rolling[i], rolling_fixed[i], held)
+            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
+            if mu_r[i] > 0.0 or a_r[i] > 0.0:
+                solve_rolling(block, xi, sliding, mu, bound, mu_r[i], a_r[i], held)
             else:
                 held[1 + sliding :] = 0.0
-                _solve_without_rolling(block, xi, sliding, friction[i], bound, held, work)
+                _solve_without_rolling(block, xi, sliding, mu, bound, held, work)
             if relaxation[i] != 1.0:
-                _relax(relaxation[i], sliding, friction[i], bound, rolling[i], rolling_fixed[i], old, held)
+                _relax(relaxation[i], sliding, mu, bound, mu_r[i], a_r[i], old, held)
 
 
 @njit(cache=True, error_model="numpy")

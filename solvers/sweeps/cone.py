@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.projections import onto_friction_cone
+from ...problems.contact.projections import onto_cone
 
 POWER_STEPS = 20
 """Steps of the power method for the largest eigenvalue."""
@@ -54,8 +54,8 @@ class ConeProblem:
     def projected(self, x: FloatArray) -> FloatArray:
         """Return the projection of x, shape (n_rows,), onto the product of all K."""
         layout, padded = self.layout, self.layout.pad(x)
-        bounds = (layout.friction_coefficient, self.fixed_bound)
-        normal, tangent = onto_friction_cone(padded[:, 0], padded[:, 1:], *bounds)
+        bounds = (layout.friction_coefficient,), (self.fixed_bound,)
+        normal, (tangent,) = onto_cone(padded[:, 0], (padded[:, 1:],), *bounds)
         return layout.unpad(np.column_stack([normal, tangent]))
 
     def lift(self, velocity: FloatArray) -> FloatArray:

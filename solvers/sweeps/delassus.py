@@ -10,6 +10,7 @@ which makes a sweep about a third faster than the same loops over three-dimensio
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,13 +84,6 @@ class FlatDelassus:
         arrays = DelassusArrays(blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free)
         return FlatDelassus(layout, arrays)
 
-    def relative_velocity(self, impulses: FloatArray, velocity: FloatArray) -> None:
-        """Write ξ = GΛ + c, padded and flat."""
-        if self.layout.width == 3:
-            _product_spatial(*self.arrays, impulses, velocity)
-        else:
-            _product(self.layout.width, *self.arrays, impulses, velocity)
-
 
 class DelassusState:
     """Λ of an iteration over the assembled G; sweeps change it in place.
@@ -101,7 +95,9 @@ class DelassusState:
 
     def __init__(self, delassus: FlatDelassus, start: FloatArray) -> None:
         self.layout, self.padded = delassus.layout, delassus.layout.pad(start).reshape(-1)
-        self._delassus, self._velocity = delassus, np.empty_like(self.padded)
+        self._delassus, self._velocity = delassus, np.empty(len(self.padded))
+        product = _product_spatial if self.layout.width == 3 else partial(_product, self.layout.width)
+        self._write_velocity = partial(product, *delassus.arrays, self.padded, self._velocity)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -109,7 +105,7 @@ class DelassusState:
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        self._delassus.relative_velocity(self.padded, self._velocity)
+        self._write_velocity()
         return self.layout.rows_of(self._velocity)
 
 
@@ -138,27 +134,29 @@ class DelassusSweep:
 
 
 class DelassusIterates(DelassusState):
-    """Λ of a Gauss–Seidel iteration.
-
-    Attributes:
-        step_sizes: r of the lanes of each block [kg], as in ``step_size``.
-    """
+    """Λ of a Gauss–Seidel iteration."""
 
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
         self._kernel: Callable[..., None] = sweep_delassus
-        self.step_sizes = sweep.laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
         if self.layout.has_contacts_only:
             self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
         self._laws = sweep.laws
+        self._arguments = (*sweep.delassus.arrays, *sweep.laws, self.padded)
+
+    @property
+    def step_sizes(self) -> FloatArray:
+        """Initial r of the lanes of each block [kg], as in ``step_size``."""
+        return self._laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._kernel(count, *self._delassus.arrays, *self._laws, self.padded)
+        self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set the step of each block to this fraction of its initial step, shape (n_blocks,)."""
-        self._laws = self._laws._replace(step_sizes=(self.step_sizes * fraction[:, None]).reshape(-1))
+        scaled = (self.step_sizes * fraction[:, None]).reshape(-1)
+        self._arguments = (*self._delassus.arrays, scaled, *self._laws[1:], self.padded)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ and its length; see ``LinearIterates``."""

@@ -32,7 +32,7 @@ class JacobiIterates(DelassusState):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         for _ in range(count):
-            self._delassus.relative_velocity(self.padded, self._velocity)
+            self._write_velocity()
             self._project(*self._laws, self._velocity, self.padded)
 
 

@@ -11,18 +11,24 @@ leaves part of Λ_T undetermined; that part stays unchanged, or moves as little 
 
 If no state is consistent (a singular block may have no solution, and rounding may exclude two neighbouring states), the
 result is the candidate with the smallest violation, as the judge measures it.
+
+``solve_usual_spatial`` finds the states of a regular block near the present impulse, which are nearly all, and tells
+where it fails. ``solve_spatial`` finds all states of any block, but takes seconds to compile.
 """
 
 import numpy as np
 from numba import njit
 
-from .slip_angle import refined_angle, slip_angles, slip_polynomial
+from .slip_angle import present_direction, refined_angle, slip_angles, slip_polynomial
 
 SINGULAR = 1e-12
 """A curvature below this fraction of the largest one of its block is rounding, and counts as zero."""
 
 REFINEMENTS = 8
 """Largest number of Newton steps on an inconsistent slip."""
+
+NO_JAM = 0.99
+"""(μ‖g_NT‖/G_NN)² below which friction cannot press a contact that separates without it."""
 
 STRAY = 1e-13
 """Relative velocity in the wrong direction, and excess over a bound, that counts as rounding."""
@@ -130,6 +136,38 @@ def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyp
 
 
 @njit(cache=True, error_model="numpy")
+def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ignore[no-untyped-def]
+    """Return what ``solve_spatial`` does and True, or False as the last value where the state is not a usual one.
+
+    A usual state is open, stick of a regular block, or the slip to which Newton's method leads from the present one.
+    """
+    nn, n0, h1, h2 = g[0], 0.0, 0.0, 0.0
+    if nn > 0.0:
+        n0, h1, h2 = -qn / nn, g[1] / nn, g[2] / nn
+        if a == 0.0 and qn >= 0.0 and (old_n <= 0.0 or (n0 < 0.0 and mu * mu * (h1 * h1 + h2 * h2) < NO_JAM)):
+            return 0.0, 0.0, 0.0, True
+        if a > 0.0 and old_n <= 0.0:
+            return 0.0, 0.0, 0.0, False
+    else:
+        mu = 0.0
+    s11, s12, s21, s22 = g[4] - g[3] * h1, g[5] - g[3] * h2, g[7] - g[6] * h1, g[8] - g[6] * h2
+    r1, r2 = q1 + g[3] * n0, q2 + g[6] * n0
+    size = max(max(abs(s11), abs(s12)), max(abs(s21), abs(s22)))
+    if not abs(s11 * s22 - s12 * s21) > SINGULAR * max(g[4], g[8]) * size:
+        return 0.0, 0.0, 0.0, False
+    t1, t2 = _two_equations(s11, s12, s21, s22, r1, r2)
+    n = n0 - h1 * t1 - h2 * t2
+    bound = a + mu * n
+    if n >= 0.0 and t1 * t1 + t2 * t2 <= bound * bound:
+        return n, t1, t2, True
+    c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, a + mu * n0)
+    x, y = present_direction(old_1, old_2, r1, r2)
+    x, y, arrived = refined_angle(c0, c1, c2, c3, c4, x, y)
+    n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, x, y)
+    return n, t1, t2, arrived and wrong <= 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ignore[no-untyped-def]
     """Return (Λ_N, Λ_T1, Λ_T2) of a spatial contact, or of a friction law alone (first row and column zero).
 
@@ -223,13 +261,7 @@ def _on_disc(  # type: ignore[no-untyped-def]
         return n0 - h1 * t1 - h2 * t2, t1, t2, True
     b0 = a + mu * n0
     c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, b0)
-    length = np.sqrt(old_1 * old_1 + old_2 * old_2)
-    speed = np.sqrt(r1 * r1 + r2 * r2)
-    x, y = 1.0, 0.0
-    if length > 0.0:
-        x, y = old_1 / length, old_2 / length
-    elif speed > 0.0:
-        x, y = -r1 / speed, -r2 / speed
+    x, y = present_direction(old_1, old_2, r1, r2)
     u, v, arrived = refined_angle(c0, c1, c2, c3, c4, x, y)
     if arrived:
         n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)

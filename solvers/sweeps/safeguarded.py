@@ -11,12 +11,14 @@ the step of the contact is reduced permanently. Contacts that converge keep thei
 oscillation gets the same iterates as without the safeguard.
 """
 
+from typing import Protocol
+
 import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
-from ..iteration.loop import WrappedIterates
-from ..iteration.relaxation import ScalableIterates
+from ...problems.contact.blocks import BlockLayout
+from ..iteration.loop import Iterates, WrappedIterates
 
 INTERVALS = (19, 37, 73)
 """Sweeps between comparisons, starting after a reduction: enough for it to take effect. The numbers are prime, so that
@@ -38,6 +40,27 @@ ROUNDING = 1e-14
 """Increments below this fraction of the impulse are rounding, whatever their direction."""
 
 
+class ScalableIterates(Iterates, Protocol):
+    """Iterates whose steps can be scaled block by block.
+
+    Attributes:
+        layout: the padded blocks.
+        padded: Λ padded and flat, which sweeps change in place.
+    """
+
+    layout: BlockLayout
+    padded: FloatArray
+
+    @property
+    def step_sizes(self) -> FloatArray:
+        """Initial r of the lanes of each block [kg], as in ``step_size``."""
+        ...
+
+    def scale_steps(self, fraction: FloatArray) -> None:
+        """Set the step of each block to this fraction of its initial step, shape (n_blocks,)."""
+        ...
+
+
 class SafeguardedIterates(WrappedIterates[ScalableIterates]):
     """Iterates whose steps are reduced where contacts oscillate.
 
@@ -50,7 +73,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         self._fraction = np.empty(iterates.layout.n_blocks)  # what is left of each contact's step
         self._fraction.fill(1.0)
         self._before, self._previous = np.empty((2, len(iterates.padded)))
-        self._since_check, self._checks_since_cut = 0, 0
+        self._since_check, self._checks_since_cut, self._interval = 0, 0, INTERVALS[0]
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; compare increments at intervals and reduce steps where they oscillate."""
@@ -72,20 +95,11 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
                 if _cut_where_opposed(*lanes, self._before, self._previous, newest, sizes, self._fraction):
                     self._checks_since_cut = 0
                     self._iterates.scale_steps(self._fraction)
+                self._interval = INTERVALS[min(self._checks_since_cut, len(INTERVALS) - 1)]
 
     def note_jump(self) -> None:
         """Postpone the comparison, if necessary, so that no increment spans the jump of ``padded``."""
         self._since_check = min(self._since_check, self._interval - 2)
-
-    @property
-    def _interval(self) -> int:
-        return INTERVALS[min(self._checks_since_cut, len(INTERVALS) - 1)]
-
-    def restore_steps(self) -> None:
-        """Restore the initial step of every contact."""
-        self._fraction[:] = 1.0
-        self._iterates.scale_steps(self._fraction)
-        self._since_check, self._checks_since_cut = 0, 0
 
     def move_to(self, impulses: FloatArray) -> None:
         """Continue from ``impulses``, shape (n_rows,), with the present step sizes."""

@@ -39,6 +39,18 @@ def slip_polynomial(s11, s12, s21, s22, r1, r2, m1, m2, b0):  # type: ignore[no-
     )
 
 
+@njit(cache=True, inline="always", error_model="numpy")
+def present_direction(t1, t2, r1, r2):  # type: ignore[no-untyped-def]
+    """Return the direction of the present Λ_T, or of slip against the velocity r if Λ_T is zero."""
+    x, y = 1.0, 0.0
+    length, speed = np.sqrt(t1 * t1 + t2 * t2), np.sqrt(r1 * r1 + r2 * r2)
+    if length > 0.0:
+        x, y = t1 / length, t2 / length
+    elif speed > 0.0:
+        x, y = -r1 / speed, -r2 / speed
+    return x, y
+
+
 @njit(cache=True, error_model="numpy")
 def refined_angle(a, b, c, d, e, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector (x, y) moved to a zero of f by Newton's method, and whether it converged."""

@@ -91,7 +91,7 @@ def test_the_command_line_prints_its_own_spelling(tmp_path: Path, capsys: pytest
     assert "--resume" in printed
     assert "--run-id" in printed
     assert "`" not in printed
-    with pytest.raises(BenchError, match="no stored run"):
+    with pytest.raises(BenchError, match="not a stored run"):
         resume(tmp_path)
 
 

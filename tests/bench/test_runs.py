@@ -17,7 +17,7 @@ from proxbench.bench.store.plans import Limits
 from proxbench.problems import ContactProblem, ProblemError, save_problem
 from proxbench.problems import load as load_problem
 from proxbench.problems.exchange.catalog import SUITES
-from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.exchange.plugins.offers import forget, registered
 
 
 def falling(name: str = "mine", weight: float = 1.0) -> ContactProblem:

@@ -52,7 +52,7 @@ SHORT = Stop(1e-6, max_iterations=500, max_seconds=10.0)
 
 FOR_COMPARISON = {
     *("ProximalADMM", "ProximalPoint", "APGD", "SAP"),
-    *("AdaptiveSORprox", "NesterovSORprox", "CentralPath"),
+    *("NesterovSORprox", "CentralPath"),
 }
 """Solvers that are there for comparison or as parts of others; the full profile alone takes all cases with them."""
 

@@ -14,6 +14,7 @@ from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, 
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.residual import Residual
+from proxbench.problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
 from proxbench.problems.hard.families import (
     STATES,
     Family,
@@ -23,7 +24,6 @@ from proxbench.problems.hard.families import (
     with_solution,
     with_spectrum,
 )
-from proxbench.problems.hard.transformations import Transformed, duplicated, in_units, permuted, rotated
 from proxbench.solvers import Solver, Status, Stop, available, create
 
 TOLERANCE = 1e-6

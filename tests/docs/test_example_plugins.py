@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.problems import ContactProblem, Laws, Model, judge, load
-from proxbench.problems.exchange.plugin_files import PluginFile
-from proxbench.problems.exchange.plugins import forget
+from proxbench.problems.exchange.plugins.files import PluginFile
+from proxbench.problems.exchange.plugins.offers import forget
 from proxbench.solvers import Solver, Status, Stop, solve
 from proxbench.solvers.sweeps.cone import ConeProblem
 

@@ -24,7 +24,7 @@ def test_rows_in_the_readme_are_those_of_the_reference_run() -> None:
     (block,) = re.findall(r"^```text\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
     title, head, *rows = lines_in_words(block)
     console = Console(file=io.StringIO(), width=160)
-    print_tables(load(ROOT / "results" / "reference"), console)
+    print_tables(load(ROOT / "results" / "reference.bundle"), console)
     printed = lines_in_words(console.file.getvalue())  # type: ignore[attr-defined]
     begin = printed.index(title)
     end = next(place for place in range(begin, len(printed)) if ": " in printed[place])

@@ -5,21 +5,27 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import psutil
-from proxbench.bench.store.records import CaseRecord, Measured
+from proxbench.bench.store.records import CaseRecord
 from proxbench.bench.store.store import Store
 
 PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
 
 HEAD = """
+from functools import partial
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import resume, run
 from proxbench.bench.store.plans import Limits
+run = partial(run, results={results!r}, run_id="it")
 """
+
+
+JUDGED = ("iterations", "residual", "model_residual", "verdict", "impulse_error")
+"""Numbers of a point that no clock has a part in."""
 
 
 class Sandbox:
@@ -35,9 +41,9 @@ class Sandbox:
         self.environment = {**os.environ, name: value, "TMPDIR": str(self.temporary), "PYTHONPATH": path}
 
     def start(self, code: str, before: Callable[[], None] | None = None) -> subprocess.Popen[str]:
-        """Start a process that runs ``code``, after what it does ``before`` that."""
+        """Start a process that runs ``code``, after what it does ``before`` that; a run in it is stored as "it"."""
         return subprocess.Popen(
-            [sys.executable, "-c", HEAD + code],
+            [sys.executable, "-c", HEAD.format(results=str(self.results)) + code],
             env=self.environment,
             cwd=self.temporary.parent,
             stdout=subprocess.PIPE,
@@ -51,6 +57,13 @@ class Sandbox:
         process = self.start(code, before)
         output, errors = process.communicate(timeout=600)
         return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
+
+    def done(self, code: str) -> "Verdicts":
+        """Run ``code``, which must end well and leave nothing behind, and return the verdicts of its run."""
+        done = self.run(code)
+        assert done.returncode == 0, done.stderr
+        assert self.left_behind() == []
+        return verdicts(self.results / "it")
 
     def processes(self) -> list[psutil.Process]:
         """Return the living processes that come from this sandbox."""
@@ -78,7 +91,10 @@ class Sandbox:
         return [*self.temporary.iterdir(), *parts]
 
 
-def verdicts(run: Path) -> dict[tuple[str, str], Any]:
+Verdicts = dict[tuple[str, str], Any]
+
+
+def verdicts(run: Path) -> Verdicts:
     """Return all that the judge and the solver said of each case, without what a clock said."""
     cases, damaged = Store.open(run).read_cases()
     assert damaged == []
@@ -86,18 +102,6 @@ def verdicts(run: Path) -> dict[tuple[str, str], Any]:
 
 
 def _untimed(case: CaseRecord) -> Any:
-    points = [
-        (point.tolerance, point.outcome, point.status, point.reason, point.measured and _judged(point.measured))
-        for point in case.points
-    ]
-    return [case.digest, case.outcome, case.curve, points]
-
-
-def _judged(measured: Measured) -> tuple[Any, ...]:
-    return measured.iterations, measured.residual, measured.model_residual, measured.verdict, measured.impulse_error
-
-
-def without(found: dict[tuple[str, str], Any], solvers: Iterable[str]) -> dict[tuple[str, str], Any]:
-    """Return the verdicts of all other solvers."""
-    left_out = set(solvers)
-    return {key: verdict for key, verdict in found.items() if key[1] not in left_out}
+    points = [[getattr(point, name) for name in ("tolerance", "outcome", "status", "reason")] for point in case.points]
+    judged = [[getattr(point.measured, name, None) for name in JUDGED] for point in case.points]
+    return [case.digest, case.outcome, case.curve, points, judged]

@@ -1,6 +1,5 @@
 """Files and names from elsewhere run no code, write nowhere else, and say nothing to a terminal or a browser."""
 
-import ast
 import hashlib
 import io
 import json
@@ -9,7 +8,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import proxbench.bench
 import pytest
 from msgspec.structs import replace
 from proxbench.bench import load, resume, run
@@ -21,8 +19,6 @@ from proxbench.problems import load as load_problem
 from rich.console import Console
 
 HOSTILE = "../../<script>alert(1)</script>|\x1b]0;owned\x07 \u202e'=cmd()"
-
-PACKAGES = Path(proxbench.bench.__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +33,8 @@ def copied(stored: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(stored, tmp_path / "deep" / "it"))
 
 
-def changed(folder: Path, name: str = "", **changes: Any) -> None:
-    """Write a case again with changes and a right checksum, as an attacker might."""
-    (file,) = (folder / "cases").glob(f"{name}*.json")
-    forge(file, changes)
-
-
 def forge(file: Path, changes: dict[str, Any]) -> None:
+    """Write a file again with changes and a right checksum, as an attacker might."""
     content = {**json.loads(file.read_text()), **changes}
     del content["checksum"]
     checksum = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -72,7 +63,7 @@ def test_a_case_under_another_name_does_not_leave_the_folder(copied: Path) -> No
     (case,), _ = Store.open(copied).read_cases()
     Store(copied).write_case(replace(case, problem="/etc/passwd", solver="../../../run"))
     assert [file.parent for file in copied.rglob("*etc*")] == [copied / "cases"]
-    changed(copied, "etc", problem="elsewhere")
+    forge(next((copied / "cases").glob("etc*.json")), {"problem": "elsewhere"})
     assert len(load(copied).damaged) == 1
 
 
@@ -99,7 +90,7 @@ def test_a_case_under_another_name_does_not_leave_the_folder(copied: Path) -> No
     ],
 )
 def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str, Any]) -> None:
-    changed(copied, **changes)
+    forge(next((copied / "cases").glob("*.json")), changes)
     frames = load(copied)
     assert len(frames.cases) == 0
     assert len(frames.damaged) == 1
@@ -119,7 +110,7 @@ def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str
 def test_a_plan_that_makes_no_sense_is_refused(copied: Path, changes: dict[str, Any]) -> None:
     forge(copied / "run.json", changes)
     for act in (load, resume):
-        with pytest.raises(BenchError, match="makes no sense"):
+        with pytest.raises(BenchError, match=r"the value of its .* is invalid"):
             act(copied)
 
 
@@ -148,21 +139,3 @@ def test_a_file_that_is_none_or_absurd_is_left_out(copied: Path) -> None:
     assert len(frames.cases) == 1
     assert len(frames.damaged) == 7
     assert all("\n" not in sentence for sentence in frames.damaged)
-
-
-def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
-    """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
-    pickling = {
-        "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
-        "cloudpickle": {"solver_specs.py", "describing.py"},
-    }
-    for package in ("bench", "problems", "solvers"):
-        for file in (PACKAGES / package).rglob("*.py"):
-            for node in ast.walk(ast.parse(file.read_text())):
-                if isinstance(node, ast.Import):
-                    for name in {name.name for name in node.names} & {*pickling, "shelve", "marshal"}:
-                        assert file.name in pickling[name]
-                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec"):
-                    assert file.name == "plugin_files.py"
-                if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
-                    assert json.loads(ast.unparse(node.value).lower()) is False

@@ -3,72 +3,73 @@
 PROXBENCH_KILLS is the number of kills of each kind; without it there are a few, as continuous integration needs them.
 """
 
+import itertools
 import os
 import random
+import subprocess
 import time
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import psutil
 import pytest
 from proxbench.bench import load
-from sandbox import Sandbox, verdicts
+from sandbox import Sandbox, Verdicts, verdicts
 
 KILLS = int(os.environ.get("PROXBENCH_KILLS", "2"))
 
-PLAN = """
+RUN = """
+def say(event):
+    if type(event).__name__ == "PointFinished":
+        print(event.problem, event.solver, event.tolerance, sep="|", flush=True)
+
+run(
     ["hard-sticking-box", "funnel-30", "hard-tresca-joint"],
     ["SORprox", "JORprox(relaxation=0.5)", "ClarabelSOCP", "PyramidPGS(sides=8)"],
     tolerances=[1e-1, 1e-3],
-    limits=Limits(solve_seconds=30.0, case_seconds=120.0), passes=2,
+    limits=Limits(solve_seconds=30.0, case_seconds=120.0),
+    passes=2,
+    on_event=say,
+)
 """
 
 
+@dataclass
+class Undisturbed:
+    """Verdicts of a run that is not killed, and its wall time [s]."""
+
+    verdicts: Verdicts
+    seconds: float
+
+
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[tuple[str, str], Any], float]:
-    """Verdicts of a run that is not killed, and its wall time."""
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     sandbox, start = Sandbox(tmp_path_factory.mktemp("undisturbed")), time.monotonic()
-    found = verdicts(begun(sandbox, "it"))
-    return found, time.monotonic() - start
+    return Undisturbed(sandbox.done(RUN), time.monotonic() - start)
 
 
-@pytest.fixture(scope="module")
-def undisturbed(reference: tuple[dict[tuple[str, str], Any], float]) -> dict[tuple[str, str], Any]:
-    return reference[0]
+def resumed(sandbox: Sandbox, retry: bool) -> str:
+    return f"resume({str(sandbox.results / 'it')!r}, retry_failed={retry})"
 
 
-def begun(sandbox: Sandbox, name: str) -> Path:
-    done = sandbox.run(f"run({PLAN} results={str(sandbox.results)!r}, run_id={name!r})")
-    assert done.returncode == 0, done.stderr
-    return sandbox.results / name
-
-
-def resumed(folder: Path, retry: bool) -> str:
-    return f"resume({str(folder)!r}, retry_failed={retry})"
-
-
-def test_killing_workers_costs_their_own_cases(sandbox: Sandbox, undisturbed: dict[tuple[str, str], Any]) -> None:
-    chance, kills, runs = random.Random(5), 0, 0
+def test_killing_workers_costs_their_own_cases(tmp_path: Path, undisturbed: Undisturbed) -> None:
+    chance, numbers, kills = random.Random(5), itertools.count(), 0
     while kills < KILLS:
-        runs += 1
-        folder = sandbox.results / f"run-{runs}"
-        process = sandbox.start(f"run({PLAN} results={str(sandbox.results)!r}, run_id={folder.name!r})")
+        sandbox = Sandbox(tmp_path / str(next(numbers)))
+        process = sandbox.start(RUN)
         while process.poll() is None:
             time.sleep(chance.uniform(0.0, 0.6))
             kills += killed_one(sandbox, process.pid, chance)
         _, errors = process.communicate()
         assert process.returncode == 0, errors
-        found = verdicts(folder)
-        assert found.keys() == undisturbed.keys()
+        found = verdicts(sandbox.results / "it")
+        assert found.keys() == undisturbed.verdicts.keys()
         for case, verdict in found.items():
-            assert verdict == undisturbed[case] or verdict[1] == "crashed"
+            assert verdict == undisturbed.verdicts[case] or verdict[1] == "crashed"
         assert sandbox.left_behind() == []
-        done = sandbox.run(resumed(folder, retry=True))
-        assert done.returncode == 0, done.stderr
-        assert verdicts(folder) == undisturbed
-    assert sandbox.left_behind() == []
+        assert sandbox.done(resumed(sandbox, retry=True)) == undisturbed.verdicts
 
 
 def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
@@ -83,30 +84,31 @@ def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
     return True
 
 
-def test_a_killed_run_leaves_nothing_behind_and_is_finished_later(
-    sandbox: Sandbox, undisturbed: dict[tuple[str, str], Any]
+def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_finished_later(
+    tmp_path: Path, undisturbed: Undisturbed
 ) -> None:
-    chance, kills, runs = random.Random(7), 0, 0
-    while kills < KILLS:
-        runs += 1
-        folder = sandbox.results / f"run-{runs}"
-        code = f"run({PLAN} results={str(sandbox.results)!r}, run_id={folder.name!r})"
-        while True:
-            process = sandbox.start(code)
-            if kills < KILLS:
-                wait_for_server(sandbox, process)
-                time.sleep(chance.uniform(0.0, 2.0))
-                kills += process.poll() is None
-                process.kill()
-            _, errors = process.communicate()
-            if process.returncode == 0:
-                break
-            assert process.returncode == -9, errors
-            assert left_by_a_killed_run(sandbox) == []
-            if (folder / "run.json").exists():
-                code = resumed(folder, retry=False)
-        assert verdicts(folder) == undisturbed
-    assert sandbox.left_behind() == []
+    """It names a point after that is stored, so that all it has named is there, with as many rounds."""
+    chance, numbers, kills, named = random.Random(7), itertools.count(), 0, 0
+    while kills < KILLS or not named:
+        sandbox = Sandbox(tmp_path / str(next(numbers)))
+        process = sandbox.start(RUN)
+        wait_for_server(sandbox, process)
+        time.sleep(chance.uniform(0.0, undisturbed.seconds))
+        kills += process.poll() is None
+        process.kill()
+        output, _ = process.communicate()
+        # the file that it was writing goes when the run is resumed
+        assert [left for left in sandbox.left_behind() if not left.endswith(".part")] == []
+        said = Counter(line for line in output.splitlines(keepends=True) if line.endswith("\n"))
+        named += len(said)
+        points = rounds_of_points(sandbox.results / "it") if said else pd.DataFrame()
+        for line, count in said.items():
+            problem, solver, value = line.strip().split("|")
+            own = points[(points["problem"] == problem) & (points["solver"] == solver)]
+            (found,) = own[own["tolerance"] == float(value)].itertuples()
+            assert found.outcome != "solved" or found.rounds >= count
+        is_begun = (sandbox.results / "it" / "run.json").exists()
+        assert sandbox.done(resumed(sandbox, retry=False) if is_begun else RUN) == undisturbed.verdicts
 
 
 def rounds_of_points(folder: Path) -> pd.DataFrame:
@@ -116,46 +118,7 @@ def rounds_of_points(folder: Path) -> pd.DataFrame:
     return run.points.merge(counts, how="left", on=place)
 
 
-SAYS_POINTS = """
-def say(event):
-    if type(event).__name__ == "PointFinished":
-        print(event.problem, event.solver, event.tolerance, sep="|", flush=True)
-"""
-
-
-def test_a_killed_run_has_stored_every_point_that_it_has_finished(
-    sandbox: Sandbox, reference: tuple[dict[tuple[str, str], Any], float]
-) -> None:
-    """It names a point after that is stored, so that all it has named is there, with as many rounds."""
-    chance, kills, runs, named = random.Random(11), 0, 0, 0
-    while kills < KILLS:
-        runs += 1
-        folder = sandbox.results / f"run-{runs}"
-        where = f"results={str(sandbox.results)!r}, run_id={folder.name!r}, on_event=say"
-        process = sandbox.start(f"{SAYS_POINTS}\nrun({PLAN} {where})")
-        wait_for_server(sandbox, process)
-        time.sleep(chance.uniform(0.0, reference[1]))
-        kills += process.poll() is None
-        process.kill()
-        output, _ = process.communicate()
-        said = Counter(line for line in output.splitlines(keepends=True) if line.endswith("\n"))
-        named += len(said)
-        points = rounds_of_points(folder) if said else pd.DataFrame()
-        for line, count in said.items():
-            problem, solver, value = line.strip().split("|")
-            own = points[(points["problem"] == problem) & (points["solver"] == solver)]
-            (found,) = own[own["tolerance"] == float(value)].itertuples()
-            assert found.outcome != "solved" or found.rounds >= count
-        assert left_by_a_killed_run(sandbox) == []
-    assert named > 0
-
-
-def wait_for_server(sandbox: Sandbox, process: Any) -> None:
+def wait_for_server(sandbox: Sandbox, process: "subprocess.Popen[str]") -> None:
     """Wait until the run has started its first process, so that kills do not only hit imports."""
     while process.poll() is None and len(sandbox.processes()) < 2:
         time.sleep(0.01)
-
-
-def left_by_a_killed_run(sandbox: Sandbox) -> list[str]:
-    """Return what a killed run leaves, but for the file it was writing, which goes when the run is resumed."""
-    return [left for left in sandbox.left_behind() if not left.endswith(".part")]

@@ -1,12 +1,11 @@
 """Whatever solvers do, the run ends, the others' results are those of an undisturbed run, and nothing is left over."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import pytest
 from proxbench.bench.store.records import CaseRecord
 from proxbench.bench.store.store import Store
-from sandbox import Sandbox, verdicts, without
+from sandbox import Sandbox, Verdicts, verdicts
 
 MEASURED, CRASHED, MISBEHAVED, TIMEOUT = "measured", "crashed", "misbehaved", "timeout"
 
@@ -69,8 +68,6 @@ run(
         "ClarabelSOCP",
         "PyramidPGS(sides=8)",
     ],
-    results={results!r},
-    run_id="it",
     tolerances=[1e-1, 1e-3],
     limits=Limits(solve_seconds=10.0, case_seconds=10.0, memory_bytes=2**28),
 )
@@ -81,29 +78,27 @@ run(
 class Disturbance:
     """An undisturbed run, the same disturbed by every action at once, and what that left behind."""
 
-    quiet: dict[tuple[str, str], Any]
-    disturbed: dict[tuple[str, str], Any]
+    quiet: Verdicts
+    disturbed: Verdicts
     cases: dict[str, CaseRecord]
     left_behind: list[str]
 
 
 @pytest.fixture(scope="module")
 def disturbance(tmp_path_factory: pytest.TempPathFactory) -> Disturbance:
-    sandboxes = [Sandbox(tmp_path_factory.mktemp(name)) for name in ("quiet", "disturbed")]
-    for sandbox, actions in zip(sandboxes, ([], list(ACTIONS)), strict=True):
-        done = sandbox.run(RUN.format(actions=actions, results=str(sandbox.results)))
-        assert done.returncode == 0, done.stderr
-        assert done.stdout == ""
-    cases, _ = Store.open(sandboxes[1].results / "it").read_cases()
-    quiet, disturbed = (verdicts(sandbox.results / "it") for sandbox in sandboxes)
-    on_funnel = {case.solver: case for case in cases if case.problem == "funnel-30"}
-    return Disturbance(quiet, disturbed, on_funnel, sandboxes[1].left_behind())
+    quiet = Sandbox(tmp_path_factory.mktemp("quiet")).done(RUN.format(actions=[]))
+    sandbox = Sandbox(tmp_path_factory.mktemp("disturbed"))
+    done, folder = sandbox.run(RUN.format(actions=list(ACTIONS))), sandbox.results / "it"
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    on_funnel = {case.solver: case for case in Store.open(folder).read_cases()[0] if case.problem == "funnel-30"}
+    return Disturbance(quiet, verdicts(folder), on_funnel, sandbox.left_behind())
 
 
 def test_the_others_are_complete_and_judged_as_if_nothing_had_happened(disturbance: Disturbance) -> None:
     culprits = [f"Misbehaving({action})" for action in ACTIONS]
     assert len(disturbance.quiet) == 9
-    assert without(disturbance.disturbed, culprits) == disturbance.quiet
+    others = {key: verdict for key, verdict in disturbance.disturbed.items() if key[1] not in culprits}
+    assert others == disturbance.quiet
     assert len(disturbance.disturbed) == 9 + 3 * len(ACTIONS)
 
 

@@ -20,7 +20,6 @@ VARIANTS = [
     "SORprox(form='factors', step_size='row_sum')",
     "SORprox(momentum=0.8)",
     "SafeguardedSORprox",
-    "AdaptiveSORprox",
     "NesterovSORprox",
     "AndersonSORprox",
     "NSGS",

@@ -20,7 +20,6 @@ SOLVERS = (
     "SORprox",
     "SORprox(relaxation=1.5)",
     "SafeguardedSORprox",
-    "AdaptiveSORprox",
     "NesterovSORprox",
     "AndersonSORprox",
     "NSGS",

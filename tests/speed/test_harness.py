@@ -18,7 +18,7 @@ from proxbench.bench.isolation.worker import Worker
 from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.plans import Limits
-from proxbench.problems.exchange.storage import problem_bytes
+from proxbench.problems.exchange.files.problem_file import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop
 
 STOP = Stop(1e-4)

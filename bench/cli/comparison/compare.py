@@ -9,8 +9,8 @@ from .. import options
 
 
 def compare(
-    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder of the run to compare with.")],
-    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder of the run to judge.")],
+    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder or bundle of the run to compare with.")],
+    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder or bundle of the run that may be slower.")],
     fail_on: Annotated[
         list[str] | None,
         options.output(metavar="CONDITION", help='Exit with 1 on "time>10%" or "solved<"; repeatable.'),

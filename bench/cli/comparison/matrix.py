@@ -11,6 +11,8 @@ from .. import options
 def matrix(
     suite: options.Suite = "hard",
     problem: options.Problems = None,
+    sample: options.Sample = None,
+    sampling: options.Sampling = "proportional",
     solver: options.Solvers = None,
     tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
     solve_seconds: options.SolveSeconds = 5.0,
@@ -46,7 +48,7 @@ def matrix(
             f"cannot write {output}: the page is Markdown and its table a CSV file; name a file that ends in .md."
         )
     refuse_taken([path for path in (output, table) if path is not None], force=True)
-    chosen, methods = select(problem, suite), list(solver or default_solvers())
+    chosen, methods = select(problem, suite, sample, sampling=sampling), list(solver or default_solvers())
     with ProgressBar(not progress or quiet or as_json) as shown:
         shown.count(0, len(chosen.problems) * len(methods))
 
@@ -57,7 +59,7 @@ def matrix(
         cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
     for sentence in chosen.left_out:
         print(f"proxbench: {options.spell_options(sentence)}", file=sys.stderr)
-    command = _command(suite, problem, solver, tolerance, output)
+    command = _command(suite, problem, solver, tolerance, output, sample, sampling)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:
         print_json([asdict(cell) for cell in cells])
@@ -78,11 +80,19 @@ def matrix(
 
 
 def _command(
-    suite: str, problems: list[str] | None, solvers: list[str] | None, tolerance: float, output: Path | None
+    suite: str,
+    problems: list[str] | None,
+    solvers: list[str] | None,
+    tolerance: float,
+    output: Path | None,
+    sample: int | None,
+    sampling: str,
 ) -> str:
     """Return the command line that makes the page again."""
     words = ["proxbench matrix"]
     words += [f"--problem {name}" for name in problems or []] or [f"--suite {suite}"]
+    words += [f"--sample {sample}"] if sample is not None else []
+    words += [f"--sampling {sampling}"] if sample is not None and sampling != "proportional" else []
     words += [f'--solver "{name}"' for name in solvers or []]
     words += [f"--tolerance {tolerance:g}"] if tolerance != 1e-8 else []
     return " ".join([*words, f"--output {output}"] if output is not None else words)

@@ -140,8 +140,8 @@ def _reader(
     from ....problems import read_fclib
     from ....problems.contact.problem import UNNAMED
     from ....problems.exchange.fclib.files import SUFFIXES as FCLIB_SUFFIXES
+    from ....problems.exchange.files.problem_file import SUFFIXES, read_problem
     from ....problems.exchange.repair import Repair
-    from ....problems.exchange.storage import SUFFIXES, read_problem
 
     repair = Repair(cast("Symmetry", symmetry), cast("Indefinite", indefinite))
     if file_format == "fclib":

@@ -1,1 +1,1 @@
-"""One solver on one contact problem: the case, what happens in its process, and what its times are held against."""
+"""One solver on one contact problem: problem, case, process, and what its times are compared with."""

@@ -1,4 +1,4 @@
-"""The answers of timed and of first solves, judged: all claims count, and of all answers the worst."""
+"""Judge the answers of timed and of control solves: every claim counts, and the worst answer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,14 +12,13 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status
 from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
-from ...store.records import Measured, Point
-from .control import CopySolve, FirstSolve
-from .verdicts import VerdictCache
+from ...store.records import Point
+from .control import ControlSolve
 
 
 @dataclass(frozen=True)
 class JudgedAnswers:
-    """What the judge finds in the answers to one tolerance.
+    """The judgement of all answers to one tolerance.
 
     Attributes:
         outcome: of all of them.
@@ -50,7 +49,6 @@ def judge_answers(
     tolerance: float,
     status: Status,
     rows: Sequence[FloatArray],
-    remembered: VerdictCache,
 ) -> JudgedAnswers:
     """Judge the answers to one tolerance.
 
@@ -60,10 +58,9 @@ def judge_answers(
         tolerance: what it was asked for.
         status: how the last solve ended; all others claim to have solved.
         rows: the answers in their order [N s], each of shape (n_rows,).
-        remembered: verdicts of the run.
     """
     different = {impulses.tobytes(): impulses for impulses in rows}
-    judged = {key: remembered.of(problem, impulses, model) for key, impulses in different.items()}
+    judged = {key: verdicts(problem, impulses, model) for key, impulses in different.items()}
     claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
     outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
     outcome = Outcome(status.value)
@@ -77,58 +74,35 @@ def judge_answers(
     return JudgedAnswers(outcome, own, coulomb, list(different.values()), claims, kept)
 
 
-def confirmed(
-    problem: ContactProblem, model: Model, measured: Measured, point: Point, firsts: Sequence[FirstSolve]
-) -> Point:
-    """Return a point with its first solves, whose answers count as those of timed solves do.
+def confirmed(problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str) -> Point:
+    """Return a point whose control solves are judged: their answers count as those of timed solves do.
 
-    A first solve that ends for want of time alone changes no outcome.
+    A control solve that ends for want of time alone changes no outcome. A copy may be harder than the problem, so that
+    only false claims on it count; its answers are not kept.
 
     Args:
         problem: the problem.
         model: what the solver solves.
-        measured: numbers of the point.
         point: a point that ends solved.
-        firsts: its first solves.
+        solves: first solves of the problem or of copies.
+        place: where they are solved, for the reason.
     """
-    solved = [one.seconds for one in firsts if one.timed.status is Status.SOLVED and not one.timed.is_preempted]
-    measured = replace(measured, first_seconds=[*measured.first_seconds, *solved])
-    for first in firsts:
-        own, coulomb = verdicts(problem, first.impulses, model)
-        outcome = point_outcome(first.timed.status, point.tolerance, model, own, coulomb)
+    for solve in solves:
+        own, coulomb = verdicts(solve.problem, solve.impulses, model)
+        outcome, measured = point_outcome(solve.timed.status, point.tolerance, model, own, coulomb), point.measured
+        is_copy = solve.problem is not problem
         if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.TIME_LIMIT):
             continue
+        if is_copy and outcome is not Outcome.WRONG:
+            continue
+        if not is_copy and measured is not None:
+            measured = replace(
+                measured,
+                residual=max(measured.residual, coulomb.residual, key=number_of),
+                model_residual=max(measured.model_residual, own.residual, key=number_of),
+                impulses=worst([*measured.impulses, Impulses.of(solve.impulses, own, coulomb)]),
+            )
         reason = claim_reason(outcome, point.tolerance, model, own.residual) or f"it ends {outcome.value}"
-        worse = {
-            "residual": max(measured.residual, coulomb.residual, key=number_of),
-            "model_residual": max(measured.model_residual, own.residual, key=number_of),
-            "impulses": worst([*measured.impulses, Impulses.of(first.impulses, own, coulomb)]),
-        }
-        return replace(
-            point,
-            outcome=outcome,
-            status=first.timed.status.value,
-            reason=f"in a first solve in a fresh process, {reason}",
-            measured=replace(measured, **worse),
-        )
-    return replace(point, measured=measured)
-
-
-def with_copies(model: Model, measured: Measured, point: Point, copies: Sequence[CopySolve]) -> Point:
-    """Return a point with the times of copies of its problem, whose answers are judged too.
-
-    Args:
-        model: what the solver solves.
-        measured: numbers of the point.
-        point: a point that ends solved.
-        copies: first solves of copies, which claim to be solutions.
-    """
-    seconds = [float(one.timed.totals[0]) for one in copies if one.is_steady]
-    measured = replace(measured, copy_seconds=[*measured.copy_seconds, *seconds])
-    for copy in copies:
-        own, coulomb = verdicts(copy.problem, copy.impulses, model)
-        outcome = point_outcome(copy.timed.status, point.tolerance, model, own, coulomb)
-        if outcome is Outcome.WRONG:
-            reason = f"on a copy of the problem, {claim_reason(outcome, point.tolerance, model, own.residual)}"
-            return replace(point, outcome=outcome, reason=reason, measured=measured)
-    return replace(point, measured=measured)
+        status = solve.timed.status.value
+        return replace(point, outcome=outcome, status=status, reason=f"{place}, {reason}", measured=measured)
+    return point

@@ -1,36 +1,37 @@
-"""One solver on one contact problem, as it is measured from outside."""
+"""Measure one solver on one contact problem, from outside of its process."""
 
 import hashlib
 import time
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Status, Stop
-from ....problems.exchange.storage import problem_bytes
+from ....problems.exchange.files.problem_file import problem_bytes
+from ....problems.representation import counted
 from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
 from ...plugins.remote_solver import are_iterations
 from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained_by_repetition
-from ...store.outcome import Outcome, late_reason
+from ...store.outcome import ON_COPY, Outcome, late_reason
 from ...store.plans import Limits
 from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
 from ..ladder import MAX_REASON_LENGTH, LadderCase
 from ..measuring_core import MeasuringCore
-from ..points import joined, keep_finest_impulses, times_from_rounds
-from .answers import confirmed, judge_answers, with_copies
+from ..points import keep_finest_impulses, times_from_rounds
+from .answers import confirmed, judge_answers
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls
 from .protocol import MeasuringTask
-from .timed_round import NoRoundError, TimedRound
+from .timed_round import TimedRound
 from .variants import perturbed_copy
-from .verdicts import VerdictCache
 
 ROUND_SECONDS = 0.005
 """Wall time of a round at least; every round has at least one timed solve."""
@@ -55,14 +56,10 @@ class CasePass:
     Attributes:
         session: number of the session of the run.
         number: number of the pass in it; points with as many rounds before this pass have been in it already.
-        points: solver and level of the points that are measured; all that have fewer rounds if None.
-        verdicts: those of the run.
     """
 
     session: int = 0
     number: int = 0
-    points: Collection[tuple[str, int]] | None = None
-    verdicts: VerdictCache = field(default_factory=VerdictCache)
 
 
 MAX_RESTS = 20
@@ -116,11 +113,9 @@ class Case(LadderCase[MeasuredRound]):
         """Whether a point is missing, or another round of it belongs to this pass."""
         if level >= len(self.points):
             return True
-        if self.case_pass.points is not None and (self.solver.name, level) not in self.case_pass.points:
-            return False
         point = self.points[level]
         if point.is_repeated:
-            return self.case_pass.points is not None or point.n_passes <= self.case_pass.number
+            return point.n_passes <= self.case_pass.number
         return (point.is_late_for_others or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
@@ -160,15 +155,15 @@ class Case(LadderCase[MeasuredRound]):
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
-        """Return the answer of the process, once nothing that it has started runs any more."""
-        found = super()._ask(request, *arguments, largest=largest)
+        """Return the answer of the process, once nothing that it has started runs any more but its executables."""
+        found, kept = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
         for _ in range(MAX_RESTS):
-            if found is None or self._worker is None or not self._worker.n_started():
+            if found is None or self._worker is None or self._worker.n_started() <= kept:
                 return found
             found = super()._ask("rest") and found
-        left = 0 if self._worker is None else self._worker.n_started()
+        left = 0 if self._worker is None else self._worker.n_started() - kept
         if left:
-            self._misbehaved(f"it leaves {left} {'process' if left == 1 else 'processes'} running")
+            self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {counted(left, 'process', 'processes')} running"))
         return None if left else found
 
     def _fail(self, fault: Fault) -> None:
@@ -176,9 +171,6 @@ class Case(LadderCase[MeasuredRound]):
         super()._fail(fault)
         if fault.outcome is Outcome.MISBEHAVED:
             self.points = []
-
-    def _misbehaved(self, reason: str) -> None:
-        self._fail(Fault(Outcome.MISBEHAVED, reason))
 
     def measure(self, value: float, number: int) -> MeasuredRound | None:
         """Do one round of timed solves between two probes of the core; return None if the case failed."""
@@ -190,22 +182,18 @@ class Case(LadderCase[MeasuredRound]):
         if found is None or self._worker is None:
             return None
         passed, worked = time.monotonic() - began, self._worker.processor_seconds() - worked
-        answer, numbers = found
         try:
-            timed = TimedRound.read(answer, passed)
-            impulses = self._answers(timed, numbers)
-        except NoRoundError as fault:
-            self._misbehaved(str(fault))
-            return None
-        if not self.core.holds(process) or (self.core.is_pinned and timed.exceeds_one_core):
-            self._misbehaved("it changed the cores that its process may use")
-            return None
-        probes = (probe, self.core.probe())
-        turn = self.case_pass.session, self.case_pass.number, number
-        record = timed.record(*turn, max(probes), self.core.is_steady(*probes))
-        uncounted = None if record.excluded else self._clock.fault(timed, worked)
-        if uncounted:
-            self._misbehaved(uncounted)
+            timed = TimedRound.read(found[0], passed)
+            impulses = self._answers(timed, found[1])
+            if not self.core.holds(process) or (self.core.is_pinned and timed.exceeds_one_core):
+                raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
+            probes = (probe, self.core.probe())
+            turn = self.case_pass.session, self.case_pass.number, number
+            record = timed.record(*turn, max(probes), self.core.is_steady(*probes))
+            if not record.excluded and (uncounted := self._clock.fault(timed, worked)):
+                raise Fault(Outcome.MISBEHAVED, uncounted)
+        except Fault as fault:
+            self._fail(fault)
             return None
         return MeasuredRound(timed, record, impulses)
 
@@ -213,13 +201,14 @@ class Case(LadderCase[MeasuredRound]):
         """Return the different answers of a round, shape (n, n_rows).
 
         Raises:
-            NoRoundError: if there are too few numbers, or too many.
+            Fault: MISBEHAVED, if there are too few numbers, or too many.
         """
         n_rows, count = self.problem.n_rows, len(timed.totals)
         if not n_rows:
             return np.zeros((1, 0))
         if not n_rows <= len(numbers) <= n_rows * count or len(numbers) % n_rows:
-            raise NoRoundError(f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each")
+            counts = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
+            raise Fault(Outcome.MISBEHAVED, counts)
         return numbers.reshape(-1, n_rows)
 
     def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
@@ -235,11 +224,11 @@ class Case(LadderCase[MeasuredRound]):
         """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
         last = answers[-1].timed
         rows = [impulses for answer in answers for impulses in answer.impulses]
-        found = judge_answers(self.problem, self.solver.model, value, last.status, rows, self.case_pass.verdicts)
+        found = judge_answers(self.problem, self.solver.model, value, last.status, rows)
         outcome = found.outcome
         reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
-        counted = [answer for answer in answers if not answer.record.excluded] or answers
-        totals = np.concatenate([answer.timed.totals for answer in counted])
+        valid = [answer for answer in answers if not answer.record.excluded] or answers
+        totals = np.concatenate([answer.timed.totals for answer in valid])
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
@@ -260,10 +249,6 @@ class Case(LadderCase[MeasuredRound]):
             impulse_error=found.impulse_error(self.problem),
         )
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
-
-    def joined(self, before: Point, now: Point) -> Point:
-        """Return a point with the rounds of both; the worse end, the worse answer and all hashes count."""
-        return joined(before, now)
 
     def end_after(self, point: Point) -> str:
         """Return that a point did not end solved in time, if so: finer ones will not."""
@@ -286,36 +271,42 @@ class Case(LadderCase[MeasuredRound]):
             return
         kept = [one for one in answers if not one.record.excluded] or answers
         seconds = float(np.median([one.timed.undisturbed_seconds for one in kept]))
-        stop = self._stop(point.tolerance)
-        known = measured.first_seconds
         try:
-            if level == self._copied_level and self.case_pass.points is None:
-                copies = self._controls.copies(stop, seconds)
-                point = with_copies(self.solver.model, measured, point, copies)
-                measured = point.measured or measured
+            if level == self._copied_level:
+                point = self._compared_with_copies(point, measured, seconds)
+            known = measured.first_seconds
             is_explained = known and is_explained_by_repetition(seconds, float(np.median(known)))
             if point.outcome is not Outcome.WRONG and not is_explained:
-                firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop))
-                point = confirmed(self.problem, self.solver.model, measured, point, firsts)
+                point = self._compared_with_first_solves(point, seconds)
         except Fault as fault:
             self._fail(fault)
             return
         self.points[level] = point
 
-    def _measure_again(self, stop: Stop) -> float:
-        """Return the median time [s] of one more round.
+    def _compared_with_copies(self, point: Point, measured: Measured, seconds: float) -> Point:
+        """Return a point with the times of copies of the problem, and their answers judged."""
+        copies = self._controls.copies(self._stop(point.tolerance), seconds)
+        times = [*measured.copy_seconds, *(one.seconds for one in copies if one.is_steady)]
+        point = replace(point, measured=replace(measured, copy_seconds=times))
+        return confirmed(self.problem, self.solver.model, point, copies, ON_COPY)
 
-        Raises:
-            Fault: if there is none.
-        """
+    def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
+        """Return a point with the times of its first solves, and their answers judged."""
+        stop, measured = self._stop(point.tolerance), point.measured
+        firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop))
+        if measured is not None:
+            timed = (one for one in firsts if one.timed.status is Status.SOLVED and not one.timed.is_preempted)
+            times = [*measured.first_seconds, *(one.seconds for one in timed)]
+            point = replace(point, measured=replace(measured, first_seconds=times))
+        return confirmed(self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process")
+
+    def _measure_again(self, stop: Stop) -> float:
+        """Return the median time of one more round [s]; raise a ``Fault`` if there is none."""
         if self._worker is None:
             raise no_answer()
         began = time.monotonic()
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS)
-        try:
-            return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
-        except NoRoundError as fault:
-            raise Fault(Outcome.MISBEHAVED, str(fault)) from None
+        return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve that claims ``claimed``.

@@ -11,20 +11,19 @@ First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are wit
 ``MAX_SLOW_SOLVES`` more are beyond it. In the latter case the ratio t₁/t becomes part of the row, and beyond
 ``MAX_RATIO`` the solver has misbehaved. A solver may load or compile something in its first solve. Before it is
 accused, first solves are repeated in forks that have solved another problem to the same tolerance, and the faster ones
-count.
+count, compared with one more round of repeated ones: the machine may be slower by now.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status, Stop
-from ....problems.exchange.storage import problem_bytes
+from ....problems.exchange.files.problem_file import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec
@@ -33,7 +32,7 @@ from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from .protocol import MeasuringTask
-from .timed_round import NoRoundError, TimedRound
+from .timed_round import TimedRound
 from .variants import disguised_copy, in_other_units, perturbed_copy
 
 MIN_FAST_SOLVES = 2
@@ -59,38 +58,25 @@ WARM_UP_STOP = Stop(1e-8, max_iterations=200, max_seconds=0.1)
 
 
 @dataclass(frozen=True)
-class FirstSolve:
-    """One first solve.
+class ControlSolve:
+    """A first solve in a fresh process.
 
     Attributes:
-        timed: a round that ends with it.
-        impulses: its answer in the units of the problem [N s], shape (n_rows,).
-    """
-
-    timed: TimedRound
-    impulses: FloatArray
-
-    @property
-    def seconds(self) -> float:
-        """Wall seconds, or processor seconds where its process was preempted [s]."""
-        return float(self.timed.undisturbed[-1])
-
-
-@dataclass(frozen=True)
-class CopySolve:
-    """A first solve of a copy of the problem.
-
-    Attributes:
-        problem: the copy.
-        timed: the solve.
-        impulses: its answer [N s], shape (n_rows,).
+        problem: the problem, or a copy of it.
+        timed: a round that ends with the solve.
+        impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the core was its own meanwhile.
     """
 
     problem: ContactProblem
     timed: TimedRound
     impulses: FloatArray
-    is_steady: bool
+    is_steady: bool = True
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds, or processor seconds where its process was preempted [s]."""
+        return float(self.timed.undisturbed[-1])
 
 
 class Controls:
@@ -121,95 +107,85 @@ class Controls:
             self._worker.close()
             self._worker = None
 
-    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[FirstSolve]:
+    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
         """Return first solves of the problem; one that does not end SOLVED is the last.
 
         Args:
             stop: as of the timed solves, which ended SOLVED.
             seconds: their median [s].
-            again: measures that median once more: the machine may be slower by now.
+            again: measures that median once more.
 
         Raises:
             Fault: MISBEHAVED if the timed solves repeat an answer, or whatever ends the process.
         """
-        solves: list[FirstSolve] = []
+        solves: list[ControlSolve] = []
         needed, balance = 1 if seconds > LONG_SECONDS else MIN_FAST_SOLVES, 0
         for _ in range(MAX_SOLVES):
             solve = self._first_solve(stop)
             if solve.timed.status is not Status.SOLVED:
-                solves += [solve, self._first_solve_unscaled(stop)]
-                self._check_time_limit(stop, seconds, solves[-2:])
-                return [*solves[:-2], solves[-1]]
+                return [*solves, self._unscaled_solve(stop, seconds)]
             solves.append(solve)
             balance += 1 if is_explained_by_repetition(seconds, solve.seconds) else -1
             if balance >= needed:
                 return solves
             if balance <= -MAX_SLOW_SOLVES:
                 break
-        seconds = max(seconds, again())
         loaded = [self._first_solve(stop, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
-        solves = min(solves, loaded, key=_median)
-        if _median(solves) > MAX_RATIO * seconds + MAX_ALLOWANCE_SECONDS:
-            raise Fault(
-                Outcome.MISBEHAVED,
-                f"first solves to {stop.tolerance:g}, in fresh processes, take {_median(solves):.3g} s and repeated "
-                f"ones {seconds:.3g} s: it repeats answers instead of solving",
-            )
+        solves, seconds = min(solves, loaded, key=_median), max(seconds, again())
+        if _is_repeated(seconds, _median(solves)):
+            raise _repeats(stop, f"take {_median(solves):.3g} s", seconds)
         return solves
 
-    def _check_time_limit(self, stop: Stop, seconds: float, ended: Sequence[FirstSolve]) -> None:
-        """Raise a ``Fault`` if first solves reach the time limit, to which repeated ones [s] are not close."""
-        is_late = all(one.timed.status is Status.TIME_LIMIT and not one.timed.is_preempted for one in ended)
-        if is_late and MAX_RATIO * seconds + MAX_ALLOWANCE_SECONDS < stop.max_seconds:
-            raise Fault(
-                Outcome.MISBEHAVED,
-                f"first solves to {stop.tolerance:g}, in fresh processes, reach the time limit of "
-                f"{stop.max_seconds:g} s and repeated ones take {seconds:.3g} s: it repeats answers instead of solving",
-            )
-
-    def copies(self, stop: Stop, seconds: float) -> list[CopySolve]:
+    def copies(self, stop: Stop, seconds: float) -> list[ControlSolve]:
         """Return first solves of copies, one if the problem takes as long [s], several if it takes less."""
-        found: list[CopySolve] = []
+        found: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
             copy, probe = disguised_copy(self.problem, stop.tolerance), self.core.probe()
-            data = problem_bytes(copy)
-            timed, rows = self._in_fork(lambda data=data: self._ask(stop, [data]))  # type: ignore[misc]
+            timed, impulses = self._solve_in_fork(stop, problem_bytes(copy))
             if timed.status is not Status.SOLVED:
                 break
             is_steady = not timed.is_preempted and self.core.is_steady(probe, self.core.probe())
-            found.append(CopySolve(copy, timed, self._checked(rows), is_steady))
+            found.append(ControlSolve(copy, timed, impulses, is_steady))
             if is_steady and timed.totals[0] <= COPY_RATIO * seconds + ALLOWANCE_SECONDS:
                 break
         return found
 
-    def _first_solve(self, stop: Stop, after: ContactProblem | None = None) -> FirstSolve:
+    def _first_solve(self, stop: Stop, after: ContactProblem | None = None) -> ControlSolve:
         """Return a first solve of the problem in other units, in a process that may solve another problem before."""
         variant = in_other_units(self.problem)
-        before = [] if after is None else [problem_bytes(after)]
-        timed, rows = self._in_fork(lambda: self._ask(stop, [*before, variant.data]))
-        return FirstSolve(timed, variant.units * self._checked(rows))
+        problems = [variant.problem] if after is None else [after, variant.problem]
+        timed, impulses = self._solve_in_fork(stop, *map(problem_bytes, problems))
+        return ControlSolve(self.problem, timed, variant.back.diagonal() * impulses)
 
-    def _first_solve_unscaled(self, stop: Stop) -> FirstSolve:
-        """Return a first solve of the problem in its own units."""
-        timed, rows = self._in_fork(lambda: self._ask(stop, [problem_bytes(self.problem.anonymous())]))
-        return FirstSolve(timed, self._checked(rows))
+    def _unscaled_solve(self, stop: Stop, seconds: float) -> ControlSolve:
+        """Return a first solve of the problem in its own units.
 
-    def _checked(self, rows: FloatArray) -> FloatArray:
-        """Return impulses; raise a ``Fault`` unless there is one for each row."""
-        if len(rows) != self.problem.n_rows:
-            raise Fault(Outcome.MISBEHAVED, f"it returned {len(rows)} numbers for {self.problem.n_rows} rows")
-        return rows
+        Raises:
+            Fault: if it reaches the time limit, to which repeated solves [s] are not close.
+        """
+        timed, impulses = self._solve_in_fork(stop, problem_bytes(self.problem.anonymous()))
+        is_late = timed.status is Status.TIME_LIMIT and not timed.is_preempted
+        if is_late and _is_repeated(seconds, stop.max_seconds):
+            raise _repeats(stop, f"reach the time limit of {stop.max_seconds:g} s", seconds)
+        return ControlSolve(self.problem, timed, impulses)
 
-    def _in_fork(self, work: Callable[[], Any]) -> Any:
-        """Run ``work`` with forks of a process; once a fork fails, with processes started anew."""
+    def _solve_in_fork(self, stop: Stop, *problems: bytes) -> tuple[TimedRound, FloatArray]:
+        """Solve problems in turn in a fork of a process; once a fork fails, in processes started anew.
+
+        Raises:
+            Fault: if both fail, or the last answer has another number of rows.
+        """
         try:
-            return work()
+            timed, impulses = self._ask(stop, problems)
         except Fault as fault:
             self.close()
             if not self._can_fork:
                 raise Fault(fault.outcome, f"in a fresh process {fault.reason}", fault.traceback) from None
             self._can_fork = False
-            return self._in_fork(work)
+            return self._solve_in_fork(stop, *problems)
+        if len(impulses) != self.problem.n_rows:
+            raise Fault(Outcome.MISBEHAVED, f"it returned {len(impulses)} numbers for {self.problem.n_rows} rows")
+        return timed, impulses
 
     def _ask(self, stop: Stop, problems: Sequence[bytes]) -> tuple[TimedRound, FloatArray]:
         """Let a process that has only warmed up solve problems in turn; return the solves and the last answer.
@@ -229,11 +205,19 @@ class Controls:
         passed = time.monotonic() - began
         if not self._can_fork:
             self.close()
-        try:
-            return TimedRound.read(answer, passed), numbers_of(content)
-        except NoRoundError as fault:
-            raise Fault(Outcome.MISBEHAVED, str(fault)) from None
+        return TimedRound.read(answer, passed), numbers_of(content)
 
 
-def _median(solves: Sequence[FirstSolve]) -> float:
+def _median(solves: Sequence[ControlSolve]) -> float:
     return float(np.median([one.seconds for one in solves]))
+
+
+def _is_repeated(repeated: float, first: float) -> bool:
+    """Return whether first solves [s] take so much longer than repeated ones [s] that these cannot be solves."""
+    return first > MAX_RATIO * repeated + MAX_ALLOWANCE_SECONDS
+
+
+def _repeats(stop: Stop, what: str, seconds: float) -> Fault:
+    """Return the fault of a solver whose first solves do ``what`` and whose repeated ones take ``seconds`` [s]."""
+    times = f"first solves to {stop.tolerance:g}, in fresh processes, {what} and repeated ones take {seconds:.3g} s"
+    return Fault(Outcome.MISBEHAVED, f"{times}: it repeats answers instead of solving")

@@ -13,22 +13,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage, struct_rusage
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 from time import perf_counter, process_time, sleep
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_iterates
-from ....problems.exchange.storage import read_problem
+from ....problems.exchange.files.problem_file import read_problem
+from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
+from ....solvers.native.executable import Executable
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
 from ...plugins.solver_specs import SolverSpec
 from ...store.outcome import LATE_PREPARING
 from ..ladder import MAX_REASON_LENGTH
+from .timed_round import TimedRound
 
 FIRST_ITERATIONS = 30
 """Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -60,45 +64,14 @@ class TimedSolve:
         solution: with impulses of the harness's own.
         prepare: wall seconds of ``prepare`` [s].
         solve: wall seconds of ``solve`` and of copying its impulses [s].
-        processor: processor seconds of both, of all threads and of processes that were waited for [s].
+        processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
+            an executable [s].
     """
 
     solution: Solution
     prepare: float
     solve: float
     processor: float
-
-
-@dataclass
-class Round:
-    """Timed solves in one go.
-
-    Attributes:
-        solves: in their order.
-        answers: the different impulses of solves that ended SOLVED, and those of a last one that did not, each of shape
-            (n_rows,).
-        involuntary, voluntary: context switches of the process meanwhile.
-        waited: seconds for which its main thread was ready to run while something else ran [s]; None where the system
-            does not count them.
-    """
-
-    solves: list[TimedSolve]
-    answers: list[FloatArray]
-    involuntary: int
-    voluntary: int
-    waited: float | None
-
-    def as_answer(self) -> tuple[dict[str, Any], bytes]:
-        """Return the round as a case's process sends it."""
-        last = self.solves[-1].solution
-        answer = {
-            "status": last.status.value,
-            "iterations": int(last.iterations),
-            "message": str(last.message)[:MAX_REASON_LENGTH],
-            **{name: [getattr(one, name) for one in self.solves] for name in ("prepare", "solve", "processor")},
-            **{name: getattr(self, name) for name in ("involuntary", "voluntary", "waited")},
-        }
-        return answer, b"".join(impulses.tobytes() for impulses in self.answers)
 
 
 @dataclass
@@ -114,14 +87,6 @@ class Measurement:
     problem: ContactProblem
     solver: Solver
     before: ProcessState = field(default_factory=ProcessState.now)
-    _digest: str = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._digest = self.problem.digest
-
-    def set_problem(self, problem: ContactProblem) -> None:
-        """Switch to another problem."""
-        self.problem, self._digest = problem, problem.digest
 
     def unsupported_reason(self) -> str:
         """Return why the solver does not support the problem; empty if it does."""
@@ -173,14 +138,18 @@ class Measurement:
         rows = np.array([*iterates.values()]).reshape(len(iterates), problem.n_rows)
         return [*iterates], rows, calls, claimed
 
-    def round(self, stop: Stop, seconds: float, least: int = 1) -> Round:
-        """Do timed solves for ``seconds`` of wall time, ``least`` at least.
+    def round(self, stop: Stop, seconds: float) -> tuple[TimedRound, list[FloatArray]]:
+        """Do timed solves for ``seconds`` of wall time, one at least.
 
         A solve that does not end SOLVED ends the round: a failure is measured once.
+
+        Returns:
+            The round, and the different impulses of solves that ended SOLVED, and those of a last one that did not,
+            each of shape (n_rows,).
         """
         solves: list[TimedSolve] = []
         answers: dict[bytes, FloatArray] = {}
-        before, waited, end = getrusage(RUSAGE_SELF), _waited_seconds(), perf_counter() + seconds
+        before, end = _usage(), perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
             solves.append(self._solve(problem, stop))
@@ -188,23 +157,17 @@ class Measurement:
             if solution.status is not Status.SOLVED:
                 break
             answers.setdefault(solution.impulses.tobytes(), solution.impulses)
-            is_long = perf_counter() >= end and len(solves) >= least
-            if is_long or len(answers) * problem.n_rows > MAX_NUMBERS:
+            if perf_counter() >= end or len(answers) * problem.n_rows > MAX_NUMBERS:
                 break
-        after, waited_after = getrusage(RUSAGE_SELF), _waited_seconds()
+        timed = _timed_round(solves, before)
         self._check_after(problem)
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
-        return Round(
-            solves,
-            [*answers.values(), *last],
-            *_switches(before, after),
-            None if waited is None or waited_after is None else waited_after - waited,
-        )
+        return timed, [*answers.values(), *last]
 
-    def first_solves(self, stop: Stop, problems: Sequence[ContactProblem]) -> Round:
-        """Return a round of one solve of each of several problems, with caches warmed on its own problem.
+    def first_solves(self, stop: Stop, problems: Sequence[ContactProblem]) -> tuple[TimedRound, list[FloatArray]]:
+        """Return a round of one solve of each of several problems, and the last impulses.
 
-        The process has seen none of them before.
+        The process has seen none of them before. Solves of its own problem warm its caches.
         """
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
@@ -212,12 +175,12 @@ class Measurement:
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
                 break
-        before = getrusage(RUSAGE_SELF)
+        before = _usage()
         solves = [self._solve(problem.fresh(), stop) for problem in problems]
-        after = getrusage(RUSAGE_SELF)
-        self.set_problem(problems[-1])
-        self._check_after(problems[-1])
-        return Round(solves, [solves[-1].solution.impulses], *_switches(before, after), None)
+        timed = _timed_round(solves, before)
+        self.problem = problems[-1]
+        self._check_after(self.problem)
+        return timed, [solves[-1].solution.impulses]
 
     def compare_process(self) -> None:
         """Compare the process with what it was before the solver was made.
@@ -226,7 +189,7 @@ class Measurement:
             MisbehaviourError: if something that all code of a process shares has been replaced or changed.
         """
         refuse(replaced_names(self.before))
-        self._check_unchanged(self.before.changed_for_timing())
+        self._check_unchanged()
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> TimedSolve:
         """Prepare and solve within one limit of time, and copy the impulses on the clock.
@@ -238,7 +201,7 @@ class Measurement:
         impulses = np.zeros(problem.n_rows)
         gc.disable()
         try:
-            worked = _processor_seconds()
+            worked = self._processor_seconds()
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
@@ -253,25 +216,31 @@ class Measurement:
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
-            worked = _processor_seconds() - worked
+            worked = self._processor_seconds() - worked
         finally:
             if collecting:
                 gc.enable()
         refuse(solution_fault(problem, solution))
         return TimedSolve(replace(solution, impulses=impulses), ready - began, done - ready, worked)
 
+    def _processor_seconds(self) -> float:
+        """Return the processor time of this process, and of the program of a solver that is an executable [s]."""
+        program = self.solver.processor_seconds() if isinstance(self.solver, Executable) else 0.0
+        return _processor_seconds() + program
+
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
-        refuse("it changed the numbers of the problem" if problem.fresh().digest != self._digest else None)
+        refuse("it changed the numbers of the problem" if problem.fresh().digest != self.problem.digest else None)
         self._check_threads()
-        self._check_unchanged(self.before.changed_for_timing())
+        self._check_unchanged()
 
     def _check_threads(self) -> None:
         """Raise ``MisbehaviourError`` if threads of Python outlive a call."""
         left = _thread._count() - self.before.n_threads
-        refuse(f"it leaves {left} {'thread' if left == 1 else 'threads'} running" if left > 0 else None)
+        refuse(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
 
-    def _check_unchanged(self, changed: list[str]) -> None:
+    def _check_unchanged(self) -> None:
+        changed = self.before.changed_for_timing()
         refuse(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
 
@@ -310,15 +279,17 @@ class MeasuringTask:
         if request == "observe":
             iterations, iterates, calls, claimed = measurement.observe(*arguments)
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
-        if request == "round":
-            return measurement.round(*arguments).as_answer()
-        if request == "first_solves":
-            stop, problems = arguments
-            return measurement.first_solves(stop, [_problem(data) for data in problems]).as_answer()
+        if request in ("round", "first_solves"):
+            stop, what = arguments
+            if request == "round":
+                timed, answers = measurement.round(stop, what)
+            else:
+                timed, answers = measurement.first_solves(stop, list(map(_problem, what)))
+            return msgspec.to_builtins(timed), b"".join(impulses.tobytes() for impulses in answers)
         if request == "warm_up":
             measurement.warm_up(*arguments)
         elif request == "problem":
-            measurement.set_problem(_problem(*arguments))
+            measurement.problem = _problem(*arguments)
         elif request == "rest":
             sleep(REST_SECONDS)
         else:
@@ -336,17 +307,33 @@ def _processor_seconds() -> float:
     return process_time() + children.ru_utime + children.ru_stime
 
 
-def _switches(before: struct_rusage, after: struct_rusage) -> tuple[int, int]:
-    """Return the involuntary and the voluntary context switches between two moments."""
-    return after.ru_nivcsw - before.ru_nivcsw, after.ru_nvcsw - before.ru_nvcsw
+def _usage() -> tuple[int, int, float | None]:
+    """Return the involuntary and the voluntary context switches of this process so far.
 
-
-def _waited_seconds() -> float | None:
-    """Return for how long this thread was ready to run while others ran [s], as Linux counts it; None elsewhere."""
+    Beside them the time for which this thread was ready to run while others ran [s], None where nobody counts it.
+    """
+    counts = getrusage(RUSAGE_SELF)
     try:
-        return 1e-9 * float(Path("/proc/thread-self/schedstat").read_text().split()[1])
+        waited = 1e-9 * float(Path("/proc/thread-self/schedstat").read_text().split()[1])
     except (OSError, ValueError, IndexError):
-        return None
+        waited = None
+    return counts.ru_nivcsw, counts.ru_nvcsw, waited
+
+
+def _timed_round(solves: Sequence[TimedSolve], before: tuple[int, int, float | None]) -> TimedRound:
+    """Return the round of solves since ``before``, which ends now."""
+    last, (involuntary, voluntary, waited) = solves[-1].solution, _usage()
+    return TimedRound(
+        last.status,
+        int(last.iterations),
+        str(last.message)[:MAX_REASON_LENGTH],
+        [one.prepare for one in solves],
+        [one.solve for one in solves],
+        [one.processor for one in solves],
+        involuntary - before[0],
+        voluntary - before[1],
+        None if waited is None or before[2] is None else waited - before[2],
+    )
 
 
 def _can_copy(solution: Any, impulses: FloatArray) -> bool:

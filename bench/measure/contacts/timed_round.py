@@ -1,4 +1,4 @@
-"""A round of timed solves as a case's process sends it, checked, and whether the core was its own meanwhile.
+"""A round of timed solves, as the process of a case sends it, and whether it had the core to itself.
 
 A process loses time while another one runs on its core (it is *preempted*), while the hypervisor runs another machine,
 or while it sleeps or waits for a device. With T the wall seconds of the solves, P their processor seconds, and w the
@@ -13,15 +13,19 @@ The first solve of a round finds caches that other programs have used since the 
 there is no other.
 """
 
-from dataclasses import dataclass
-from typing import Any, Self
+from collections.abc import Sequence
+from typing import Annotated, Any, Self
 
+import msgspec
 import numpy as np
+from msgspec import Meta, Struct
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.solver import Status
-from ...isolation.worker import NO_ANSWER
-from ...plugins.remote_solver import answer_fault
+from ....solvers.contract import MAX_ITERATIONS
+from ...isolation.worker import Fault, no_answer
+from ...store.fields import LARGEST, Count
+from ...store.outcome import Outcome
 from ...store.records import Excluded, Round
 from ..points import quartiles
 
@@ -31,7 +35,6 @@ TOLERATED_SHARE = 0.02
 TOLERATED_SECONDS = 5e-5
 """What it may lose beyond that: the system's own interrupts [s]."""
 
-
 CLOCK_SECONDS = 5e-6
 """Processor time of a solve that may pass between readings of both clocks [s]."""
 
@@ -39,68 +42,55 @@ PARALLEL_SECONDS = 1e-3
 """Processor time by which a round may exceed its wall time otherwise [s]."""
 
 
-class NoRoundError(Exception):
-    """What came is no round; the text says why."""
+Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]
+"""A time [s]."""
 
 
-@dataclass(frozen=True)
-class TimedRound:
+class TimedRound(Struct, frozen=True):
     """Timed solves in one go.
 
     Attributes:
         status: how the last one ended.
         iterations: of the last one, as the solver counts them.
         message: of the last one.
-        prepare, solve, processor: seconds of each solve [s], shape (n,).
+        prepare, solve, processor: seconds of each solve [s].
         involuntary, voluntary: context switches meanwhile.
         waited: seconds of being ready to run and not running [s]; None where the system does not count them.
     """
 
     status: Status
-    iterations: int
+    iterations: Annotated[int, Meta(ge=0, le=MAX_ITERATIONS)]
     message: str
-    prepare: FloatArray
-    solve: FloatArray
-    processor: FloatArray
-    involuntary: int
-    voluntary: int
-    waited: float | None
+    prepare: Annotated[list[Seconds], Meta(min_length=1)]
+    solve: list[Seconds]
+    processor: list[Seconds]
+    involuntary: Count
+    voluntary: Count
+    waited: Seconds | None
 
     @classmethod
     def read(cls, answer: dict[str, Any], wall_seconds: float) -> Self:
         """Return the round that an answer is, which took ``wall_seconds`` from outside [s].
 
         Raises:
-            NoRoundError: if it cannot be one.
+            Fault: MISBEHAVED, if it cannot be one.
         """
-        fault = answer_fault(answer)
-        if fault:
-            raise NoRoundError(fault)
         try:
-            columns = [np.array(answer[name], dtype=np.float64) for name in ("prepare", "solve", "processor")]
-            switches = [answer[name] for name in ("involuntary", "voluntary")]
-            waited = None if answer["waited"] is None else float(answer["waited"])
-        except (KeyError, TypeError, ValueError):
-            raise NoRoundError(NO_ANSWER) from None
-        shape = columns[0].shape
-        are_columns = len(shape) == 1 and shape[0] and all(one.shape == shape for one in columns)
-        numbers = np.concatenate([*columns, [0.0 if waited is None else waited]]) if are_columns else np.full(1, np.nan)
-        if not (np.isfinite(numbers) & (numbers >= 0.0)).all() or not all(type(one) is int for one in switches):
-            raise NoRoundError(NO_ANSWER)
-        counted = float(columns[0].sum() + columns[1].sum())
-        if counted > wall_seconds:
-            raise NoRoundError(
-                f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
-            )
-        status, iterations, message = Status(answer["status"]), answer["iterations"], answer["message"]
-        prepare, solve, processor = columns
-        involuntary, voluntary = switches
-        return cls(status, iterations, message, prepare, solve, processor, involuntary, voluntary, waited)
+            timed = msgspec.convert(answer, cls)
+        except msgspec.ValidationError:
+            raise no_answer() from None
+        if not len(timed.prepare) == len(timed.solve) == len(timed.processor):
+            raise no_answer()
+        counted = float(timed.totals.sum())
+        if not counted <= wall_seconds:
+            clock = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
+            raise Fault(Outcome.MISBEHAVED, clock)
+        return timed
 
     @property
     def totals(self) -> FloatArray:
         """Wall seconds of each solve, preparing included [s], shape (n,)."""
-        return self.prepare + self.solve
+        return np.add(self.prepare, self.solve)
 
     @property
     def undisturbed_seconds(self) -> float:
@@ -116,7 +106,7 @@ class TimedRound:
     def is_preempted(self) -> bool:
         """Whether something else ran on its core for a part of its time that counts."""
         wall = float(self.totals.sum())
-        missing, waited = wall - float(self.processor.sum()), self.waited or 0.0
+        missing, waited = wall - sum(self.processor), self.waited or 0.0
         may_have_slept = self.voluntary > 0 and self.involuntary == 0
         lost = waited if may_have_slept else max(missing, waited)
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
@@ -125,7 +115,7 @@ class TimedRound:
     def exceeds_one_core(self) -> bool:
         """Whether it worked longer than one core can in its wall time."""
         allowed = PARALLEL_SECONDS + CLOCK_SECONDS * len(self.totals)
-        return float((self.processor - (1.0 + TOLERATED_SHARE) * self.totals).sum()) > allowed
+        return sum(self.processor) - (1.0 + TOLERATED_SHARE) * float(self.totals.sum()) > allowed
 
     def record(self, session: int, number: int, turn: int, probe: float, is_steady: bool) -> Round:
         """Return the round as it is stored.
@@ -147,7 +137,7 @@ class TimedRound:
             total_seconds=quartiles(_warm(self.totals)),
             repeats=len(self.totals),
             wall_seconds=float(self.totals.sum()),
-            processor_seconds=float(self.processor.sum()),
+            processor_seconds=sum(self.processor),
             involuntary_switches=self.involuntary,
             voluntary_switches=self.voluntary,
             waited_seconds=self.waited,
@@ -156,6 +146,6 @@ class TimedRound:
         )
 
 
-def _warm(seconds: FloatArray) -> FloatArray:
+def _warm(seconds: Sequence[float] | FloatArray) -> FloatArray:
     """Return the seconds of all solves but the first one; of that if it is alone."""
-    return seconds[1:] if len(seconds) > 1 else seconds
+    return np.array(seconds[1:] if len(seconds) > 1 else seconds)

@@ -18,15 +18,13 @@ about as many iterations, and so large that a stored answer does not solve it.
 """
 
 import random
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
-from ....problems.exchange.storage import problem_bytes
-from ....problems.hard.transformations import in_units, permuted, rotated
+from ....problems.contact.transformations import Transformed, in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)
 """Even powers of two that m is drawn from, or their inverses."""
@@ -44,30 +42,12 @@ SHIFT_PER_TOLERANCE = 20.0
 """Ratio of s to the tolerance of a solve, where that gives more: an answer of the problem must fail on the copy."""
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A problem in other units.
-
-    Attributes:
-        problem: the problem, without name, provenance and answer.
-        units: factor of each of its impulses that gives those of the original problem, shape (n_rows,).
-    """
-
-    problem: ContactProblem
-    units: FloatArray
-
-    @cached_property
-    def data(self) -> bytes:
-        """The problem as the content of a file."""
-        return problem_bytes(self.problem)
-
-
-def in_other_units(problem: ContactProblem) -> Variant:
-    """Return the problem in units drawn at random."""
+def in_other_units(problem: ContactProblem) -> Transformed:
+    """Return the problem in units drawn at random, without name, provenance and answer."""
     draw = random.SystemRandom()
     speed, mass = (2.0 ** (draw.choice((1, -1)) * draw.choice(each)) for each in (SPEED_EXPONENTS, MASS_EXPONENTS))
     made = in_units(problem, mass=mass, length=1.0 / speed)
-    return Variant(made.problem.anonymous(), made.back.diagonal())
+    return replace(made, problem=made.problem.anonymous())
 
 
 def perturbed_copy(problem: ContactProblem, shift: float = SHIFT) -> ContactProblem:

@@ -1,32 +1,27 @@
 """Executes the plan of a run on the workers of an executor, with one task for each problem.
 
-A task that is lost with its worker is submitted again. A task that is done twice gives the same cases, and the later
-ones count. A worker that dies loses the task that it was measuring, and nothing else.
+A task that is done twice gives the same cases: an executor may repeat a task whose worker is lost, as dask does.
+What no worker returns is named at the end, and measured when the run is resumed.
 """
 
-from collections.abc import Collection
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 
 from msgspec.structs import replace
 
 from ....problems.errors import first_line
-from ....problems.exchange.plugins import registered
-from ....problems.exchange.storage import packed_problem
+from ....problems.exchange.files.problem_file import packed_problem
+from ....problems.exchange.plugins.offers import registered
 from ...errors import BenchError
 from ...plugins.problems import problem_of
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session, with_sessions
 from ...store.store import Store
-from ..scheduling import shuffled
 from .events import CasePassFinished, OnEvent
 from .problem_task import MeasuredProblem, ProblemTask, measure_problem
-from .run_executor import RunExecutor, Solvers
+from .run_executor import RunExecutor, Solvers, shuffled
 
-MAX_WAITING_BYTES = 2**28
-"""Bytes of problems that an executor has at a time, unless one alone has more."""
-
-MAX_ATTEMPTS = 3
-"""Workers that may be lost with a task, or fail at it, before it is given up."""
+MAX_SUBMITTED = 64
+"""Problems that an executor has at a time."""
 
 
 class DistributedExecutor(RunExecutor):
@@ -45,26 +40,20 @@ class DistributedExecutor(RunExecutor):
         """Give each unfinished problem to the executor, and store what comes back.
 
         Raises:
-            BenchError: if problems were lost with their workers, or refused by them, too often; all else is stored.
+            BenchError: if problems were lost with their workers, or refused by them; all else is stored.
         """
         plan = self._record.plan
         left = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
-        attempts, n_done = dict.fromkeys(left, MAX_ATTEMPTS), len(plan.problems) - len(left)
-        running: dict[Future[MeasuredProblem], str] = {}
-        sizes: dict[str, int] = {}
+        n_done, running = len(plan.problems) - len(left), dict[Future[MeasuredProblem], str]()
         try:
             while left or running:
-                self._submit(left, running, sizes)
-                for future in _results_first(wait(running, return_when=FIRST_COMPLETED).done):
+                self._submit(left, running)
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
                     name, fault = running.pop(future), _fault(future)
                     if fault is None:
                         self._store_result(name, future.result())
                         n_done += 1
                         self._on_event(CasePassFinished(name, n_done, len(plan.problems)))
-                        continue
-                    attempts[name] -= 1
-                    if attempts[name]:
-                        left.append(name)
                     else:
                         self._lost[name] = fault
         finally:
@@ -72,18 +61,15 @@ class DistributedExecutor(RunExecutor):
                 future.cancel()
         self._require_all_measured()
 
-    def _submit(self, left: list[str], running: dict[Future[MeasuredProblem], str], sizes: dict[str, int]) -> None:
+    def _submit(self, left: list[str], running: dict[Future[MeasuredProblem], str]) -> None:
         """Give the executor as many problems as it may have; all are lost if it takes none any more."""
-        while left and (not running or sum(sizes[name] for name in running.values()) < MAX_WAITING_BYTES):
-            task = self._task(left[0])
-            sizes[left[0]] = len(task.problem)
-            try:
-                running[self._executor.submit(measure_problem, task)] = left[0]
-            except (RuntimeError, OSError) as broken:
-                self._lost |= dict.fromkeys(left, broken)
-                left.clear()
-            else:
+        try:
+            while left and len(running) < MAX_SUBMITTED:
+                running[self._executor.submit(measure_problem, self._task(left[0]))] = left[0]
                 left.pop(0)
+        except (RuntimeError, OSError) as broken:
+            self._lost |= dict.fromkeys(left, broken)
+            left.clear()
 
     def _require_all_measured(self) -> None:
         if self._lost:
@@ -108,14 +94,13 @@ class DistributedExecutor(RunExecutor):
         return ProblemTask(own, cases, packed_problem(problem), solvers, tuple(registered()), self._mix)
 
     def _store_result(self, name: str, result: MeasuredProblem) -> None:
-        """Store the cases of a problem that were not finished, or were measured anew, and their session."""
+        """Store the cases of a problem and their session."""
         finished = self._finished_solvers(name)
         places = [*range(self._n_before), self._place_of(result.session)]
         for case in result.cases:
-            if result.is_restarted or case.solver not in finished:
-                self._write_case(with_sessions(case, places))
-                if case.is_finished(self._record.plan) and case.solver not in finished:
-                    self._report_finished(case)
+            self._write_case(with_sessions(case, places))
+            if case.is_finished(self._record.plan) and case.solver not in finished:
+                self._report_finished(case)
 
     def _place_of(self, session: Session) -> int:
         """Return the number of the session of a machine, to which what was measured there now is added."""
@@ -128,11 +113,6 @@ class DistributedExecutor(RunExecutor):
                 return place
         self._write_run(replace(self._record, sessions=[*sessions, session]))
         return len(sessions)
-
-
-def _results_first(done: Collection[Future[MeasuredProblem]]) -> list[Future[MeasuredProblem]]:
-    """Return futures with those that have results first: an error of another one must not cost them."""
-    return sorted(done, key=lambda future: future.cancelled() or future.exception() is not None)
 
 
 def _fault(future: Future[MeasuredProblem]) -> BaseException | None:

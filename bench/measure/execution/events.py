@@ -30,14 +30,14 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class ReferenceSimulated:
-    """What the errors of a trajectory are related to is known, and nothing of it is measured yet."""
+    """The reference of a trajectory is simulated, and nothing is measured yet."""
 
     trajectory: TrajectoryRecord
 
 
 @dataclass(frozen=True)
 class ProblemStarted:
-    """The cases of one problem begin, in a pass of the planned number of passes, from 0, or in one more."""
+    """The cases of one problem begin, in a pass of the planned number of passes, from 0."""
 
     problem: str
     number: int = 0
@@ -66,7 +66,7 @@ class CaseFinished:
 
 @dataclass(frozen=True)
 class CasePassFinished:
-    """One problem is through one of the planned passes, so many of all."""
+    """One problem has finished one of the planned passes."""
 
     problem: str
     done: int

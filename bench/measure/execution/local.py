@@ -1,36 +1,29 @@
 """Executes the plan of a run in this process: in passes over all problems, stored point by point.
 
 Each pass takes problems and solvers in another order and measures one or two rounds of each point, so that a program
-that runs for a while disturbs few rounds of any of them. After the planned passes, points that are still uncertain are
-measured again.
+that runs for a while disturbs few rounds of any of them.
 """
 
-import time
 from datetime import UTC, datetime
 from typing import Any
 
 from msgspec.structs import replace
 
-from ....problems.exchange.storage import problem_bytes
-from ...isolation.fork_server import load_server
+from ....problems.exchange.files.problem_file import problem_bytes
 from ...plugins.problems import problem_of
 from ...plugins.solver_specs import SolverSpec
-from ...store.conversion import content_of, record_of
-from ...store.outcome import Outcome
-from ...store.records import CaseRecord, RunRecord, Session
+from ...store.records import RunRecord, Session
 from ...store.store import Store
 from ..contacts.case import Case, CasePass
-from ..contacts.verdicts import VerdictCache
 from ..ladder import LadderCase, measure_ladder
 from ..machine import this_machine
 from ..measuring_core import MeasuringCore
 from ..refutation import find_refuted
-from ..scheduling import EXTRA_SHARE, shuffled, uncertain
 from ..trajectories.case import TrajectoryCase
 from ..trajectories.methods import Method
 from ..trajectories.problems import trajectory_of
 from .events import CasePassFinished, OnEvent, PointFinished, ProblemStarted
-from .run_executor import RunExecutor, Solvers
+from .run_executor import RunExecutor, Solvers, shuffled
 
 
 class LocalExecutor(RunExecutor):
@@ -41,47 +34,24 @@ class LocalExecutor(RunExecutor):
         super().__init__(solvers, store, record, on_event, mix)
         self._session = Session(started=_now(), machine=this_machine())
         self._core = MeasuringCore(None)
-        self._verdicts = VerdictCache()
 
     def _measure(self) -> None:
-        """Measure what is left, and then more rounds of uncertain points."""
-        load_server()
+        """Measure what is left, each point in each planned pass."""
         self._core = MeasuringCore.claim()
         self._session = replace(self._session, core=self._core.number)
         self._write_run(self._record)
+        plan, session, n_done = self._record.plan, len(self._record.sessions), 0
         try:
-            began = time.monotonic()
-            self._measure_passes()
-            if not self._record.plan.trajectories:
-                self._measure_more((time.monotonic() - began) * EXTRA_SHARE)
+            for number in range(plan.passes):
+                for name in plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number):
+                    if not self._is_finished(name):
+                        self._measure_pass(name, CasePass(session, number))
+                    n_done += 1
+                    self._on_event(CasePassFinished(name, n_done, plan.passes * len(plan.problems)))
         finally:
             self._core.release()
         self._session = replace(self._session, finished=_now())
         self._write_run(self._record)
-
-    def _measure_passes(self) -> None:
-        """Measure each point in each planned pass."""
-        plan, session = self._record.plan, len(self._record.sessions)
-        for number in range(plan.passes):
-            names = plan.problems if plan.trajectories else shuffled(plan.problems, plan.seed, number)
-            for index, name in enumerate(names):
-                if not self._is_finished(name):
-                    self._measure_pass(name, CasePass(session, number, verdicts=self._verdicts))
-                self._on_event(CasePassFinished(name, number * len(names) + index + 1, plan.passes * len(names)))
-
-    def _measure_more(self, seconds: float) -> None:
-        """Measure more rounds of uncertain points for about ``seconds``, in at most as many passes again."""
-        plan, session, end = self._record.plan, len(self._record.sessions), time.monotonic() + seconds
-        for number in range(plan.passes, 2 * plan.passes):
-            for name in shuffled(plan.problems, plan.seed, number):
-                if time.monotonic() >= end:
-                    return
-                if not self._is_of_this_machine(name):
-                    continue
-                whole = (case for case in self._cases[name].values() if case.outcome is Outcome.MEASURED)
-                points = uncertain([_as_stored(case) for case in whole], plan, number == plan.passes)
-                if points:
-                    self._measure_pass(name, CasePass(session, number, points, self._verdicts))
 
     def _measure_pass(self, name: str, case_pass: CasePass) -> None:
         """Measure the cases of a problem in one pass."""
@@ -106,10 +76,7 @@ class LocalExecutor(RunExecutor):
     def _cases_of_pass(self, name: str, case_pass: CasePass) -> list[LadderCase[Any]]:
         """Return the cases of a problem that a pass measures, shuffled."""
         record, known, plan = self._record, self._cases[name], self._record.plan
-        if case_pass.points is None:
-            left = set(plan.solvers) - self._finished_solvers(name)
-        else:
-            left = {solver for solver, _ in case_pass.points}
+        left = set(plan.solvers) - self._finished_solvers(name)
         if plan.trajectories:
             trajectory = trajectory_of(plan.trajectory(name))
             methods = [one for one in self._solvers if isinstance(one, Method) and one.record.name in left]
@@ -144,18 +111,12 @@ class LocalExecutor(RunExecutor):
         for name in self._cases:
             if not (self._mix or self._is_finished(name) or self._is_of_this_machine(name)):
                 self._cases[name] = {}
-                self.discarded.append(name)
         self._done = self._count_finished()
 
     def _write_run(self, record: RunRecord) -> None:
         """Store the record of the run, with the session of this machine."""
         self._record = record
         self._store.write_run(replace(record, sessions=[*record.sessions, self._session]))
-
-
-def _as_stored(case: CaseRecord) -> CaseRecord:
-    """Return a case as its file has it."""
-    return record_of(content_of(case), CaseRecord)
 
 
 def _now() -> str:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....problems.contact.judge import JUDGE
-from ....problems.exchange.atomic_file import PART
-from ....problems.exchange.plugin_files import PluginFile
-from ....problems.exchange.plugins import Names, register
-from ....problems.exchange.storage import read_problem
+from ....problems.exchange.files.atomic_file import PART
+from ....problems.exchange.files.problem_file import read_problem
+from ....problems.exchange.plugins.files import PluginFile
+from ....problems.exchange.plugins.offers import Names, register
 from ...errors import BenchError
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord, Session
@@ -53,12 +53,10 @@ class MeasuredProblem:
     Attributes:
         session: when and where it was measured; its number is that of the sessions of the task.
         cases: all of the problem.
-        is_restarted: whether its stored cases of another machine were discarded.
     """
 
     session: Session
     cases: tuple[CaseRecord, ...]
-    is_restarted: bool = False
 
 
 def measure_problem(task: ProblemTask) -> MeasuredProblem:
@@ -79,6 +77,5 @@ def measure_problem(task: ProblemTask) -> MeasuredProblem:
         for case in task.cases:
             store.write_case(case)
         stored = {(case.problem, case.solver): case for case in task.cases}
-        executor = LocalExecutor(task.solvers, store, task.run, lambda event: None, task.mix)
-        executor.execute(stored)
-        return MeasuredProblem(store.read_run().sessions[-1], tuple(store.read_cases()[0]), bool(executor.discarded))
+        LocalExecutor(task.solvers, store, task.run, lambda event: None, task.mix).execute(stored)
+        return MeasuredProblem(store.read_run().sessions[-1], tuple(store.read_cases()[0]))

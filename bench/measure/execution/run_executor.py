@@ -2,37 +2,36 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
+import numpy as np
 from msgspec.structs import replace
 
 from ....problems.exchange.catalog import is_available
+from ....problems.representation import counted
 from ...errors import InterruptedRunError
-from ...generate import generate
 from ...plugins.problems import carry, problem_of
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
+from ..contacts.generate import generate
 from ..trajectories.methods import Method
-from ..trajectories.problems import simulate_references, trajectory_of
-from ..trajectories.workload import compute_workload
+from ..trajectories.problems import reference_members, simulate_references, trajectory_of
 from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted
 
 Solvers = Sequence[SolverSpec] | Sequence[Method]
 """Solvers, or the steppers with solvers of a study."""
 
+Item = TypeVar("Item")
+
 
 class RunExecutor(ABC):
-    """The state of a run, and how its plan is executed.
-
-    Attributes:
-        discarded: problems whose stored cases of another machine were discarded.
-    """
+    """The state of a run, and how its plan is executed."""
 
     def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
         """Set what to measure, where to store it, what receives events, and whether machines may mix."""
         self._solvers, self._store, self._record, self._on_event = solvers, store, record, on_event
         self._mix = mix
-        self.discarded: list[str] = []
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
         self._done = 0
 
@@ -93,10 +92,13 @@ class RunExecutor(ABC):
         plan = self._record.plan
         if not plan.trajectories:
             return RunStarted(self._store.folder, total, self._done)
-        methods = [one for one in self._solvers if isinstance(one, Method)]
-        work = compute_workload(methods, plan.trajectories)
+        values = sum(len(method.values) for method in plan.methods)
+        points = values * len(plan.trajectories)
+        simulated = [reference_members(one) for one in plan.trajectories if one.reference is not None]
+        simulations = sum(map(len, simulated)) + values * sum(len(one.members) for one in plan.trajectories)
         measured = sum(len(case.points) for cases in self._cases.values() for case in cases.values())
-        return RunStarted(self._store.folder, total, self._done, work.points, measured, work.words)
+        work = f"{counted(points, 'point')}, {counted(simulations, 'simulation')}"
+        return RunStarted(self._store.folder, total, self._done, points, measured, work)
 
     def _generate_missing(self) -> None:
         """Generate the problems that are neither stored nor available, and simulate missing references."""
@@ -126,3 +128,8 @@ class RunExecutor(ABC):
         """Store the record of the run."""
         self._record = record
         self._store.write_run(record)
+
+
+def shuffled(items: Sequence[Item], *seeds: int) -> list[Item]:
+    """Return items in an order of their own for each combination of seeds."""
+    return [items[index] for index in np.random.default_rng(seeds).permutation(len(items))]

@@ -1,4 +1,4 @@
-"""A stepper with a solver on a trajectory, as it is measured from outside: a round is a member of the problem."""
+"""Measure a stepper with a solver on a trajectory, from outside of its process; a round is one member."""
 
 import time
 from collections.abc import Collection, Sequence
@@ -23,7 +23,7 @@ from .task import TrajectoryTask
 
 
 class Simulated(msgspec.Struct, frozen=True):
-    """What a process says of one simulation.
+    """The result of one simulation, as its process reports it.
 
     Attributes:
         status: how it ended.
@@ -166,10 +166,6 @@ class TrajectoryCase(LadderCase[Member]):
         return Point(
             tolerance=value, outcome=Outcome(status.value), status=status.value, reason=reason, measured=measured
         )
-
-    def joined(self, before: Point, now: Point) -> Point:
-        """Return the later one: all members are measured in one pass."""
-        return now
 
     def end_after(self, point: Point) -> str:
         """Return that a point took too long, if it did: finer ones take longer."""

@@ -1,4 +1,4 @@
-"""Methods that suit a scene: some minutes of measuring."""
+"""Default methods of a study, which takes a few minutes."""
 
 from collections.abc import Iterator, Sequence
 

@@ -69,11 +69,6 @@ class Method:
         return replace(stepper, tolerance=value, **finest), self.record.tolerance
 
 
-def over_stepper(stepper: str, solver: SolverSpec) -> str:
-    """Return the name of the method in which the stepper varies."""
-    return f"{stepper}{WITH}{solver.name}"
-
-
 def over_solver(solver: SolverSpec, stepper: str) -> str:
     """Return the name of the method in which the solver varies."""
     return f"{solver.name}{IN}{stepper}"
@@ -116,7 +111,7 @@ def make_method(
         raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {wrong or 'none'}.")
     make_stepper(stepper)
     made, stepper = given or solver_spec(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
-    written = over_solver(made, stepper) if varies_solver else over_stepper(stepper, made)
+    written = over_solver(made, stepper) if varies_solver else f"{stepper}{WITH}{made.name}"
     record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start)
     return Method(record, stepper, made).started(start)
 

@@ -24,20 +24,16 @@ def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
     known = {one.member: one.values for one in record.known if not one.failure}
     members = tuple(record.members)
     if record.error == "limit cycle":
-        measure: Measure = _limit_cycle(record.name)
+        scene = make_scene(record.name)
+        if scene.limit_cycle is None:
+            raise BenchError(f"the scene {record.name} has no limit cycle; run the study again.")
+        measure: Measure = LimitCycle(scene.limit_cycle, len(scene.start.position))
     elif record.error == "aggregates":
         measure = Aggregates(known)
         members = tuple(member for member in members if member in known) or members
     else:
         measure = EndPosition(next(iter(known.values()), {}), record.scale)
     return TrajectoryProblem(record.name, record.duration, members, measure)
-
-
-def _limit_cycle(name: str) -> LimitCycle:
-    scene = make_scene(name)
-    if scene.limit_cycle is None:
-        raise BenchError(f"the scene {name} has no limit cycle; run the study again.")
-    return LimitCycle(scene.limit_cycle, len(scene.start.position))
 
 
 def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
@@ -50,9 +46,9 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
     Raises:
         BenchError: if the reference cannot be simulated.
     """
-    wanted = record.members if record.error == "aggregates" else [1.0]
-    left = [member for member in wanted if member not in {one.member for one in record.known}]
-    if record.error != "limit cycle" and left:
+    known = {one.member for one in record.known}
+    left = [member for member in reference_members(record) if member not in known]
+    if left:
         method = _reference(record)
         task = TrajectoryTask(trajectory_of(replace(record, known=[])), method, limits.case_seconds, most_solves=10**9)
         try:
@@ -66,6 +62,13 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
     if record.error != "limit cycle" and good < (MIN_SEEDS if record.error == "aggregates" else 1):
         why = next(one.failure for one in record.known if one.failure)
         raise BenchError(f"the reference of {record.name} came to no end: {why}; choose a shorter duration.")
+
+
+def reference_members(record: TrajectoryRecord) -> list[float]:
+    """Return the members whose ends the reference has: seeds that are averaged, a single motion, or no motion."""
+    if record.error == "limit cycle":
+        return []
+    return list(record.members) if record.error == "aggregates" else [1.0]
 
 
 def _reference(record: TrajectoryRecord) -> Method:

@@ -1,4 +1,4 @@
-"""What happens inside the process of a case of a trajectory: the scene and the solver are made, and simulated."""
+"""The task of the process of a study: it makes the scene and the solver, and simulates."""
 
 import math
 import time
@@ -9,7 +9,7 @@ import numpy as np
 
 from ....problems.contact.solver import Status
 from ....problems.errors import ProxbenchError
-from ....problems.exchange.plugin_scenes import build_plugin_scene, plugin_scene
+from ....problems.exchange.plugins.scenes import build_plugin_scene, plugin_scene
 from ....problems.motion.scenes.registry import make_scene, read_scene
 from ....problems.motion.scenes.scene import Scene
 from ....problems.motion.stepping.step import AcceptedStep

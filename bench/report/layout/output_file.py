@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ....problems.errors import error_text
-from ....problems.exchange.atomic_file import replacing
+from ....problems.exchange.files.atomic_file import replacing
 from ...errors import BenchError, UnwritableError
 from ...store.store import refuse_links_out
 

@@ -39,7 +39,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
             a link out of its folder.
         UnwritableError: if it cannot be written.
     """
-    folder = frames.folder if frames.residual == JUDGED else frames.folder / frames.residual
+    folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
     return write_file(folder / FILE, page(frames, baseline).encode())
 
 

@@ -168,7 +168,7 @@ def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
 
 def _problems(frames: RunFrames) -> list[dict[str, Any]]:
     firsts = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
-    folder = frames.folder / RECORDINGS
+    folder = frames.output_folder / RECORDINGS
     return [
         {
             "name": name,

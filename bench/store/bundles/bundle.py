@@ -1,36 +1,47 @@
-"""A run as one file: plan, machines, cases with the impulses of their finest points, and the problems that it carries.
+"""Runs as single files: plan, machines, cases with the impulses of their finest points, and the problems not shipped.
 
-What is read from one may come from a stranger: it is data without code, its names lead nowhere, and what it says holds
-together. Whether it is true is what ``rejudge`` finds out.
+A bundle is one JSON document with a checksum, compressed by gzip. It may come from a stranger: nothing in it is code or
+a path, and reading checks that its parts are consistent. ``rejudge`` checks whether its residuals are true.
 """
 
+import gzip
 import io
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from ....problems.contact.judge import JUDGE
 from ....problems.contact.problem import ContactProblem
-from ....problems.errors import ProblemError
 from ....problems.exchange.catalog import is_held, load
-from ....problems.exchange.storage import packed_problem, read_problem
+from ....problems.exchange.files.problem_file import packed_problem, read_problem
 from ...errors import BenchError
-from ..conversion import content_of, sealed, unsealed
+from ..conversion import inflated, sealed, unsealed
+from ..fields import Record
 from ..records import CaseRecord, RunRecord
-from ..store import CASES, PROBLEMS, RUN_FILE, Store, case_file, problem_file
-from .archive import read_members, write_members
+from ..store import BUNDLE_SUFFIX, Store, is_bundle, put_file
 
-SUFFIX = ".bundle"
-"""How files of bundles end."""
+MAX_BYTES = 2**30
+"""Size of an unpacked bundle [bytes]."""
+
+_REMEDY = "get it again from its source"
+
+
+class _Content(Record, frozen=True, kw_only=True):
+    """The document of a bundle; ``problems`` are files as ``save_problem`` writes them."""
+
+    run: RunRecord
+    cases: list[CaseRecord]
+    problems: list[bytes]
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """A run that has travelled, or will.
+    """The content of a bundle, or of a run to be packed.
 
     Attributes:
         source: its file, or the folder of the run.
         run: plan and machines.
-        cases: what is measured.
+        cases: the measured cases.
         carried: the problems that the package does not hold, by name.
     """
 
@@ -40,35 +51,82 @@ class Bundle:
     carried: dict[str, ContactProblem]
 
     def problem(self, name: str) -> ContactProblem:
-        """Return a problem of the run: that of the package if it holds one of the name, else the carried one.
+        """Return a problem of the run from the package if it holds the name, else from the bundle.
 
         Raises:
-            BenchError: if there is neither, or both have other numbers.
+            BenchError: if neither has the problem, or the two differ.
         """
         carried = self.carried.get(name)
         if not is_held(name):
             if carried is None:
-                raise BenchError(f"the problem {name!r} is neither with {self.source} nor in this package.")
+                raise BenchError(f"the problem {name!r} is neither in {self.source} nor in this package.")
             return carried
         held = load(name)
         if carried is not None and carried.digest != held.digest:
             raise BenchError(f"the problem {name!r} of {self.source} has other numbers than that of the library.")
         return held
 
+    def read_run(self) -> RunRecord:
+        """Return the record of the run, as ``Store.read_run``."""
+        return self.run
 
-def bundle_of_run(folder: Path) -> Bundle:
-    """Return what a stored run has to send.
+    def read_cases(self, problem: str | None = None) -> tuple[list[CaseRecord], list[str]]:
+        """Return all cases, or those of one problem, as ``Store.read_cases``; none of them is damaged."""
+        return [case for case in self.cases if problem in (None, case.problem)], []
+
+    def read_problem(self, digest: str) -> ContactProblem:
+        """Return a problem that the bundle contains by its digest, as ``Store.read_problem``."""
+        return next(problem for problem in self.carried.values() if problem.digest == digest)
+
+
+def open_run(path: Path) -> Store | Bundle:
+    """Open the folder or the bundle of a run.
 
     Raises:
-        BenchError: if the folder is no run, a file of it is damaged, nothing is measured, or ``checked`` refuses it.
+        BenchError: if the path is neither, or the bundle is damaged.
+    """
+    return read_bundle(path) if is_bundle(path) else Store.open(path)
+
+
+def output_folder(path: Path) -> Path:
+    """Return the folder for the tables, charts and page of a run: its own, or that beside a bundle with its name."""
+    return path.with_suffix("") if is_bundle(path) else path
+
+
+def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None = None, *, force: bool = False) -> Path:
+    """Pack a run into one file, as a whole or not at all, and return the file.
+
+    The file holds plan, machines, cases, the impulses of the finest point of each case, and the problems that the
+    package does not hold. Equal runs give equal files.
+
+    Args:
+        run_dir: the run, or its folder.
+        file: the file to write; the name of the run with ``.bundle``, in the current folder, if None.
+        force: replace a file that exists.
+
+    Raises:
+        BenchError: if the folder is not a run, has a damaged file or no measured case, is a study or lacks impulses,
+            or if the file exists or cannot be written.
+    """
+    packed, folder = bundle_of_run(Path(run_dir)), Path(run_dir).resolve()
+    path = Path(f"{folder.name}{BUNDLE_SUFFIX}") if file is None else Path(file)
+    if path.exists() and not force:
+        raise BenchError(f"{path} exists already; name another file, or replace it with `force=True`.")
+    write_bundle(packed, path)
+    return path
+
+
+def bundle_of_run(folder: Path) -> Bundle:
+    """Return the content of a stored run.
+
+    Raises:
+        BenchError: if the folder is not a run, a file of it is damaged, or it cannot be packed.
     """
     store = Store.open(folder)
     run = store.read_run()
     cases, damaged = store.read_cases()
     if damaged:
-        raise BenchError(
-            f"{folder} is not whole: {damaged[0].removesuffix('.')}; finish it with: proxbench run --resume {folder}"
-        )
+        raise BenchError(f"{folder} cannot be packed: {damaged[0]}")
     carried = {name: store.read_problem(digest).renamed(name) for name, digest in run.carried.items()}
     return _checked(Bundle(folder, run, cases, carried))
 
@@ -77,53 +135,44 @@ def write_bundle(bundle: Bundle, path: Path) -> None:
     """Write a bundle to a file, as a whole or not at all.
 
     Raises:
-        BenchError: if it cannot be written.
+        BenchError: if the bundle is too large to be read again, or the file cannot be written.
     """
-    members = {RUN_FILE: sealed(content_of(bundle.run))}
-    for case in bundle.cases:
-        content = content_of(case)
-        members[case_file(content["problem"], content["solver"])] = sealed(content)
-    members |= {problem_file(problem.digest): packed_problem(problem) for problem in bundle.carried.values()}
-    write_members(path, members)
+    problems = {problem.digest: packed_problem(problem) for problem in bundle.carried.values()}
+    content = sealed(_Content(run=bundle.run, cases=bundle.cases, problems=list(problems.values())))
+    if len(content) > MAX_BYTES:
+        raise BenchError(f"{bundle.source} has {len(content) / 2**20:.0f} MiB, too many for a bundle; divide the run.")
+    put_file(path, gzip.compress(content, mtime=0), "name another file")
 
 
 def read_bundle(path: Path) -> Bundle:
-    """Read a bundle from anywhere. No code of it runs, and nothing is written.
+    """Read a bundle from any source. None of its content is executed, and nothing is written.
 
     Raises:
-        BenchError: if it is none, damaged, of another version, or does not hold together.
+        BenchError: if the file is missing, not a bundle, damaged, of another version, or inconsistent.
     """
-    members = read_members(path)
-    if RUN_FILE not in members:
-        raise BenchError(f"{path} is damaged (it has no {RUN_FILE}); get it again from where it comes.")
-    remedy = f"get {path} again from where it comes"
-    run = unsealed(members[RUN_FILE], RunRecord, RUN_FILE, remedy)
-    cases = []
-    for name, content in members.items():
-        if name.startswith(f"{CASES}/"):
-            case = unsealed(content, CaseRecord, name, remedy)
-            if case_file(case.problem, case.solver) != name:
-                raise BenchError(f"{path} is damaged ({name} is about another case); {remedy}.")
-            cases.append(case)
-    files = {name for name in members if name.startswith(f"{PROBLEMS}/")}
-    if files != {problem_file(digest) for digest in run.carried.values()}:
-        raise BenchError(f"{path} is damaged (its problems are not those that it lists); {remedy}.")
-    carried = {name: _problem(members[problem_file(digest)], name, digest) for name, digest in run.carried.items()}
-    return _checked(Bundle(path, run, cases, carried))
-
-
-def _problem(content: bytes, name: str, digest: str) -> ContactProblem:
-    problem = read_problem(io.BytesIO(content), problem_file(digest))
-    if problem.digest != digest:
-        raise ProblemError(f"{problem_file(digest)} holds another problem than its name says.")
-    return problem.renamed(name)
+    if not path.is_file():
+        fault = f"{path} is a folder, not a bundle" if path.is_dir() else f"there is no bundle {path}"
+        raise BenchError(f"{fault}; name a file that `proxbench bundle` wrote.")
+    try:
+        text = inflated(path.read_bytes(), MAX_BYTES)
+    except OSError as error:
+        raise BenchError(f"cannot read {path}: {error.strerror}; name a file that can be read.") from None
+    except ValueError as error:
+        raise BenchError(f"{path} is not a bundle, or is damaged ({error}); {_REMEDY}.") from None
+    content = unsealed(text, _Content, str(path), _REMEDY)
+    found = (read_problem(io.BytesIO(one), f"a problem of {path}") for one in content.problems)
+    problems, listed = {problem.digest: problem for problem in found}, content.run.carried
+    if problems.keys() != set(listed.values()):
+        raise BenchError(f"{path} is damaged (its problems differ from its list of problems); {_REMEDY}.")
+    carried = {name: problems[digest].renamed(name) for name, digest in listed.items()}
+    return _checked(Bundle(path, content.run, content.cases, carried))
 
 
 def _checked(bundle: Bundle) -> Bundle:
-    """Return a bundle whose parts fit each other.
+    """Return a bundle if its parts are consistent.
 
     Raises:
-        BenchError: if they do not, nothing is measured, it is a study, or another version of the judge has judged it.
+        BenchError: if they are not, if nothing is measured, or if it is a study or from another version of the judge.
     """
     run, source, plan = bundle.run, bundle.source, bundle.run.plan
     if plan.trajectories:
@@ -132,25 +181,21 @@ def _checked(bundle: Bundle) -> Bundle:
         raise BenchError(f"{source} was judged by version {run.judge} of the judge, this is {JUDGE}; measure it again.")
     if not bundle.cases:
         raise BenchError(f"{source} has no measured case; measure something first.")
-    problems, solvers, seen = set(plan.problems), set(plan.solvers), set[tuple[str, str]]()
+    planned = {(problem, solver) for problem in plan.problems for solver in plan.solvers}
     for case in bundle.cases:
-        cell = case.problem, case.solver
-        is_planned = case.problem in problems and case.solver in solvers and cell not in seen
-        fault = _fault(case, run) if is_planned else "is none that its plan has"
+        fault = _fault(case, run) if (case.problem, case.solver) in planned else "is not in its plan, or occurs twice"
         if fault:
             raise BenchError(f"{source} is refused: {case.solver} on {case.problem} {fault}; measure it again.")
-        seen.add(cell)
+        planned.remove((case.problem, case.solver))
     return bundle
 
 
 def _fault(case: CaseRecord, run: RunRecord) -> str:
-    """Return what of a case cannot be; empty if all can."""
+    """Return what is inconsistent in a case; empty if nothing is."""
     ladder = run.plan.tolerances[: len(case.points)]
     measured = [point.measured for point in case.points if point.measured is not None]
     if [point.tolerance for point in case.points] != ladder:
         return "has other tolerances than its plan"
     if any(one.session >= len(run.sessions) for point in case.points for one in point.rounds):
-        return "has rounds of a session that its run has not"
-    if measured and not measured[-1].impulses:
-        return "has no impulses, as runs of earlier versions have none"
-    return ""
+        return "has rounds of a session that its run does not have"
+    return "has no impulses" if measured and not measured[-1].impulses else ""

@@ -1,15 +1,17 @@
-"""Judging again: every residual that impulses prove is computed anew from problem and impulses.
+"""Rejudging: every residual that impulses prove is recomputed from the problem and the impulses.
 
-Two machines add in other orders, so that their judges differ by rounding. What that may be is found by judging the
-impulses once more with relative changes of ``ROUNDING`` in them: numbers agree within ``MARGIN`` of what that changes,
-and ``RELATIVE`` of their size. On one machine they are equal to the bit.
+Judges on two machines differ by rounding, because sums are evaluated in different orders. The impulses are therefore
+judged once more with relative changes of ``ROUNDING``. Numbers agree if they differ by at most ``MARGIN`` times the
+effect of these changes and ``RELATIVE`` of their size. On one machine they are equal to the bit.
 
-What cannot be proved: times and iterations, and the residuals of points that are coarser than the finest one of a case,
-which must only fit the outcomes that they are given with.
+Times, iterations, and the residuals of all but the finest point of a case cannot be proved. These residuals must be
+consistent with the outcomes of their points.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -19,34 +21,42 @@ from ....problems.contact.model import Model
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status
 from ....problems.errors import ProxbenchError
-from ..impulses import Impulses, number_of, worst
-from ..outcome import RELAXED_FACTOR, WRONG_FACTOR, Outcome, verdicts
-from ..outcome import ROUNDING as RELAXED_ROUNDING
+from ..impulses import number_of, worst
+from ..outcome import ON_COPY, Outcome, claim_outcome, verdicts
 from ..records import CaseRecord, Measured, Point
-from .bundle import Bundle
+from .bundle import Bundle, read_bundle
 
 ROUNDING = 2.0**-44
-"""Relative change of impulses that is taken for rounding of sums over a row."""
+"""Relative change of impulses as large as the rounding of sums over a row."""
 
 MARGIN = 8.0
-
-MOST_SIDES = 10**6
-"""Sides of a pyramid that is a cone up to rounding."""
+"""Multiple of the effect of ``ROUNDING`` that is not a disagreement."""
 
 RELATIVE = 1e-6
-"""Relative difference that is none."""
+"""Relative difference that is not a disagreement."""
+
+MAX_SIDES = 10**6
+"""Number of sides from which a pyramid is a cone up to rounding."""
+
+
+OnCase = Callable[[int, int], None]
+"""Called with the number of finished cases and of all cases."""
+
+
+def _ignore(done: int, total: int) -> None:
+    """Show no progress."""
 
 
 @dataclass
 class Rejudged:
-    """What came of judging a bundle again.
+    """Result of rejudging a bundle.
 
     Attributes:
-        n_cases: cases in it.
-        n_judged: cases whose finest point was judged again.
-        n_residuals: residuals computed again, under Coulomb's law and the solvers' own models.
-        n_identical: how many of them are equal to the bit.
-        disagreements: a sentence for each case that is not what the bundle says.
+        n_cases: number of cases in the bundle.
+        n_judged: number of cases whose finest point was judged again.
+        n_residuals: number of recomputed residuals, under Coulomb's law and the solvers' own models.
+        n_identical: number of residuals that are equal to the bit.
+        disagreements: a sentence for each case that disagrees with the bundle.
     """
 
     n_cases: int = 0
@@ -57,26 +67,34 @@ class Rejudged:
 
     @property
     def sentence(self) -> str:
-        """What came of it, in words."""
+        """Summary in one line."""
         share = "all" if self.n_identical == self.n_residuals else str(self.n_identical)
         judged = (
             f"{self.n_judged} of {self.n_cases} cases judged again: {self.n_residuals} residuals, {share} to the bit"
         )
         wrong = len(self.disagreements)
-        return f"{judged}; {f'{wrong} cases are not what the bundle says' if wrong else 'nothing disagrees'}"
+        return f"{judged}; {f'{wrong} cases disagree' if wrong else 'nothing disagrees'}"
 
 
-class _Disagreement(Exception):  # noqa: N818 - a finding, not a mistake of the program
-    """A case that is not what the bundle says; the text says how."""
+class _Disagreement(Exception):  # noqa: N818 - a finding, not an error of the program
+    """A case that disagrees with the bundle; the text gives the reason."""
 
 
-def rejudge(bundle: Bundle, on_case: Callable[[int, int], None] = lambda done, total: None) -> Rejudged:
-    """Judge a bundle again, from its problems and impulses.
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _ignore) -> Rejudged:
+    """Recompute the residuals of a bundle from its problems and impulses. None of its content is executed.
 
     Args:
-        bundle: the bundle.
-        on_case: called with the number of cases that are done, and of all.
+        file: the bundle.
+        on_case: called with the number of finished cases and of all cases.
+
+    Raises:
+        BenchError: if the file is not a bundle, damaged, of another version, or inconsistent.
     """
+    return rejudge_bundle(read_bundle(Path(file)), on_case)
+
+
+def rejudge_bundle(bundle: Bundle, on_case: OnCase = _ignore) -> Rejudged:
+    """Recompute the residuals of a bundle that has been read; see ``rejudge``."""
     found, known = Rejudged(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
     for done, case in enumerate(sorted(bundle.cases, key=lambda case: case.problem), 1):
         try:
@@ -90,10 +108,10 @@ def rejudge(bundle: Bundle, on_case: Callable[[int, int], None] = lambda done, t
 
 
 def _judge_again(case: CaseRecord, problem: ContactProblem, found: Rejudged) -> None:
-    """Judge the finest point of a case again, and hold the others against their outcomes.
+    """Judge the finest point of a case again, and compare the other points with their outcomes.
 
     Raises:
-        _Disagreement: if something is not what the case says.
+        _Disagreement: if a number or an outcome disagrees.
     """
     sizes = problem.digest, problem.n_rows, problem.n_contacts
     if (case.digest, case.n_rows, case.n_contacts) != sizes:
@@ -102,8 +120,8 @@ def _judge_again(case: CaseRecord, problem: ContactProblem, found: Rejudged) -> 
         model = Model.from_text(case.model)
     except (ProxbenchError, ValueError):
         raise _Disagreement(f"there is no model {case.model!r:.60}") from None
-    if model.sides > MOST_SIDES:
-        raise _Disagreement(f"there is no model {case.model!r:.60} with so many sides")
+    if model.sides > MAX_SIDES:
+        raise _Disagreement(f"the model {case.model!r:.60} has too many sides")
     for point in case.points:
         fault = _claim_fault(point, model)
         if fault:
@@ -115,95 +133,90 @@ def _judge_again(case: CaseRecord, problem: ContactProblem, found: Rejudged) -> 
 
 
 def _claim_fault(point: Point, model: Model) -> str:
-    """Return why the residuals of a point do not allow its outcome; empty if they do."""
+    """Return why the residuals of a point contradict its outcome; empty if they do not."""
     measured, tolerance = point.measured, point.tolerance
     if measured is None:
-        return "" if point.outcome is Outcome.NOT_ATTEMPTED else f"it ended {point.outcome.value} without a measurement"
+        return "" if point.outcome is Outcome.NOT_ATTEMPTED else f"it is {point.outcome.value} without a measurement"
     own, coulomb = number_of(measured.model_residual), number_of(measured.residual)
     if model == Model.COULOMB and own != coulomb:
-        return "its two residuals differ, which are one under Coulomb's law"
-    if point.outcome in (Outcome.SOLVED, Outcome.RELAXED):
-        if point.status != Status.SOLVED:
-            return f"it counts as {point.outcome.value}, and its solver says {point.status!r}"
-        if own > WRONG_FACTOR * tolerance:
-            return f"it counts as {point.outcome.value} with the residual {own:.1e}"
-    if point.outcome is Outcome.WRONG and point.status == Status.SOLVED and own <= WRONG_FACTOR * tolerance:
-        return f"it counts as wrong with the residual {own:.1e}"
-    is_close = coulomb <= min(tolerance, RELAXED_FACTOR * max(own, RELAXED_ROUNDING))
-    if point.outcome is Outcome.SOLVED and model != Model.COULOMB and not is_close:
-        return f"it counts as solved, and solves the {model} model with the residual {coulomb:.1e}"
-    return ""
+        return "its two residuals differ, which must be equal under Coulomb's law"
+    counts = f"it counts as {point.outcome.value}"
+    if point.status != Status.SOLVED:
+        is_claim = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
+        return f"{counts}, and the status of its solver is {point.status!r}" if is_claim else ""
+    possible = {claim_outcome(tolerance, model, own, coulomb), Outcome.TIME_LIMIT}
+    if Outcome.SOLVED in possible:
+        possible.add(Outcome.RELAXED)  # the two residuals may be those of different solves
+    if point.reason.startswith(ON_COPY):
+        possible.add(Outcome.WRONG)
+    relaxed = "" if model == Model.COULOMB else f", {coulomb:.1e} under Coulomb's law"
+    return "" if point.outcome in possible else f"{counts} with the residual {own:.1e}{relaxed}"
 
 
 def _judge_point(measured: Measured, problem: ContactProblem, model: Model, found: Rejudged) -> None:
-    """Compute residuals and verdict of a point again.
+    """Recompute residuals and verdict of a point.
 
     Raises:
-        _Disagreement: if they are others.
+        _Disagreement: if they differ.
     """
     if worst(measured.impulses) != measured.impulses:
-        raise _Disagreement("its impulses are not those that count")
+        raise _Disagreement("its impulses are not the worst ones")
     for index, kept in enumerate(measured.impulses):
         try:
             impulses = kept.unpacked(problem.n_rows)
         except ValueError as error:
-            raise _Disagreement(f"its impulses {error}") from None
-        again, moved = (verdicts(problem, one, model) for one in (impulses, _rounded_otherwise(impulses)))
-        for name, said, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
+            raise _Disagreement(f"its impulses cannot be read: {error}") from None
+        again, moved = (verdicts(problem, one, model) for one in (impulses, _perturbed(impulses)))
+        for name, stated, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
             number = again[law].residual
-            _compare(name, number_of(said), number, abs(number - moved[law].residual))
+            _compare(name, number_of(stated), number, abs(number - moved[law].residual))
             found.n_residuals += 1
-            found.n_identical += number_of(said) == number
+            found.n_identical += number_of(stated) == number
         if index == 0:
             _compare_verdict(measured, again[1], moved[1])
             _compare_answer(measured, problem, impulses)
     for name in ("residual", "model_residual"):
-        if number_of(getattr(measured, name)) != _largest(measured.impulses, name):
+        if number_of(getattr(measured, name)) != max(number_of(getattr(one, name)) for one in measured.impulses):
             raise _Disagreement(f"its {name.replace('_', ' ')} is not that of its impulses")
-
-
-def _largest(answers: list[Impulses], name: str) -> float:
-    return max(number_of(getattr(one, name)) for one in answers)
 
 
 def _compare_verdict(measured: Measured, again: Verdict, moved: Verdict) -> None:
     numbers, others = again.numbers(), moved.numbers()
     if set(measured.verdict) != set(numbers):
-        raise _Disagreement("its verdict has other numbers than the judge gives")
+        raise _Disagreement("its verdict has other numbers than that of the judge")
     for name, number in numbers.items():
-        said, other = measured.verdict[name], others[name]
-        if type(number) is bool or number is None:
-            if said != number:
-                raise _Disagreement(f"{_words(name)} {said}, the judge reads {number}")
-        elif type(said) is bool:
-            raise _Disagreement(f"{_words(name)} {said}, the judge reads {number:.2e}")
+        stated, other = measured.verdict[name], others[name]
+        if isinstance(number, bool) or number is None or isinstance(stated, bool):
+            if stated is not number:
+                raise _Disagreement(f"{_words(name)} {stated}, the judge reads {number}")
         else:
             change = 0.0 if other is None else abs(number - other)
-            _compare(name, np.inf if said is None else said, number if np.isfinite(number) else np.inf, change)
+            _compare(name, number_of(stated), number_of(number), change)
 
 
 def _compare_answer(measured: Measured, problem: ContactProblem, impulses: FloatArray) -> None:
-    """See that the distance to known impulses is not less than that of these: it is the largest of all solves."""
+    """Require that the error of the point, the largest of all its solves, is at least that of these impulses."""
     error = None if problem.answer is None else problem.answer.impulse_error(impulses)
     if error is not None and np.isfinite(error):
-        said = -np.inf if measured.impulse_error is None else measured.impulse_error
-        if said < (1.0 - RELATIVE) * error - MARGIN * ROUNDING:
+        stated = -np.inf if measured.impulse_error is None else measured.impulse_error
+        if stated < (1.0 - RELATIVE) * error - MARGIN * ROUNDING:
             raise _Disagreement(f"its impulses are {error:.1e} from the known ones, not {measured.impulse_error}")
 
 
-def _compare(name: str, said: float, number: float, change: float) -> None:
-    if said == number:
+def _compare(name: str, stated: float, number: float, change: float) -> None:
+    """Raise ``_Disagreement`` if two numbers differ by more than the effect ``change`` of rounding explains."""
+    if stated == number:
         return
-    allowed = RELATIVE * max(abs(said), abs(number)) + MARGIN * change
-    if not (np.isfinite(said) and np.isfinite(number) and abs(said - number) <= allowed):
-        raise _Disagreement(f"{_words(name)} {said:.6e}, the judge reads {number:.6e}")
+    allowed = RELATIVE * max(abs(stated), abs(number)) + MARGIN * change
+    if not (np.isfinite(stated) and np.isfinite(number) and abs(stated - number) <= allowed):
+        raise _Disagreement(f"{_words(name)} {stated:.6e}, the judge reads {number:.6e}")
 
 
 def _words(name: str) -> str:
-    return f"the bundle says {name.replace('_', ' ')}"
+    return f"the bundle reports {name.replace('_', ' ')}"
 
 
-def _rounded_otherwise(impulses: FloatArray) -> FloatArray:
-    """Return Λ [N s] with relative changes of ``ROUNDING`` of either sign, the same ones always."""
+def _perturbed(impulses: FloatArray) -> FloatArray:
+    """Return Λ [N s] with fixed relative changes of ``ROUNDING`` of either sign."""
     signs = np.random.default_rng(0).choice((-1.0, 1.0), size=impulses.shape)
     return impulses * (1.0 + ROUNDING * signs)

@@ -1,1 +1,1 @@
-"""The matrices of a contact problem: what is given is read and checked, G assembled, M⁻¹ taken apart into blocks."""
+"""The matrices of a contact problem: validation, assembly of G, and the blocks of M⁻¹."""

@@ -1,8 +1,8 @@
 """ξ = GΛ + c in twice the working precision, with a bound on what rounding still hides.
 
 In plain arithmetic a sum of n products has an error of up to nu Σ|a_j x_j|, u = 2⁻⁵³. Impulses that brace each other
-make that sum as large as they like, whatever ξ is, so that plain arithmetic certifies anything. Here every product and
-every sum keeps what rounding takes from it (Ogita, Rump & Oishi 2005, *Accurate sum and dot product*):
+make this bound arbitrarily large, whatever ξ is. Here the rounding error of every product and every sum is kept
+(Ogita, Rump & Oishi 2005, *Accurate sum and dot product*):
 
     a x = p + e,   s + p = s' + d   exactly,   with p, s' rounded,
 
@@ -18,11 +18,12 @@ part is the rounding of the result itself, which cannot turn a velocity into zer
 N u in the place of (N ε)².
 """
 
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit, types, uint64
+from numba import config, njit, types, uint64
 from numba.extending import intrinsic
 
 from ...arrays import FloatArray
@@ -54,8 +55,16 @@ def accurate_over_factors(
     return velocity, rounding
 
 
-def _fused_product(typing_context, a, b, c):  # type: ignore[no-untyped-def]
-    """Return a b + c, rounded once."""
+def _fused_product(a: float, b: float, c: float) -> float:
+    """Return a b + c, rounded once, where kernels run as Python (NUMBA_DISABLE_JIT=1)."""
+    try:
+        return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
+    except (OverflowError, ValueError):  # infinite, or not a number
+        return a * b + c
+
+
+def _fused_intrinsic(typing_context, a, b, c):  # type: ignore[no-untyped-def]
+    """Return the same as one machine instruction."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.fma(*arguments)
@@ -63,7 +72,7 @@ def _fused_product(typing_context, a, b, c):  # type: ignore[no-untyped-def]
     return types.float64(types.float64, types.float64, types.float64), code
 
 
-_fused: Any = intrinsic(_fused_product)
+_fused: Any = _fused_product if getattr(config, "DISABLE_JIT", 0) else intrinsic(_fused_intrinsic)
 
 
 @njit(cache=True, inline="always")

@@ -1,4 +1,4 @@
-"""Block diagonal matrices, as mass matrices are: roots and inverses, block by block, in whatever order rows stand."""
+"""Roots and inverses of block diagonal matrices, such as mass matrices, for any order of their rows."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +14,7 @@ from .given import with_entries
 BLOCK_SYMMETRY = 1e-12
 """Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that passes as rounding."""
 
-MOST_ENTRIES = 20_000_000
+MAX_ENTRIES = 20_000_000
 """Entries that the inverse of a mass matrix may have, 160 MB of numbers."""
 
 
@@ -34,10 +34,10 @@ def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
     Raises:
         ProblemError: if a block of M is not symmetric positive definite, or M⁻¹ would have too many entries.
     """
-    if inverse_entries(mass) > MOST_ENTRIES:
+    if inverse_entries(mass) > MAX_ENTRIES:
         raise ProblemError(
             "M couples many degrees of freedom with each other, and its inverse would have more than "
-            f"{MOST_ENTRIES} entries; give the problem by its Delassus matrix."
+            f"{MAX_ENTRIES} entries; give the problem by its Delassus matrix."
         )
     pattern = mass.copy()
     pattern.eliminate_zeros()

@@ -1,11 +1,10 @@
 """Assembly of the Delassus matrix G = Wᵀ M⁻¹ W in block rows, from its factors or from a given matrix."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit, uint64
+from numba import njit
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray, read_only
@@ -41,9 +40,12 @@ class DelassusBlocks:
 
 def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlocks:
     """Return the block rows of a given G, shape (n_rows, n_rows), columns ascending after the diagonal."""
-    starts, columns, values = _gather(
-        layout.width, matrix.indptr, matrix.indices, layout.slot, layout.n_blocks, matrix.data
-    )
+    n_blocks, width = layout.n_blocks, layout.width
+    if n_blocks == 1 and len(matrix.data) == width * width:  # one contact, and nothing to compile
+        starts, columns = np.arange(2), np.zeros(1, dtype=np.int32)
+        values = matrix.data.reshape(1, width, width).copy()
+    else:
+        starts, columns, values = _gather(matrix.indptr, matrix.indices, layout.slot, n_blocks, width, matrix.data)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
@@ -70,73 +72,9 @@ def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped
                 diagonal[row] += data[p]
 
 
-def _gather(
-    width: int, indptr: NDArray[Any], indices: NDArray[Any], slot: IntArray, n_blocks: int, data: FloatArray
-) -> tuple[IntArray, NDArray[np.int32], FloatArray]:
-    """Return starts, columns and values of the block rows of a matrix, columns ascending after the diagonal."""
-    if len(slot) == n_blocks * width and len(data) % (width * width) == 0:
-        n_stored = len(data) // (width * width)
-        if n_blocks == n_stored == 1:
-            return np.arange(2), np.zeros(1, dtype=np.int32), data.reshape(1, width, width).copy()
-        starts, columns = np.empty(n_blocks + 1, dtype=np.int64), np.empty(n_stored, dtype=np.int32)
-        values = np.empty((n_stored, width, width))
-        lanes = tuple(range(width))  # their number is known to the compiler, which unrolls the loops over them
-        if _cut(lanes, indptr, indices, data, starts, columns, values.reshape(-1)):
-            return starts, columns, values
-    gathered: tuple[IntArray, NDArray[np.int32], FloatArray] = _gather_any(indptr, indices, slot, n_blocks, width, data)
-    return gathered
-
-
 @njit(cache=True)
-def _cut(lanes, indptr, indices, data, starts, columns, values):  # type: ignore[no-untyped-def]
-    """Write the block rows of a matrix that consists of whole blocks, all on the diagonal among them.
-
-    Returns:
-        False, with nothing of use written, if it does not.
-    """
-    one, width = uint64(1), uint64(len(lanes))
-    end = uint64(0)
-    for i in range(uint64(len(starts) - 1)):
-        starts[i] = end
-        row, first = width * i, uint64(indptr[width * i])
-        length = uint64(indptr[row + one]) - first
-        for lane in range(width):
-            if uint64(indptr[row + lane + one]) - uint64(indptr[row + lane]) != length:
-                return False
-        begin, place = end, end + one
-        end += length // width
-        if length % width != 0 or end > uint64(len(columns)):
-            return False
-        before, has_diagonal = uint64(0), False  # one more than the last block column
-        for k in range(0, length, width):
-            column = uint64(indices[first + k])
-            block = column // width
-            at = place
-            if block == i:
-                at, has_diagonal = begin, True
-            elif place == end:
-                return False
-            else:
-                place += one
-            columns[at] = block
-            is_whole = column % width == 0 and block >= before
-            before = block + one
-            for lane in range(width):
-                p, v = first + lane * length + k, width * (width * at + lane)
-                for other in range(width):
-                    is_whole &= uint64(indices[p + other]) == column + other
-                    values[v + other] = data[p + other]
-            if not is_whole:
-                return False
-        if not has_diagonal:
-            return False
-    starts[len(starts) - 1] = end
-    return end == uint64(len(columns))
-
-
-@njit(cache=True)
-def _gather_any(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
-    """Do the same for any matrix: find and sort the columns of each block row, then fill the blocks.
+def _gather(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
+    """Return starts, columns and values: find and sort the columns of each block row, then fill the blocks.
 
     The rows of a block stand one after the other. ``place`` says where a block column of the present row is stored.
     """

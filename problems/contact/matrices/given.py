@@ -1,4 +1,4 @@
-"""Matrices as users give them, dense or sparse: copied, put in order and looked at entry by entry."""
+"""Conversion and validation of matrices that users give, dense or sparse."""
 
 import copy
 from functools import lru_cache
@@ -14,12 +14,6 @@ from ...errors import ProblemError
 
 Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])
 
-RUN = 16
-"""Entries of a dense matrix that are compared with zero at once."""
-
-SMALL_MATRIX = 4096
-"""Entries of a dense matrix up to which NumPy compresses it, which needs no compilation."""
-
 
 def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     """Return a matrix, dense or sparse, as a canonical read-only CSR or CSC array of doubles in memory of its own.
@@ -32,9 +26,9 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     if type(source) is kind and source.dtype == np.float64:
         matrix = _copied(source)
     elif kind is sp.csr_array and isinstance(source, np.ndarray):
-        matrix, is_finite = _compressed_rows(np.ascontiguousarray(source, dtype=np.float64))
-        if is_finite:
-            return matrix
+        matrix = _compressed_rows(source.astype(np.float64))
+        check_finite(matrix, name)
+        return matrix
     else:
         if sp.issparse(source):
             _check_sparse(source, name)
@@ -68,7 +62,7 @@ def as_matrix(given: Any, name: str) -> Any:
 
 
 def check_finite(matrix: Any, name: str) -> None:
-    """Look at the entries of a CSR or CSC matrix, and make its arrays read-only.
+    """Check the entries of a CSR or CSC matrix, and make its arrays read-only.
 
     Raises:
         ProblemError: that names the first entry which is not finite.
@@ -81,7 +75,7 @@ def check_finite(matrix: Any, name: str) -> None:
 
 
 def with_entries(matrix: Compressed, data: NDArray[Any], indices: NDArray[Any], indptr: NDArray[Any]) -> Compressed:
-    """Return a matrix of the kind and shape of ``matrix`` with other entries, as much in order as those.
+    """Return a matrix of the kind, shape and flags of ``matrix`` with other entries.
 
     On few entries this takes a fifth of the time of scipy's constructor.
     """
@@ -110,7 +104,7 @@ def _shorten_indices(matrix: Compressed) -> None:
 
 
 def _check_sparse(matrix: Any, name: str) -> None:
-    """Look at the indices of a sparse matrix: the conversions of scipy write where they point."""
+    """Check the indices of a sparse matrix, because the conversions of scipy rely on them."""
     try:
         if matrix.format in ("csr", "csc", "bsr"):
             matrix.check_format(full_check=True)
@@ -146,59 +140,17 @@ def _is_in_order(indptr, indices, data, length):  # type: ignore[no-untyped-def]
     return descents == at_starts and n_bad == 0
 
 
-def _compressed_rows(dense: NDArray[np.float64]) -> tuple[sp.csr_array[Any], bool]:
-    """Return a contiguous dense matrix in canonical CSR, and whether all its entries are finite.
-
-    The arrays of a finite matrix are read-only.
-    """
-    n_rows, n_columns = dense.shape
-    n_entries = np.count_nonzero(dense)
-    if n_entries == dense.size <= SMALL_MATRIX:
-        full = _full_pattern(n_rows, n_columns)
-        matrix = with_entries(full, dense.flatten(), full.indices.copy(), full.indptr.copy())
-        read_only(matrix.data, matrix.indices, matrix.indptr)
-        return matrix, bool(np.isfinite(matrix.data).all())
-    if dense.size <= SMALL_MATRIX:
-        place = np.flatnonzero(dense)
-        data, columns = dense.reshape(-1)[place], (place % n_columns).astype(np.int32)
-        starts = np.searchsorted(place, np.arange(0, dense.size + 1, n_columns)).astype(np.int32)
-    else:
-        data, columns = np.empty(n_entries), np.empty(n_entries, dtype=np.int32)
-        starts = np.zeros(n_rows + 1, dtype=np.int32)
-        _write_compressed(dense.reshape(-1), n_columns, data, columns, starts)
-    matrix = sp.csr_array((data, columns, starts), shape=dense.shape)
-    is_finite = bool(np.isfinite(data).all())
-    if is_finite:
-        matrix.has_canonical_format = True
-        read_only(matrix.data, matrix.indices, matrix.indptr)
-    return matrix, is_finite
+def _compressed_rows(dense: NDArray[np.float64]) -> sp.csr_array[Any]:
+    """Return a dense matrix in canonical CSR, without its zeros."""
+    rows, columns = np.nonzero(dense)
+    starts = np.searchsorted(rows, np.arange(len(dense) + 1))
+    empty = _empty_matrix(*dense.shape)
+    return with_entries(empty, dense[rows, columns], columns.astype(np.int32), starts.astype(np.int32))
 
 
 @lru_cache(maxsize=64)
-def _full_pattern(n_rows: int, n_columns: int) -> sp.csr_array[Any]:
-    """Return a matrix of ones, for its indices."""
-    columns = np.tile(np.arange(n_columns, dtype=np.int32), n_rows)
-    starts = n_columns * np.arange(n_rows + 1, dtype=np.int32)
-    matrix = sp.csr_array((np.ones(n_rows * n_columns), columns, starts), shape=(n_rows, n_columns))
+def _empty_matrix(n_rows: int, n_columns: int) -> sp.csr_array[Any]:
+    """Return a matrix of zeros, a pattern for others of its shape."""
+    matrix = sp.csr_array((n_rows, n_columns))
     matrix.has_canonical_format = True
     return matrix
-
-
-@njit(cache=True)
-def _write_compressed(dense, n_columns, data, columns, starts):  # type: ignore[no-untyped-def]
-    """Write entries, columns and starts of the rows of a dense matrix, given flat, zeros left out."""
-    run, width = uint64(RUN), uint64(n_columns)
-    count = uint64(0)
-    for row in range(uint64(len(starts) - 1)):
-        first = uint64(0)
-        while first < width:
-            at, length, n_entries = width * row + first, min(run, width - first), 0
-            for k in range(length):
-                n_entries += dense[at + k] != 0.0
-            if n_entries > 0:
-                for k in range(length):
-                    if dense[at + k] != 0.0:
-                        data[count], columns[count] = dense[at + k], first + k
-                        count += uint64(1)
-            first += run
-        starts[row + uint64(1)] = count

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numba import njit, uint64
-from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray
 from ..blocks import BlockLayout
@@ -121,15 +120,8 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
     The chunk length is the one that makes them cheapest, counting the numbers to read plus four for each piece; it is
     chosen by the first rows, because a problem's contacts are alike.
     """
-    return pieces_of_arrays(columns.indptr, columns.indices, columns.data, root, layout)
-
-
-def pieces_of_arrays(
-    indptr: NDArray[Any], indices: NDArray[Any], data: FloatArray, root: FloatArray, layout: BlockLayout
-) -> Pieces:
-    """Do the same for a matrix given by the arrays of a CSC matrix, which has a row for each entry of ``root``."""
-    pattern = (indptr, indices, layout.slot, layout.n_blocks, layout.width)
-    starts, chunks, values, n_chunks = _cut(*pattern, data, root)
+    pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
+    starts, chunks, values, n_chunks = _cut(*pattern, columns.data, root)
     return Pieces(starts, chunks, values, n_chunks)
 
 

@@ -1,7 +1,7 @@
-"""A given G is symmetric positive semidefinite, or an error says where it is not.
+"""Validation of a Delassus matrix: symmetric, and positive semidefinite as far as a cheap test shows.
 
-Kernels over the blocks of G first look whether it is sound, fast; only where they find that it may not be, or that it
-is at the edge, the entries of G are looked at one by one to decide, and to name the worst.
+Small matrices are tested with NumPy, which compiles nothing. Larger ones are tested entry by entry, and by the extreme
+Ritz values of a few Lanczos steps.
 """
 
 from typing import Any
@@ -12,8 +12,7 @@ from numba import njit, uint64
 
 from ...arrays import FloatArray, read_only
 from ...errors import IndefiniteError, ProblemError
-from ..blocks import BlockLayout
-from .delassus import blocks_from_matrix, diagonal_of
+from .delassus import diagonal_of
 from .given import as_matrix, read_matrix
 
 SYMMETRY_TOLERANCE = 1e-12
@@ -35,16 +34,16 @@ EXHAUSTED = 1e-12
 """Lanczos' method ends where what is new in a step is below this part of the largest Ritz value: no more is found."""
 
 
-def checked_delassus(given: Any, layout: BlockLayout, allow_asymmetric: bool) -> sp.csr_array[Any]:
+def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
     """Return G as a canonical read-only CSR array, or raise ``ProblemError``.
 
     Args:
-        given: G [1/kg], dense or scipy sparse, of shape (n_rows, n_rows) for the rows of ``layout``.
-        layout: the padded blocks of the problem.
+        given: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
+        n_rows: number of rows of the problem.
         allow_asymmetric: whether G may be any matrix without negative diagonal entries.
     """
     source = as_matrix(given, "G")
-    n_rows, is_single = len(layout.slot), source.dtype == np.float32
+    is_single = source.dtype == np.float32
     if source.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {source.shape}.")
     matrix: sp.csr_array[Any] = read_matrix(source, "G", sp.csr_array)
@@ -57,19 +56,15 @@ def checked_delassus(given: Any, layout: BlockLayout, allow_asymmetric: bool) ->
         matrix = sp.csr_array(0.5 * (matrix + matrix.T))
         read_only(matrix.data, matrix.indices, matrix.indptr)
     tolerance = SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE
+    dense = None
     if n_rows <= DENSE_ROWS:
-        dense = matrix.toarray()
-        is_sound = _is_sound_dense(dense, SYMMETRY_TOLERANCE, tolerance)
-    else:
-        blocks = blocks_from_matrix(matrix, layout)
-        arrays = (tuple(range(layout.width)), blocks.starts, blocks.columns, blocks.values.reshape(-1))
-        is_sound = _is_sound(*arrays, SYMMETRY_TOLERANCE, tolerance)
-    if not is_sound:
+        dense = matrix.toarray() if is_single or sp.issparse(source) else source.astype(np.float64)
+    if dense is None or not _is_sound(dense, tolerance):
         _check_diagonal(matrix)
         _check_symmetry(matrix, SYMMETRY_TOLERANCE)
         _check_minors(matrix, tolerance)
-    if n_rows > DENSE_ROWS:
-        _check_eigenvalues(_ritz_values(arrays, layout), tolerance)
+    if dense is None:
+        _check_eigenvalues(_ritz_values(matrix), tolerance)
     elif not _has_root(dense, 0.5 * tolerance):
         _check_eigenvalues(np.linalg.eigvalsh(dense), tolerance)
     return matrix
@@ -114,18 +109,17 @@ def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
         )
 
 
-def _ritz_values(blocks: tuple[Any, Any, Any, Any], layout: BlockLayout) -> FloatArray:
+def _ritz_values(matrix: sp.csr_array[Any]) -> FloatArray:
     """Return the Ritz values of G, ascending: ``LANCZOS_STEPS`` steps from a fixed random vector.
 
-    The basis is not made orthogonal again: Ritz values stay within the range of the eigenvalues without (Paige 1976).
+    Without reorthogonalisation, Ritz values still lie within the range of the eigenvalues (Paige 1976).
     """
-    vector = layout.pad(np.random.default_rng(0).normal(size=len(layout.slot))).reshape(-1)
-    projected = np.zeros((LANCZOS_STEPS, LANCZOS_STEPS))
-    steps = _project(*blocks, vector, projected)
+    vector, projected = np.random.default_rng(0).normal(size=matrix.shape[0]), np.zeros((LANCZOS_STEPS, LANCZOS_STEPS))
+    steps = _project(matrix.indptr, matrix.indices, matrix.data, vector, projected)
     return np.asarray(np.linalg.eigvalsh(projected[:steps, :steps]), dtype=np.float64)
 
 
-def _is_sound_dense(matrix: FloatArray, symmetry: float, negative: float) -> bool:
+def _is_sound(matrix: FloatArray, negative: float) -> bool:
     """Whether G, dense, is symmetric, its diagonal not negative, and none of its 2×2 minors, to the tolerances."""
     diagonal = matrix.diagonal()
     if (diagonal < 0.0).any():
@@ -135,7 +129,7 @@ def _is_sound_dense(matrix: FloatArray, symmetry: float, negative: float) -> boo
     if (excess > negative * diagonal.max(initial=0.0)).any():
         return False
     difference = matrix - matrix.T
-    return not difference.any() or bool(np.abs(difference).max() <= symmetry * size.max())
+    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * size.max())
 
 
 def _has_root(matrix: FloatArray, shift: float) -> bool:
@@ -152,124 +146,33 @@ def _has_root(matrix: FloatArray, shift: float) -> bool:
     return True
 
 
-@njit(cache=True)
-def _is_sound(lanes, starts, columns, values, symmetry, negative):  # type: ignore[no-untyped-def]
-    """Whether G is symmetric, its diagonal not negative, and none of its 2×2 minors, all but the second to a tolerance.
-
-    Each block below the diagonal is compared with the one that mirrors it: ``ahead`` is the first block of each row
-    right of the diagonal that has not been met, and blocks are met in its order. The diagonal stands first in its row.
-    """
-    one, width = uint64(1), uint64(len(lanes))
-    n_blocks, area = uint64(len(starts) - 1), width * width
-    root, ahead = np.empty(len(lanes) * (len(starts) - 1)), np.empty(len(starts) - 1, dtype=np.uint64)
-    largest, difference, excess, most, n_below, n_above = 0.0, 0.0, 0.0, 0.0, 0, 0
-    for i in range(n_blocks):
-        first, end = uint64(starts[i]), uint64(starts[i + one])
-        own = width * i
-        for lane in range(width):
-            diagonal = values[area * first + lane * (width + one)]
-            if diagonal < 0.0:
-                return False
-            most = max(most, diagonal)
-            root[own + lane] = np.sqrt(diagonal)
-        for lane in range(width):
-            for other in range(lane):
-                entry, mirrored = (
-                    values[area * first + width * lane + other],
-                    values[area * first + width * other + lane],
-                )
-                largest = max(largest, max(abs(entry), abs(mirrored)))
-                difference = max(difference, abs(entry - mirrored))
-                excess = max(excess, max(abs(entry), abs(mirrored)) - root[own + lane] * root[own + other])
-        p = first + one
-        while p < end and uint64(columns[p]) < i:
-            j = uint64(columns[p])
-            q = ahead[j]
-            if q >= uint64(starts[j + one]) or uint64(columns[q]) != i:
-                return False
-            ahead[j] = q + one
-            for lane in range(width):
-                for other in range(width):
-                    entry = values[area * p + width * lane + other]
-                    mirrored = values[area * q + width * other + lane]
-                    larger = max(abs(entry), abs(mirrored))
-                    largest = max(largest, larger)
-                    difference = max(difference, abs(entry - mirrored))
-                    excess = max(excess, larger - root[own + lane] * root[width * j + other])
-            p += one
-        ahead[i] = p
-        n_below += p - first - one
-        n_above += end - p
-    largest = max(largest, most)
-    return n_below == n_above and difference <= symmetry * largest and excess <= negative * most
-
-
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _project(lanes, starts, columns, values, vector, projected):  # type: ignore[no-untyped-def]
+def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyped-def]
     """Write Qᵀ G Q, tridiagonal, for the Lanczos basis Q from ``vector``, which is lost; return the number of steps."""
-    width, n = len(lanes), uint64(len(vector))
-    before, product = np.zeros(len(vector)), np.empty(len(vector))
-    squared = 0.0
-    for k in range(n):
-        squared += vector[k] * vector[k]
-    length, coupling, largest = np.sqrt(squared), 0.0, 0.0
+    before, product = np.zeros_like(vector), np.empty_like(vector)
+    length, coupling, largest = np.sqrt((vector * vector).sum()), 0.0, 0.0
     for step in range(len(projected)):
         if length <= EXHAUSTED * largest:
             return step
         if step > 0:
-            projected[step, step - 1] = projected[step - 1, step] = length
-            coupling = length
-        scale = 1.0 / length
-        for k in range(n):
-            vector[k] *= scale
-        if width == 3:
-            _times_spatial(starts, columns, values, vector, product)
-        else:
-            _times(lanes, starts, columns, values, vector, product)
+            projected[step, step - 1] = projected[step - 1, step] = coupling = length
+        vector /= length
         ritz = 0.0
-        for k in range(n):
-            ritz += product[k] * vector[k]
+        for row in range(uint64(len(vector))):
+            total = 0.0
+            for p in range(uint64(indptr[row]), uint64(indptr[row + uint64(1)])):
+                total += data[p] * vector[uint64(indices[p])]
+            product[row] = total
+            ritz += total * vector[row]
         projected[step, step] = ritz
-        largest = max(largest, max(abs(ritz), length if step > 0 else 0.0))
+        largest = max(largest, max(abs(ritz), coupling))
         squared = 0.0
-        for k in range(n):
+        for k in range(len(vector)):
             after = product[k] - ritz * vector[k] - coupling * before[k]
             before[k], vector[k] = vector[k], after
             squared += after * after
         length = np.sqrt(squared)
     return len(projected)
-
-
-@njit(cache=True, fastmath={"contract"})
-def _times(lanes, starts, columns, values, vector, product):  # type: ignore[no-untyped-def]
-    """Write G times a vector."""
-    one, width = uint64(1), uint64(len(lanes))
-    for i in range(uint64(len(starts) - 1)):
-        for lane in range(width):
-            product[width * i + lane] = 0.0
-        for p in range(uint64(starts[i]), uint64(starts[i + one])):
-            j, v = width * uint64(columns[p]), width * width * p
-            for lane in range(width):
-                total = 0.0
-                for other in range(width):
-                    total += values[v + width * lane + other] * vector[j + other]
-                product[width * i + lane] += total
-
-
-@njit(cache=True, fastmath={"contract"})
-def _times_spatial(starts, columns, values, vector, product):  # type: ignore[no-untyped-def]
-    """Do the same for blocks of three lanes, a third faster."""
-    one, two, three = uint64(1), uint64(2), uint64(3)
-    for i in range(uint64(len(starts) - 1)):
-        normal, first, second = 0.0, 0.0, 0.0
-        for p in range(uint64(starts[i]), uint64(starts[i + one])):
-            j, v = three * uint64(columns[p]), uint64(9) * p
-            n, t, s = vector[j], vector[j + one], vector[j + two]
-            normal += values[v] * n + values[v + one] * t + values[v + two] * s
-            first += values[v + three] * n + values[v + uint64(4)] * t + values[v + uint64(5)] * s
-            second += values[v + uint64(6)] * n + values[v + uint64(7)] * t + values[v + uint64(8)] * s
-        k = three * i
-        product[k], product[k + one], product[k + two] = normal, first, second
 
 
 @njit(cache=True)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray
-from ..archive import DAMAGES
+from ..files.archive import DAMAGES
 
 LARGEST_FILE = 2**30
 """Bytes that a file may have."""

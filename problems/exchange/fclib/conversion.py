@@ -21,8 +21,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ...arrays import FloatArray
-from ...contact.factors import Factors, InverseMass
-from ...contact.matrices.block_diagonal import MOST_ENTRIES, inverse_entries
+from ...contact.matrices.block_diagonal import MAX_ENTRIES, inverse_entries
+from ...contact.matrices.factors import Factors, InverseMass
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
 from ..repair import Repair, symmetric
@@ -133,7 +133,7 @@ def _global(contents: GlobalContents, repair: Repair, attributes: dict[str, Any]
     directions, w = contents.H, contents.w
     if contents.n_joints:
         directions, w = sp.hstack([directions, contents.G], format="csc"), np.append(w, contents.b)
-    if inverse_entries(mass) > MOST_ENTRIES:
+    if inverse_entries(mass) > MAX_ENTRIES:
         return _condensed(contents, mass, directions, w, attributes)
     inverse = InverseMass.of_mass(mass)
     motion = inverse.times(contents.f)

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from ...arrays import FloatArray, real_numbers
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
+from ..files.problem_file import write_whole
 from ..repair import Indefinite, Repair, Symmetry, named_in_errors
-from ..storage import write_whole
 from .container import ContainerError, opened
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
 from .conversion import contents_of, digest_obstacle, problem_of

@@ -23,8 +23,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray
-from ...contact.factors import InverseMass
 from ...contact.laws import Laws
+from ...contact.matrices.factors import InverseMass
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError, suggestion
 from ..repair import Repair

@@ -38,7 +38,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray
-from ...contact.factors import InverseMass
+from ...contact.matrices.factors import InverseMass
 from ...contact.problem import FREE_FALL, ContactProblem
 from ...errors import ProblemError, suggestion
 from ..repair import Repair

@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from ...contact.factors import InverseMass
 from ...contact.laws import Laws
+from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..detection.broad_phase import overlapping_pairs

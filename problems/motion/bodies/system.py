@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import FloatArray, IntArray
-from ...contact.factors import InverseMass
 from ...contact.laws import Laws
+from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray
-from ...contact.factors import Factors
+from ...contact.matrices.factors import Factors
 from ...contact.problem import ContactProblem
 from ...contact.solver import Prepared, Stop
 from ...errors import ProblemError, error_text

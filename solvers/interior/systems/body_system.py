@@ -32,8 +32,8 @@ class BodySystem:
         self._starts, self._chunks = pieces.starts, pieces.chunks
         self._left: FloatArray = pieces.values * self._lanes.to_block(scaled.impulse_scale)[block, :, None]
         self._right: FloatArray = pieces.values * self._lanes.to_block(scaled.velocity_scale)[block, :, None]
-        rows, columns, self._pair_starts, self._targets = _pattern(self._starts, self._chunks, self._n_chunks)
-        self._diagonal = rows[:-1]
+        rows, columns, pair_starts, targets = _pattern(self._starts, self._chunks, self._n_chunks)
+        self._pairs = (pair_starts, targets, rows[:-1])
         self._blocks = np.empty((len(columns), self._length, self._length))
         self._factors = BlockLU(rows, columns, self._length, CORRECTIONS)
         self._coupled: FloatArray = np.zeros((0, width, width))
@@ -45,34 +45,25 @@ class BodySystem:
         return self._factors.flops
 
     def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r; see ``NewtonSystem``."""
+        """Return Ĝ r for r, both of shape (m, w): m cones with w lanes each."""
         return self._lanes.once_from_block(self._pull(self._push(self._lanes.to_block(r))))
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise; return False if D or the sum is singular; see ``NewtonSystem``."""
+        """Factorise for D of shape (m, w, w); return False if D or the sum is singular."""
         self._coupled = self._lanes.matrices_to_block(coupled)
         self._inverse = np.empty_like(self._coupled)
         self._sign = invert(self._coupled, self._inverse)
         if self._sign == 0.0:
             return False
-        _assemble(
-            self._starts,
-            self._left,
-            self._right,
-            self._inverse,
-            self._pair_starts,
-            self._targets,
-            self._diagonal,
-            self._blocks,
-        )
+        _assemble(self._starts, self._left, self._right, self._inverse, *self._pairs, self._blocks)
         return self._factors.factorise(self._blocks)
 
     def determinant_sign(self) -> float:
-        """Return the sign of det (Ĝ + D) = det D · det (M + W D⁻¹ Wᵀ) / det M; see ``NewtonSystem``."""
+        """Return the sign of det (Ĝ + D) = det D · det (M + W D⁻¹ Wᵀ) / det M."""
         return self._sign * self._factors.determinant_sign()
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
-        """Return dr for a right side; see ``NewtonSystem``."""
+        """Return dr for a right side, both of shape (m, w)."""
         given = self._lanes.sum_to_block(right)
         found, left = np.zeros_like(given), given
         for refinement in range(refinements + 1):

@@ -41,21 +41,21 @@ class DelassusSystem:
         return self._factors.flops
 
     def times(self, r: FloatArray) -> FloatArray:
-        """Return Ĝ r; see ``NewtonSystem``."""
+        """Return Ĝ r for r, both of shape (m, w): m cones with w lanes each."""
         return self._lanes.once_from_block(self._times(self._lanes.to_block(r)))
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise Ĝ + D; see ``NewtonSystem``."""
+        """Factorise for D of shape (m, w, w); return False if the matrix is singular."""
         self._coupled = self._lanes.matrices_to_block(coupled)
         self._summed[self._diagonal] = self._values[self._diagonal] + self._coupled
         return bool(np.isfinite(self._coupled).all()) and self._factors.factorise(self._summed)
 
     def determinant_sign(self) -> float:
-        """Return the sign of det (Ĝ + D); see ``NewtonSystem``."""
+        """Return the sign of det (Ĝ + D) of the last factorisation, 1 or −1."""
         return self._factors.determinant_sign()
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
-        """Return dr for a right side; see ``NewtonSystem``."""
+        """Return dr for a right side, both of shape (m, w)."""
         given = self._lanes.sum_to_block(right)
         found, left = np.zeros_like(given), given
         for refinement in range(refinements + 1):

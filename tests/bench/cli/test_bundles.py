@@ -72,14 +72,14 @@ def test_a_case_that_lies_is_named_and_the_exit_code_is_1(
     for options, is_quiet in (([], False), (["--quiet"], True)):
         assert run_command(["rejudge", str(tmp_path / "lie.bundle"), *options]) == 1
         lines = capsys.readouterr().out.splitlines()
-        assert lines[0].startswith("NSGS on funnel-30: the bundle says residual 0.0")
+        assert lines[0].startswith("NSGS on funnel-30: the bundle reports residual 0.0")
         assert len(lines) == (1 if is_quiet else 2)
 
 
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("bundle nowhere", "is no stored run"),
+        ("bundle nowhere", "is not a stored run"),
         ("rejudge nowhere.bundle", "there is no bundle nowhere.bundle"),
         ("merge nowhere.bundle", "there is no bundle nowhere.bundle"),
         ("rejudge x --quiet --json", "exclude each other"),

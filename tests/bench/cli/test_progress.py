@@ -15,7 +15,7 @@ from proxbench.bench.measure.execution.events import (
 )
 from rich.console import Console
 
-REFERENCE = Path(__file__).parents[3] / "results" / "reference"
+REFERENCE = Path(__file__).parents[3] / "results" / "reference.bundle"
 
 EVENTS: list[Event] = [
     RunStarted(Path("run"), 2, 0),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 
-REFERENCE = Path(__file__).parents[3] / "results/reference"
+REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
     assert run_command(["report", str(faultless), *options]) == 1
     printed = capsys.readouterr()
     assert "funnel-30" in printed.out
-    assert f"proxbench: {file.name} is left out: " in printed.err
+    assert f"proxbench: {file.name} is damaged (" in printed.err
 
 
 @pytest.mark.parametrize(

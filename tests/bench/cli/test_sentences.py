@@ -25,12 +25,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("report a.bundle", "a.bundle is a bundle, not the folder of a run; unpack it with: proxbench merge a.bundle"),
+        ("report a.bundle", "a.bundle is not a bundle, or is damaged (the compressed data are damaged); get it again"),
         ("run --resume a.bundle", "unpack it with: proxbench merge a.bundle"),
-        ("compare a.bundle runs/one", "unpack it with: proxbench merge a.bundle"),
-        ("report runs", "runs is no stored run but holds 1; name one of them, such as runs/one."),
-        ("report empty", "empty is no stored run (it has no run.json); name the folder of a run."),
-        ("report nosuch", "nosuch is no stored run (there is nothing of that name); name the folder of a run."),
+        ("compare a.bundle runs/one", "a.bundle is not a bundle, or is damaged"),
+        ("report runs", "runs is not a stored run (it contains 1); name one of them, such as runs/one."),
+        ("report empty", "empty is not a stored run (it has no run.json); name the folder of a run."),
+        ("report nosuch", "nosuch is not a stored run (it does not exist); name the folder of a run."),
         ("report nosuch.npz", "there is no result file nosuch.npz."),
         (
             "record runs/one",
@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
         ("list suites --suite hard", "--suite lists problems only; write: proxbench list problems --suite hard"),
         (
             "run --problem hard-groove --run-id ünï",
-            "--run-id 'ünï' is no name of a run; use at most 60 of the characters",
+            "--run-id 'ünï' is not a valid name of a run; use at most 60 of the characters",
         ),
         (
             "run --tolerance abc",
@@ -81,8 +81,8 @@ def test_a_mistake_gets_the_sentence_that_mends_it(
 
 
 def test_a_simulation_of_a_plugin_asks_for_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from proxbench.problems.exchange.plugin_files import PluginFile
-    from proxbench.problems.exchange.plugins import forget
+    from proxbench.problems.exchange.plugins.files import PluginFile
+    from proxbench.problems.exchange.plugins.offers import forget
 
     result = tmp_path / "tower.npz"
     line = f"simulate block(mass=2.0) --duration 0.002 --plugin {PLUGIN} --output {result} --quiet"

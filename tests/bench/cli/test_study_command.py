@@ -162,4 +162,4 @@ def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) ->
     started = events[0]
     assert isinstance(started, RunStarted)
     assert started.points == sum(isinstance(event, PointFinished) for event in events) == 3
-    assert started.work == "3 points, 6 simulations, at least 45 steps"
+    assert started.work == "3 points, 6 simulations"

@@ -8,7 +8,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.conformance import SOLVER_CHECKS
 from proxbench.bench.conformance.run import checked
 from proxbench.problems import PluginError
-from proxbench.problems.exchange.plugins import registered
+from proxbench.problems.exchange.plugins.offers import registered
 
 WRAPPED = """
 import os, time

@@ -3,7 +3,6 @@
 import json
 import os
 import sys
-import threading
 import types
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,7 +17,7 @@ from proxbench.bench.isolation.process_state import ProcessState, replaced_names
 
 def test_a_process_in_which_nothing_happens_has_not_changed() -> None:
     before = ProcessState.now()
-    assert (before.replaced(), before.changed(), before.changed_for_timing(), before.left()) == ([], [], [], [])
+    assert (before.replaced(), before.changed(), before.changed_for_timing()) == ([], [], [])
     assert replaced_names(before) == ""
 
 
@@ -110,22 +109,3 @@ def test_what_a_process_has_one_of_is_named_where_it_has_changed(
     restore(folder)
     assert changed == [what]
     assert timing == ([what] if what == "the recursion limit" else [])
-
-
-def test_threads_and_processes_that_are_left_are_counted() -> None:
-    before = ProcessState.now()
-    end = threading.Event()
-    threads = [threading.Thread(target=end.wait) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    process = os.fork()
-    if process == 0:
-        end.wait(60.0)
-        os._exit(0)
-    left = before.left()
-    os.kill(process, 9)
-    os.waitpid(process, 0)
-    end.set()
-    for thread in threads:
-        thread.join()
-    assert left == ["2 threads", "1 process"]

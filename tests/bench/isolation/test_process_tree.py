@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 
@@ -13,11 +12,9 @@ import pytest
 from proxbench.bench.isolation.process_tree import (
     descendants,
     describe_exit,
-    memory_left,
     processor_seconds,
     running,
     send,
-    writers,
 )
 
 PARENT = "import subprocess, sys; subprocess.Popen(['sleep', '60']); print(flush=True); sys.stdin.read()"
@@ -97,29 +94,3 @@ def test_the_end_of_a_process_is_told_from_its_wait_status(code: str, words: str
     process = os.spawnlp(os.P_NOWAIT, "sh", "sh", "-c", code)
     _, status = os.waitpid(process, 0)
     assert describe_exit(status) == words
-
-
-@pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_who_prints_into_a_file_is_found(stream: str) -> None:
-    with tempfile.TemporaryFile() as file, tempfile.TemporaryFile() as other:
-        given = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, stream: file}
-        printing = subprocess.Popen(["cat"], **given)  # type: ignore[call-overload]
-        found, none = writers(file.fileno()), writers(other.fileno())
-        printing.communicate()
-        assert (found, none) == ([printing.pid], [])
-        assert writers(file.fileno()) == []
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the address space of a process")
-def test_memory_is_left_up_to_the_limit_of_a_process() -> None:
-    code = "import resource, sys; resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)); print(flush=True)"
-    limited = subprocess.Popen(
-        [sys.executable, "-c", f"{code}; sys.stdin.read()"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert limited.stdout is not None
-    limited.stdout.readline()
-    left = memory_left(limited.pid)
-    limited.communicate()
-    assert left is not None
-    assert 2**30 < left < 2**31
-    assert memory_left(limited.pid) is None

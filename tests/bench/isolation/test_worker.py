@@ -1,6 +1,5 @@
 """Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
 
-import itertools
 import time
 from collections.abc import Iterator
 
@@ -16,7 +15,7 @@ from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
-from proxbench.problems.exchange.storage import problem_bytes
+from proxbench.problems.exchange.files.problem_file import problem_bytes
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
 ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
@@ -169,11 +168,3 @@ def test_all_requests_of_a_process_share_its_limit_of_time(worker: Worker) -> No
     with pytest.raises(Fault, match="the case took longer than its") as found:
         worker.ask("sleep")
     assert found.value.outcome is Outcome.TIMEOUT
-
-
-def test_a_kill_by_the_system_for_want_of_memory_is_no_crash(monkeypatch: pytest.MonkeyPatch) -> None:
-    kills = itertools.count(3)
-    monkeypatch.setattr("proxbench.bench.isolation.worker.kills_for_memory", lambda: next(kills))
-    record = carried_out("die").record()
-    assert record.outcome is Outcome.OUT_OF_MEMORY
-    assert record.reason == "its process was killed by SIGKILL as the memory of the machine ran out"

@@ -9,7 +9,7 @@ from proxbench.bench.plugins.files import sources, use_plugin_files
 from proxbench.bench.plugins.remote_solver import working_solver
 from proxbench.bench.plugins.solver_specs import SolverSpec
 from proxbench.problems import PluginError, load
-from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.exchange.plugins.offers import forget, registered
 from proxbench.solvers import Status, Stop, create
 
 PART = """

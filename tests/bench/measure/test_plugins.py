@@ -14,7 +14,7 @@ from proxbench.bench.plugins.problems import resolved
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import PluginError
 from proxbench.problems import load as load_problem
-from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.exchange.plugins.offers import forget, registered
 from proxbench.solvers import available
 
 GOOD = """

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.exchange.plugins.offers import forget, registered
 
 pytestmark = pytest.mark.slow
 

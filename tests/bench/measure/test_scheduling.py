@@ -1,4 +1,4 @@
-"""Each pass has an order of its own, and more rounds go where a ratio is uncertain."""
+"""Each pass has an order of its own, and a point has a round in each."""
 
 import pytest
 from crashing_solver import CrashingBelow
@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from proxbench.bench import Run, load, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.events import Event, ProblemStarted
-from proxbench.bench.measure.scheduling import shuffled, uncertain
+from proxbench.bench.measure.execution.run_executor import shuffled
 from proxbench.bench.store.condition import warnings
 from proxbench.bench.store.frames import rounds_frame
 from proxbench.bench.store.outcome import Outcome
@@ -19,21 +19,17 @@ from stored_cases import case_record, measured_in, timed_round
 PLAN = PlanRecord(problems=["p"], solvers=["fast", "slow", "noisy"], tolerances=[1e-2, 1e-4], limits=Limits())
 
 
-def case(solver: str, *levels: list[float], excluded: int = 0) -> CaseRecord:
-    """Return a case whose points took so long in their rounds, the first ones of which are excluded."""
+def case(solver: str, *levels: list[float]) -> CaseRecord:
+    """Return a case whose points took so long in their rounds."""
     points = []
     for tolerance, seconds in zip(PLAN.tolerances, levels, strict=True):
-        rounds = [
-            timed_round(number, value, excluded="preempted" if number < excluded else "")
-            for number, value in enumerate(seconds)
-        ]
+        rounds = [timed_round(number, value) for number, value in enumerate(seconds)]
         measured = measured_in(rounds, residual=tolerance, model_residual=tolerance)
         points.append(Point(tolerance=tolerance, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured))
     return case_record(solver=solver, points=points)
 
 
 STEADY = [0.1, 0.1, 0.1, 0.1, 0.1]
-NOISY = [0.2, 0.3, 0.2, 0.25, 0.35]
 
 
 def test_each_pass_has_an_order_of_its_own_that_a_seed_gives_again() -> None:
@@ -42,33 +38,6 @@ def test_each_pass_has_an_order_of_its_own_that_a_seed_gives_again() -> None:
     assert len(set(orders)) == 5
     assert all(sorted(order) == items for order in orders)
     assert orders == [tuple(shuffled(items, 7, number)) for number in range(5)]
-
-
-def test_wide_ratios_and_the_best_they_are_of_get_more_rounds() -> None:
-    cases = [
-        case("fast", STEADY, STEADY),
-        case("slow", NOISY, [0.4] * 5),
-        case("noisy", [0.3] * 5, NOISY),
-    ]
-    assert uncertain(cases, PLAN, is_first=False) == {("fast", 0), ("slow", 0), ("fast", 1), ("noisy", 1)}
-
-
-def test_the_first_further_pass_is_for_what_is_undecided() -> None:
-    cases = [
-        case("fast", STEADY, STEADY),
-        case("slow", NOISY, NOISY),
-        case("noisy", [0.3] * 5, [*NOISY[1:], 0.05]),
-    ]
-    assert uncertain(cases, PLAN, is_first=True) == {("fast", 0), ("fast", 1), ("noisy", 1)}
-
-
-def test_narrow_ratios_get_none() -> None:
-    assert uncertain([case("fast", STEADY, STEADY), case("slow", [0.2] * 5, [0.4] * 5)], PLAN, is_first=False) == set()
-
-
-def test_excluded_rounds_are_measured_again() -> None:
-    cases = [case("fast", STEADY, STEADY), case("slow", [0.2] * 5, [0.4] * 5, excluded=3)]
-    assert {("slow", 0), ("slow", 1)} <= uncertain(cases, PLAN, is_first=True)
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.exchange.plugin_files import PluginFile
-from proxbench.problems.exchange.plugins import forget
+from proxbench.problems.exchange.plugins.files import PluginFile
+from proxbench.problems.exchange.plugins.offers import forget
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 

@@ -196,7 +196,7 @@ def test_a_simulation_goes_on_in_no_file_that_a_link_leads_to(
     link.parent.mkdir()
     link.symlink_to(result)
     assert run_command(f"simulate --resume {link} --duration 0.02 --no-progress".split()) == 2
-    assert f"is a link out of {link.parent}, to {result}, and nothing is" in capsys.readouterr().err
+    assert f"is a link out of {link.parent}, to {result}; remove it" in capsys.readouterr().err
     assert result.read_bytes() == before
 
 

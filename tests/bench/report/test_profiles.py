@@ -35,7 +35,7 @@ from proxbench.bench.report.profiles import (
 from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
 
-REFERENCE = Path(__file__).parents[3] / "results/reference"
+REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
 
 def random_seconds(seed: int, problems: int = 17, solvers: int = 5) -> pd.DataFrame:

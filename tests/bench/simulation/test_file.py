@@ -13,7 +13,7 @@ from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems import load
-from proxbench.problems.exchange.storage import save_problem
+from proxbench.problems.exchange.files.problem_file import save_problem
 
 Pour = Callable[..., SimulationPlan]
 

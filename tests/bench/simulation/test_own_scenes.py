@@ -14,8 +14,8 @@ from proxbench.bench.plugins.remote_scene import local_or_remote_scene
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.view.chart import simulation_chart
-from proxbench.problems.exchange.plugin_files import PluginFile
-from proxbench.problems.exchange.plugins import forget
+from proxbench.problems.exchange.plugins.files import PluginFile
+from proxbench.problems.exchange.plugins.offers import forget
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import Drag, Force, Friction, Gravity, Spring, ball_system
 from proxbench.problems.motion.scenes.funnel import Funnel

@@ -20,8 +20,8 @@ from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.bench.simulation.step_row import step_columns
 from proxbench.problems import ProblemError
-from proxbench.problems.exchange.plugin_files import PluginFile
-from proxbench.problems.exchange.plugins import forget
+from proxbench.problems.exchange.plugins.files import PluginFile
+from proxbench.problems.exchange.plugins.offers import forget
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule

@@ -112,7 +112,7 @@ def test_what_contradicts_a_stored_variable_step_is_named_beside_what_is_stored(
 def test_a_folder_that_is_no_run_is_not_resumed(name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / name).mkdir()
     assert run_command(["simulate", "--resume", str(tmp_path / name)]) == 2
-    assert f"{name} is no stored run (it has no run.json); name the folder of a run." in capsys.readouterr().err
+    assert f"{name} is not a stored run (it has no run.json); name the folder of a run." in capsys.readouterr().err
 
 
 @pytest.mark.slow

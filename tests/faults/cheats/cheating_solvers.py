@@ -1,20 +1,36 @@
-"""Solvers that look better than they are, each by one trick."""
+"""Solvers that look better than they are by what they answer or count; what each of them does stands in decision 14."""
 
-import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from proxbench.bench.store.plans import Limits
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop, create
 
+BOX, LARGE = "hard-sticking-box", "funnel-1000"
+
+SHORT = Limits(solve_seconds=0.02, case_seconds=120.0)
+
 
 class Honest:
-    """SORprox under another name, for tricks to begin from."""
+    """SORprox under another name, for tricks to begin from.
+
+    Attributes:
+        tried_on: the problem that it is measured on.
+        limits: of its case.
+    """
 
     model: ClassVar[Model] = Model.COULOMB
+    tried_on: ClassVar[str] = "funnel-100"
+    limits: ClassVar[Limits] = Limits(solve_seconds=30.0, case_seconds=120.0)
+
+    @classmethod
+    def made(cls, folder: str) -> Self:
+        """Return one, which may keep files in a folder."""
+        return cls()
 
     @property
     def name(self) -> str:
@@ -39,8 +55,14 @@ class Prepared:
         return self.solver.solve(self.problem, stop, observe)
 
 
-class SometimesZero(Honest):
-    """Answers zero in three of ten solves, never in the last ones of a round."""
+class OnBox(Honest):
+    """Tried on the problem with a known answer."""
+
+    tried_on = BOX
+
+
+class SometimesZero(OnBox):
+    """Never in the last solves of a round."""
 
     is_randomised = True
 
@@ -54,9 +76,7 @@ class SometimesZero(Honest):
         return super().solve(problem, stop, observe)
 
 
-class Jittering(Honest):
-    """Changes the last bits of its answers from solve to solve."""
-
+class Jittering(OnBox):
     def __init__(self, is_randomised: bool = False) -> None:
         self.count, self.is_randomised = 0, is_randomised
 
@@ -66,69 +86,52 @@ class Jittering(Honest):
         return Solution(found.impulses * (1.0 + 1e-15 * (self.count % 3)), found.status, found.iterations)
 
 
-class Lazy(Honest):
-    """Solves when its impulses are read."""
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        return LazySolution(np.zeros(problem.n_rows), Status.SOLVED, 1)
-
-
-class LazySolution(Solution):
-    """A solution that is a promise."""
-
-
-class Late(Honest):
-    """Takes longer than its limit, and says that it solved."""
+class Late(OnBox):
+    limits = SHORT
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         time.sleep(3.0 * stop.max_seconds)
         return super().solve(problem, Stop(stop.tolerance, stop.max_iterations), observe)
 
 
-class LateInPrepare(Honest):
-    """Takes longer than its limit to prepare, and says that it solved."""
+class LateInPrepare(OnBox):
+    limits = SHORT
 
     def prepare(self, problem: ContactProblem) -> Any:
         time.sleep(0.06)
         return super().prepare(problem)
 
 
-class Hopeless(Honest):
-    """Says of every problem that it has no solution."""
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        return Solution(np.zeros(problem.n_rows), Status.INFEASIBLE, 1)
-
-
-class Loose(Honest):
-    """Solves to a thousand times the tolerance, and says that it solved."""
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        return super().solve(problem, Stop(1e3 * stop.tolerance, stop.max_iterations), observe)
-
-
-class Disguised(Honest):
-    """Returns impulses that show every reader what it wants."""
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        return Solution(np.zeros(problem.n_rows).view(Flattering), Status.SOLVED, 1)
-
-
-class Flattering(np.ndarray):
-    """An array of a kind of its own."""
-
-
 class FewIterations(Honest):
-    """Counts ten sweeps as one iteration."""
+    tried_on = "funnel-30"
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         found = super().solve(problem, stop, observe)
         return Solution(found.impulses, found.status, found.iterations // 10)
 
 
-class Reader(Honest):
-    """Returns the known answer of a problem, from it or from the library under its name."""
+class LazySolution(Solution):
+    """A solution that is a promise."""
 
+
+ANSWERS: dict[str, Callable[[int], Solution]] = {
+    "Hopeless": lambda n_rows: Solution(np.zeros(n_rows), Status.INFEASIBLE, 1),
+    "Lazy": lambda n_rows: LazySolution(np.zeros(n_rows), Status.SOLVED, 1),
+}
+"""What some cheats answer to every problem, by their names."""
+
+
+@dataclass
+class Answering(OnBox):
+    """Gives one of ``ANSWERS`` without solving."""
+
+    name: str = ""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        return ANSWERS[self.name](problem.n_rows)
+
+
+class Reader(OnBox):
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         known = problem.answer
         if known is None and problem.name.startswith("hard-"):
@@ -138,47 +141,8 @@ class Reader(Honest):
         return Solution(known.impulses[0], Status.SOLVED, 0)
 
 
-class RemembersLaws(Honest):
-    """Keeps its answers by the identity of the problem's laws; zero where it has none."""
-
-    def __init__(self) -> None:
-        self.kept: dict[int, Any] = {}
-        self.seen: list[Any] = []
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        self.seen.append(problem.laws)  # so that no number is given twice
-        key = id(problem.laws)
-        if key in self.kept:
-            raise AssertionError("the laws of one solve came again in another")
-        self.kept[key] = super().solve(problem, stop, observe)
-        return self.kept[key]
-
-
-class Background(Honest):
-    """Goes on in a thread when a call has returned."""
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        threading.Thread(target=time.sleep, args=(60.0,), name="ahead", daemon=True).start()
-        return None
-
-
-class ChangesLater(Honest):
-    """Returns its own array, and spoils it in the next call."""
-
-    @cached_property
-    def array(self) -> list[Any]:
-        return []
-
-    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
-        for old in self.array:
-            old[:] = 0.0
-        found = super().solve(problem, stop, observe)
-        self.array.append(found.impulses.copy())
-        return Solution(self.array[-1], found.status, found.iterations)
-
-
-class Elsewhere(Honest):
-    """Works on when ``solve`` has returned, as on a GPU, and waits in ``synchronise``."""
+class Elsewhere(OnBox):
+    """Works as a solver on a GPU does."""
 
     def prepare(self, problem: ContactProblem) -> Any:
         return PreparedElsewhere(self, problem)

@@ -1,37 +1,14 @@
 """Tricks by which a solver would look faster, truer or surer than it is, and what a run says of each."""
 
 import pytest
-from cheating_solvers import (
-    Elsewhere,
-    FewIterations,
-    Hopeless,
-    Jittering,
-    Late,
-)
+from catalogue import measured
+from cheating_solvers import Answering, Elsewhere, FewIterations, Honest, Jittering, Late
 from proxbench.bench import run
-from proxbench.bench.measure.contacts.case import Case, CasePass
-from proxbench.bench.measure.ladder import measure_ladder
-from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.report.accuracy import times_to_accuracies
 from proxbench.bench.report.tables import results_table
 from proxbench.bench.store.notes import notes_of
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.plans import Limits
-from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load
-from proxbench.problems.exchange.storage import problem_bytes
-
-LIMITS = Limits(solve_seconds=30.0, case_seconds=120.0)
-
-
-def measured(solver: object, problem_name: str = "hard-sticking-box", limits: Limits = LIMITS) -> CaseRecord:
-    problem = load(problem_name)
-    data, record = problem_bytes(problem.anonymous()), None
-    for number in range(3):
-        case = Case(problem, solver_spec(solver), limits, [1e-2, 1e-6], data, record, CasePass(0, number))
-        measure_ladder([case])
-        record = case.record()
-    return case.record()
 
 
 @pytest.mark.parametrize("is_randomised", [False, True])
@@ -55,20 +32,14 @@ def test_a_false_claim_of_infeasibility_is_refuted_by_another_solver_also_when_t
 ) -> None:
     problem = load("funnel-30")
     assert problem.answer is None
-    alone = run(problem, [Hopeless()], results=str(tmp_path), run_id="alone", tolerances=1e-2)
+    alone = run(problem, [Answering("Hopeless")], results=str(tmp_path), run_id="alone", tolerances=1e-2)
     assert list(alone.points["outcome"]) == [Outcome.INFEASIBLE]
-    both = run(problem, [Hopeless(), "SORprox"], results=str(tmp_path), run_id="both", tolerances=1e-9)
+    both = run(problem, [Answering("Hopeless"), "SORprox"], results=str(tmp_path), run_id="both", tolerances=1e-9)
     assert list(both.points["outcome"]) == [Outcome.WRONG, Outcome.SOLVED]
 
 
-def test_a_true_claim_of_infeasibility_stands(tmp_path: object) -> None:
-    made = run("hard-immovable", ["SORprox"], results=str(tmp_path), tolerances=1e-2)
-    assert list(made.points["outcome"]) == [Outcome.INFEASIBLE]
-
-
 def test_iterations_are_those_that_were_observed() -> None:
-    honest, few = measured("SORprox", "funnel-30").points[-1].measured, measured(FewIterations(), "funnel-30")
-    found = few.points[-1].measured
+    honest, found = (measured(one, "funnel-30").points[-1].measured for one in (Honest(), FewIterations()))
     assert honest is not None
     assert found is not None
     assert honest.claimed_iterations is None
@@ -78,5 +49,5 @@ def test_iterations_are_those_that_were_observed() -> None:
 
 def test_work_that_goes_on_elsewhere_is_waited_for_on_the_clock() -> None:
     points = measured(Elsewhere()).points
-    assert [point.outcome for point in points] == [Outcome.SOLVED, Outcome.SOLVED]
+    assert {point.outcome for point in points} == {Outcome.SOLVED}
     assert all(point.measured is not None and point.measured.solve_seconds.min >= 0.02 for point in points)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.contact.factors import InverseMass
 from proxbench.problems.contact.matrices import block_diagonal
-from proxbench.problems.exchange.storage import problem_bytes, read_problem
+from proxbench.problems.contact.matrices.factors import InverseMass
+from proxbench.problems.exchange.files.problem_file import problem_bytes, read_problem
 
 
 def mass_of_bodies(seed: int, shuffled: bool) -> sp.csr_array:
@@ -74,6 +74,6 @@ def test_what_is_no_mass_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         with pytest.raises(ProblemError, match=words):
             InverseMass.of_mass(given)
-    monkeypatch.setattr(block_diagonal, "MOST_ENTRIES", 8)
+    monkeypatch.setattr(block_diagonal, "MAX_ENTRIES", 8)
     with pytest.raises(ProblemError, match="M couples 3 degrees of freedom"):
         InverseMass.of_mass(np.ones((3, 3)) + np.eye(3))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
-from proxbench.problems.contact.projections import onto_rolling_cone
+from proxbench.problems.contact.projections import onto_cone
 from proxbench.problems.contact.residual import ModelResidual, Residual
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
 
@@ -338,7 +338,8 @@ def test_the_convex_model_of_rolling_friction_is_the_nearest_point_of_both_cones
         c = rng.normal(size=5)
         parts = -c[None, 1:3], -c[None, 3:]
         friction, none = (np.array([0.5]), np.array([0.25])), (np.zeros(1), np.zeros(1))
-        impulses = np.concatenate([part.ravel() for part in onto_rolling_cone(-c[:1], parts, friction, none)])
+        normal, others = onto_cone(-c[:1], parts, friction, none)
+        impulses = np.concatenate([normal, *(part.ravel() for part in others)])
         problem = ContactProblem.from_delassus(np.eye(5), c, laws=laws)
         assert judge(problem, impulses, Model.CONVEX).residual <= 1e-14
 

@@ -11,7 +11,7 @@ from proxbench.problems import ContactProblem, Model, ProblemError, judge, load
 from proxbench.problems.contact.judge import local_residual
 from proxbench.problems.contact.problem import FREE_FALL
 from proxbench.problems.contact.residual import ModelResidual, Residual
-from proxbench.problems.hard.transformations import united
+from proxbench.problems.contact.transformations import united
 from proxbench.solvers import Stop, create
 
 

@@ -118,3 +118,25 @@ def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
     assert layout.rolling_law.tolist() == [-1, -1, 5]
     assert not layout.has_contacts_only
     assert layout_of(Laws.contacts([0.3], 2, 1)).has_contacts_only
+
+
+def test_fresh_laws_are_equal_and_share_no_memory() -> None:
+    laws = Laws.contacts([0.5, 0.3], 3, 2).with_rolling(0.1, 3)
+    fresh = laws.fresh()
+    for name, array in vars(fresh).items():
+        assert np.array_equal(array, getattr(laws, name))
+        assert not np.shares_memory(array, getattr(laws, name))
+        assert not array.flags.writeable
+    assert len(vars(fresh)) >= 5
+
+
+def test_the_laws_of_few_equal_contacts_are_made_once() -> None:
+    assert Laws.contacts(0.25, 3, 7) is Laws.contacts(0.25, 3, 7)
+    assert Laws.contacts(0.25, 3, 7) is not Laws.contacts(0.25, 2, 7)
+    assert Laws.contacts(0.25, 2, 7).friction_coefficient[1] == 0.25
+
+
+def test_counts_name_each_kind_of_law_that_occurs() -> None:
+    laws = Laws.together([Laws.contacts(0.5, 3, 4), Laws.joints(2)])
+    assert laws.counts() == {"unilateral": 4, "spatial friction": 4, "bilateral": 2}
+    assert laws.summary == "4 unilateral, 4 spatial friction, 2 bilateral"

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.blocks import layout_of
-from proxbench.problems.contact.factors import Factors, InverseMass
 from proxbench.problems.contact.laws import Laws
+from proxbench.problems.contact.matrices.factors import Factors, InverseMass
 from proxbench.problems.contact.matrices.pieces import Pieces, cut_into_pieces
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import Laws, judge, load, project
-from proxbench.problems.contact.projections import onto_friction_cone, onto_polygon, onto_rolling_cone
+from proxbench.problems import LawKind, Laws, judge, load, project
+from proxbench.problems.contact.laws import ConvexSet
+from proxbench.problems.contact.projections import onto_cone, onto_polygon, project_rows
 
 numbers = st.floats(-5.0, 5.0)
 
@@ -31,7 +32,8 @@ def test_the_cone_projection_satisfies_the_variational_inequality(
 ) -> None:
     """(x − P(x))·(y − P(y)) ≤ 0 for every y of the set characterises the nearest point."""
     point = np.array([n, t, s])
-    normal, tangent = onto_friction_cone(np.array([n]), np.array([[t, s]]), np.array([friction]), np.array([fixed]))
+    mu, a = (np.array([friction]),), (np.array([fixed]),)
+    normal, (tangent,) = onto_cone(np.array([n]), (np.array([[t, s]]),), mu, a)
     projected = np.array([normal[0], *tangent[0]])
     assert projected[0] >= 0.0
     assert np.hypot(projected[1], projected[2]) <= fixed + friction * projected[0] + 1e-12
@@ -101,7 +103,7 @@ def test_the_projection_onto_both_cones_satisfies_the_variational_inequality(
 ) -> None:
     tangent, rolling = np.array([parts[:2]]), np.array([parts[2:]])
     mu, a = tuple(np.array([x]) for x in friction), tuple(np.array([x]) for x in fixed)
-    normal, t, r = onto_rolling_cone(np.array([n]), (tangent, rolling), mu, a)  # type: ignore[arg-type]
+    normal, (t, r) = onto_cone(np.array([n]), (tangent, rolling), mu, a)
     projected = np.array([normal[0], *t[0], *r[0]])
     assert projected[0] >= 0.0
     assert np.linalg.norm(t) <= fixed[0] + friction[0] * normal[0] + 1e-12
@@ -119,10 +121,41 @@ def test_without_rolling_rows_both_cones_are_the_friction_cone() -> None:
     rng = np.random.default_rng(0)
     normal, tangent, friction = rng.normal(size=50), rng.normal(size=(50, 2)), rng.uniform(0, 2, 50)
     fixed, none = rng.choice([0.0, 0.3], 50), np.zeros(50)
-    expected = onto_friction_cone(normal, tangent, friction, fixed)
-    found = onto_rolling_cone(normal, (tangent, np.zeros((50, 2))), (friction, none), (fixed, none))
+    expected = onto_cone(normal, (tangent,), (friction,), (fixed,))
+    found = onto_cone(normal, (tangent, np.zeros((50, 2))), (friction, none), (fixed, none))
     assert found[0] == pytest.approx(expected[0], abs=1e-15)
-    assert found[1] == pytest.approx(expected[1], abs=1e-15)
+    assert found[1][0] == pytest.approx(expected[1][0], abs=1e-15)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    form=st.sampled_from(list(ConvexSet)), point=st.lists(numbers, min_size=3, max_size=3), bound=st.floats(0.0, 5.0)
+)
+def test_the_projection_onto_each_set_is_its_nearest_point_and_moves_no_other_row(
+    form: ConvexSet, point: list[float], bound: float
+) -> None:
+    count, rng = 3 if form is ConvexSet.BALL else 1, np.random.default_rng(0)
+    given_rows = np.array([7.0, *point, -7.0])
+    rows = given_rows.copy()
+    project_rows(int(form), 1, count, bound, rows)
+    assert rows[0] == 7.0
+    assert rows[1 + count :].tolist() == given_rows[1 + count :].tolist()
+    projected, start = rows[1 : 1 + count], given_rows[1 : 1 + count]
+    for other in rng.uniform(-5.0, 5.0, size=(20, count)):
+        if form is ConvexSet.HALF_LINE:
+            other = np.abs(other)
+        if form is ConvexSet.BALL:
+            other *= rng.uniform(0, 1) * bound / np.linalg.norm(other)
+        assert (start - projected) @ (other - projected) <= 1e-10
+    assert np.linalg.norm(projected) <= bound + 1e-12 or form is not ConvexSet.BALL
+    assert projected[0] >= 0.0 or form is not ConvexSet.HALF_LINE
+
+
+def test_a_friction_law_before_the_law_that_bounds_it_takes_the_bound_of_the_cut_impulse() -> None:
+    kind, partner = [LawKind.PLANAR_FRICTION, LawKind.UNILATERAL], np.array([1, -1])
+    laws = Laws.in_order(kind, np.array([0.5, 0.0]), np.zeros(2), partner)
+    assert project(laws, np.array([3.0, -1.0])).tolist() == [0.0, 0.0]
+    assert project(laws, np.array([-3.0, 1.0])).tolist() == [-0.5, 1.0]
 
 
 @pytest.mark.parametrize("rolling_rows", [1, 2, 3])

@@ -16,7 +16,7 @@ from proxbench.problems.exchange.catalog import (
     suite_members,
     suite_names,
 )
-from proxbench.problems.exchange.storage import save_problem
+from proxbench.problems.exchange.files.problem_file import save_problem
 from proxbench.problems.hard import hard_case
 
 LIBRARY = resources.files("proxbench.problems").joinpath("library")

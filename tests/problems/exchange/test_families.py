@@ -56,6 +56,33 @@ def test_a_sample_has_its_size_and_every_family_its_share_to_within_one(
     assert sampled(families, count, seed) == sample
 
 
+@given(
+    sizes=st.dictionaries(st.sampled_from("abcdefgh"), st.integers(1, 60), min_size=1),
+    count=st.integers(1, 200),
+    seed=st.integers(0, 9),
+)
+def test_an_even_sample_has_as_many_of_each_family_but_of_those_that_have_fewer(
+    sizes: dict[str, int], count: int, seed: int
+) -> None:
+    families = families_of(sizes)
+    sample = sampled(families, count, seed, "even")
+    assert len(sample) == min(count, len(families))
+    drawn = Counter(families[name] for name in sample)
+    most = max(drawn.values())
+    for family, size in sizes.items():
+        assert drawn[family] == size or drawn[family] >= most - 1
+
+
+def test_an_even_sample_of_a_library_that_is_nearly_one_family_has_all_families() -> None:
+    families = families_of({"stacks": 90, "boxes": 3, "chains": 5, "chute": 2})
+    proportional = Counter(families[name] for name in sampled(families, 20, 0))
+    even = Counter(families[name] for name in sampled(families, 20, 0, "even"))
+    assert proportional["stacks"] == 18
+    assert even == {"stacks": 10, "boxes": 3, "chains": 5, "chute": 2}
+    with pytest.raises(ProblemError, match="`sampling` 'evenly' is unknown; did you mean 'even'"):
+        sampled(families, 20, 0, "evenly")  # type: ignore[arg-type]
+
+
 def test_another_seed_draws_others_and_all_members_are_drawn_alike() -> None:
     families = families_of({"a": 20, "b": 10})
     drawn: Counter[str] = Counter()

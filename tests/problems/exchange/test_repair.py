@@ -170,7 +170,7 @@ def test_every_remedy_returns_a_symmetric_matrix_and_leaves_a_symmetric_one_alon
 def test_a_mass_matrix_whose_inverse_is_too_large_is_condensed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_data(tmp_path / "p.hdf5", with_mass(COUPLED))
     factored = read_fclib(path)
-    monkeypatch.setattr(conversion, "MOST_ENTRIES", 5)
+    monkeypatch.setattr(conversion, "MAX_ENTRIES", 5)
     condensed = read_fclib(path)
     assert condensed.factors is None
     assert "condensed" in condensed.provenance

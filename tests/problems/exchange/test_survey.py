@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse as sp
 from handmade_fclib import IMPULSES, W, global_data, jointed_data, local_data, rolling_data, write_data
 from proxbench.problems import ContactProblem, Laws, ProblemError, load, save_problem, write_fclib
+from proxbench.problems.contact.transformations import in_units
 from proxbench.problems.exchange.survey import block_conditioning, estimated_rank, problem_files, survey
-from proxbench.problems.hard.transformations import in_units
 
 
 @pytest.mark.parametrize("seed", range(5))

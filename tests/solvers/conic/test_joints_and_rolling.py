@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, Model, judge
-from proxbench.problems.contact.projections import onto_rolling_cone
+from proxbench.problems.contact.projections import onto_cone
+from proxbench.problems.contact.transformations import in_units
 from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
-from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import Status, Stop, create, solve
 
 CONVEX = ["ClarabelSOCP"]
@@ -45,11 +45,11 @@ def test_the_convex_model_of_a_rolling_contact_is_the_nearest_point_of_both_cone
     for _ in range(5):
         c = rng.normal(size=5) - [2.0, 0.0, 0.0, 0.0, 0.0]
         parts, none = (-c[None, 1:3], -c[None, 3:]), (np.zeros(1), np.zeros(1))
-        nearest = onto_rolling_cone(-c[:1], parts, (np.array([0.5]), np.array([0.25])), none)
+        normal, others = onto_cone(-c[:1], parts, (np.array([0.5]), np.array([0.25])), none)
         other = in_units(ContactProblem.from_delassus(np.eye(5), c, laws=laws), length=length)
         solution = solve(other.problem, solver, tolerance=1e-8)
         assert solution.status is Status.SOLVED
-        expected = np.concatenate([part.ravel() for part in nearest])
+        expected = np.concatenate([normal, *(part.ravel() for part in others)])
         assert other.impulses(solution.impulses) == pytest.approx(expected, abs=1e-6)
 
 

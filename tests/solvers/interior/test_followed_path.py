@@ -13,10 +13,11 @@ from proxbench.solvers.interior.progress import Progress
 def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order: int) -> None:
     """What is left of the equations at a is O(aᴺ⁺¹): half of a leaves 2⁻⁽ᴺ⁺¹⁾ of it."""
     problem = load("funnel-30")
-    prepared = CentralPath(order=order).prepare(problem)
+    method = CentralPath(order=order)
+    prepared = method.prepare(problem)
     zeros = np.zeros(problem.n_rows)
     progress = Progress(problem, prepared.residual, Stop(1e-15), None, flops=prepared.system.flops, first=zeros)
-    path = prepared.path(progress)
+    path = method.path(prepared, progress)
     path.find(zeros)
     point = path._point
     assert path._factorise(point)

@@ -1,8 +1,5 @@
 """Two cones of one contact share its normal impulse, and a Newton system does not contain the split velocity."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -42,10 +39,7 @@ def test_power_is_the_same_over_blocks_and_over_cones(problem: ContactProblem, i
     assert over_cones == pytest.approx(over_blocks, rel=1e-12)
 
 
-@pytest.mark.parametrize("linearise", [cones.linearise_plainly, cones.linearise_by_nesterov_todd])
-def test_the_steps_of_the_cones_add_up_to_that_of_their_block(
-    problem: ContactProblem, linearise: Callable[..., Any]
-) -> None:
+def test_the_steps_of_the_cones_add_up_to_that_of_their_block(problem: ContactProblem) -> None:
     """The sum of dû = x − D dr over both cones is that of the summed x and D, for one dr of the contact."""
     layout, lanes = problem.layout, lanes_of(problem.layout)
     m, w = len(lanes.block), lanes.width
@@ -56,7 +50,7 @@ def test_the_steps_of_the_cones_add_up_to_that_of_their_block(
     matrices, shifts, second = np.zeros((m, w, w)), np.zeros((m, w)), np.zeros((m, w + 1))
     coupled, right, du, ds = np.zeros((m, w, w)), np.zeros((m, w)), np.zeros((m, w)), np.zeros(m)
     none, zeros = np.zeros(m), np.zeros(m)
-    linearise(kind, r, u, 0.3, second, matrices, shifts)
+    cones.linearise(kind, r, u, 0.3, second, matrices, shifts)
     cones.couple(kind, none, none, r, u, matrices, shifts, 0.3, second, coupled, right)
     dr = layout.pad(np.ones(problem.n_rows)) * random_arrays(problem)[0]
     cones.follow(kind, none, none, u, matrices, shifts, coupled, right, zeros, lanes.from_block(dr), du, ds)

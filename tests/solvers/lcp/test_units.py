@@ -1,8 +1,8 @@
 """Lemke's path does not depend on units: what counts as a tie is relative to the problem's own numbers."""
 
 import pytest
+from proxbench.problems.contact.transformations import in_units
 from proxbench.problems.hard import hard_case
-from proxbench.problems.hard.transformations import in_units
 from proxbench.solvers import Stop, create
 
 

@@ -7,20 +7,22 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.solvers import SolverError, available, create
-from proxbench.solvers.peers import pinocchio_problem
+from proxbench.solvers.peers import mujoco_problem, pinocchio_problem
 from proxbench.solvers.registry import peers
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pinocchio_problem, "find_spec", lambda module: None)
+    for library in (pinocchio_problem, mujoco_problem):
+        monkeypatch.setattr(library, "find_spec", lambda module: None)
 
 
 @pytest.mark.usefixtures("bare")
 @pytest.mark.parametrize("name", peers())
 def test_the_sentence_names_solver_library_and_command(name: str) -> None:
+    library, extra = ("mujoco", "mujoco") if name == "MuJoCo" else ("pinocchio", "peers")
     with pytest.raises(
-        SolverError, match=rf'{name} needs pinocchio, which is not installed; run pip install "\.\[peers\]"'
+        SolverError, match=rf'{name} needs {library}, which is not installed; run pip install "\.\[{extra}\]"'
     ):
         create(name)
 
@@ -53,6 +55,6 @@ def test_outside_solvers_are_not_among_the_available_ones() -> None:
 def test_listing_outside_solvers_imports_no_library() -> None:
     code = (
         "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "
-        "sys.exit('pinocchio' in sys.modules)"
+        "sys.exit(not {'pinocchio', 'mujoco'}.isdisjoint(sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0

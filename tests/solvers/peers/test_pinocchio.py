@@ -10,7 +10,7 @@ from proxbench.bench import run
 from proxbench.bench.conformance.run import checked
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.problems.hard.transformations import in_units
+from proxbench.problems.contact.transformations import in_units
 from proxbench.solvers import SolverError, Status, Stop, create
 
 pytest.importorskip("pinocchio", reason="the extra peers is not installed")

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from proxbench.bench.measure.contacts.answers import JudgedAnswers, confirmed, judge_answers
-from proxbench.bench.measure.contacts.control import FirstSolve
+from proxbench.bench.measure.contacts.control import ControlSolve
 from proxbench.bench.measure.contacts.timed_round import TimedRound
-from proxbench.bench.measure.contacts.verdicts import VerdictCache
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Point
 from proxbench.problems import ContactProblem, Model, judge
@@ -23,7 +22,7 @@ SLIDES, ASSOCIATED = np.array([0.5, -0.25, 0.0]), np.array([1.0, -0.5, 0.0])
 def judged(
     *rows: np.ndarray, model: Model = Model.COULOMB, status: Status = Status.SOLVED, tolerance: float = 1e-6
 ) -> JudgedAnswers:
-    return judge_answers(PROBLEM, model, tolerance, status, rows, VerdictCache())
+    return judge_answers(PROBLEM, model, tolerance, status, rows)
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -55,22 +54,20 @@ def test_every_claim_is_held_to_the_model_of_its_solver(
     assert len(found.different) == len({one.tobytes() for one in rows})
 
 
-def first(impulses: np.ndarray, status: Status = Status.SOLVED, seconds: float = 2.0, switches: int = 0) -> FirstSolve:
-    one = np.array([seconds])
-    return FirstSolve(TimedRound(status, 1, "", 0.0 * one, one, one, switches, 0, 0.0), impulses)
+def first(impulses: np.ndarray, status: Status = Status.SOLVED, problem: ContactProblem = PROBLEM) -> ControlSolve:
+    return ControlSolve(problem, TimedRound(status, 1, "", [0.0], [2.0], [2.0], 0, 0, 0.0), impulses)
 
 
-def point_with(*firsts: FirstSolve) -> Point:
+def point_with(*firsts: ControlSolve, place: str = "in a first solve in a fresh process") -> Point:
     measured = measured_in([timed_round(0, 1.0)], residual=1e-7, model_residual=1e-8)
     point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
-    return confirmed(PROBLEM, Model.COULOMB, measured, point, firsts)
+    return confirmed(PROBLEM, Model.COULOMB, point, firsts, place)
 
 
-def test_right_first_solves_confirm_a_point_and_leave_their_times() -> None:
-    found = point_with(first(SLIDES), first(SLIDES, seconds=3.0), first(SLIDES, Status.TIME_LIMIT))
+def test_right_first_solves_confirm_a_point() -> None:
+    found = point_with(first(SLIDES), first(SLIDES, Status.TIME_LIMIT))
     assert (found.outcome, found.status, found.reason) == (Outcome.SOLVED, "solved", "")
     assert found.measured is not None
-    assert found.measured.first_seconds == [2.0, 3.0]
     assert (found.measured.residual, found.measured.model_residual) == (1e-7, 1e-8)
 
 
@@ -83,6 +80,15 @@ def test_a_first_solve_that_is_wrong_or_fails_decides() -> None:
     stalled = point_with(first(2.0 * SLIDES, Status.STALLED))
     assert (stalled.outcome, stalled.status) == (Outcome.STALLED, "stalled")
     assert stalled.reason == "in a first solve in a fresh process, it ends stalled"
+
+
+def test_a_wrong_answer_to_a_copy_decides_and_is_not_kept() -> None:
+    copy = replace(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
+    found = point_with(first(2.0 * SLIDES, problem=copy), first(SLIDES, problem=copy), place="on a copy of the problem")
+    assert found.outcome is Outcome.WRONG
+    assert found.reason.startswith("on a copy of the problem, claimed 1e-06, the judge reads ")
+    assert found.measured is not None
+    assert (found.measured.residual, found.measured.impulses) == (1e-7, [])
 
 
 def test_the_largest_distance_to_known_impulses_counts() -> None:

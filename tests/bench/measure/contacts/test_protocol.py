@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from proxbench.bench.isolation.child import MisbehaviourError
 from proxbench.bench.measure.contacts import protocol as measure
-from proxbench.bench.measure.contacts.protocol import Measurement, Round
+from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.contacts.timed_round import TimedRound
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop
 
@@ -93,8 +94,12 @@ def measured(solver: Timed) -> Measurement:
     return Measurement(load("hard-counterexample"), solver)
 
 
-def times(found: Round) -> list[tuple[float, float]]:
-    return [(one.prepare, one.solve) for one in found.solves]
+def measured_round(solver: Timed, stop: Stop, seconds: float) -> TimedRound:
+    return measured(solver).round(stop, seconds)[0]
+
+
+def times(found: TimedRound) -> list[tuple[float, float]]:
+    return [*zip(found.prepare, found.solve, strict=True)]
 
 
 def ignore(*arguments: object) -> None:
@@ -124,16 +129,16 @@ TAMPERING: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
 
 
 def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
-    assert times(measured(Timed(clock, 0.25, 0.5)).round(STOP, 0.0)) == [(0.25, 0.5)]
+    assert times(measured_round(Timed(clock, 0.25, 0.5), STOP, 0.0)) == [(0.25, 0.5)]
 
 
 def test_a_solver_that_does_nothing_is_charged_one_reading_of_the_clock_for_each_part(clock: Clock) -> None:
     clock.reading = 0.125
-    assert times(measured(Timed(clock)).round(STOP, 0.0)) == [(0.125, 0.125)]
+    assert times(measured_round(Timed(clock), STOP, 0.0)) == [(0.125, 0.125)]
 
 
 def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clock) -> None:
-    found = measured(Timed(clock, 1.0, 2.0)).round(STOP, 25.0)  # each takes ten seconds with the copy
+    found = measured_round(Timed(clock, 1.0, 2.0), STOP, 25.0)  # each takes ten seconds with the copy
     assert times(found) == [(1.0, 2.0)] * 3
 
 
@@ -142,8 +147,8 @@ def test_preparing_and_solving_have_one_limit_of_time(clock: Clock) -> None:
     measured(solver).round(Stop(1e-4, max_seconds=1.0), 0.0)
     assert solver.limits == [pytest.approx(0.4)]
     late = Timed(clock, prepare_seconds=1.5)
-    (found,) = measured(late).round(Stop(1e-4, max_seconds=1.0), 0.0).solves
-    assert (found.solution.status, late.limits) == (Status.TIME_LIMIT, [])
+    found = measured_round(late, Stop(1e-4, max_seconds=1.0), 0.0)
+    assert (found.status, late.limits) == (Status.TIME_LIMIT, [])
 
 
 @pytest.mark.parametrize("what", sorted(TAMPERING))
@@ -177,8 +182,8 @@ def test_a_thread_that_is_started_without_the_module_threading_is_refused() -> N
 
 def test_a_solve_that_fails_ends_the_round(clock: Clock) -> None:
     solver = Timed(clock, 1.0, 2.0, status=Status.STALLED)
-    found = measured(solver).round(STOP, 1e3)
-    assert found.solves[-1].solution.status is Status.STALLED
+    found = measured_round(solver, STOP, 1e3)
+    assert found.status is Status.STALLED
     assert times(found) == [(1.0, 2.0)]
 
 

@@ -3,7 +3,8 @@
 from typing import Any
 
 import pytest
-from proxbench.bench.measure.contacts.timed_round import TOLERATED_SECONDS, NoRoundError, TimedRound
+from proxbench.bench.isolation.worker import Fault
+from proxbench.bench.measure.contacts.timed_round import TOLERATED_SECONDS, TimedRound
 
 
 @pytest.fixture(autouse=True)
@@ -71,10 +72,10 @@ def test_a_round_beside_a_slow_probe_is_excluded_and_keeps_what_the_clock_counte
     ],
 )
 def test_what_is_no_round_is_refused(changes: dict[str, Any]) -> None:
-    with pytest.raises(NoRoundError, match="no answer"):
+    with pytest.raises(Fault, match="no answer"):
         read(**changes)
 
 
 def test_a_clock_that_counts_more_than_passed_is_refused() -> None:
-    with pytest.raises(NoRoundError, match=r"counted 0\.022 s of solving in 0\.01 s"):
+    with pytest.raises(Fault, match=r"counted 0\.022 s of solving in 0\.01 s"):
         TimedRound.read(PLAIN, wall_seconds=0.01)

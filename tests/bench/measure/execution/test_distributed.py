@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import Run, bundle, rejudge, resume, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.measure.execution import distributed, problem_task
+from proxbench.bench.measure.execution import problem_task
 from proxbench.bench.measure.execution.events import CaseFinished, CasePassFinished, Event
 from proxbench.bench.store.condition import hosts, warnings
 from proxbench.bench.store.outcome import Outcome
@@ -96,19 +96,13 @@ def test_every_problem_is_of_one_machine_and_rounds_name_its_session(tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_task_that_is_lost_is_done_by_another_worker(here: Run, tmp_path: Path) -> None:
-    made = measured(Inline(lost, elsewhere("it"), lost), tmp_path)
-    assert made.points["residual"].equals(here.points["residual"])
-
-
-@pytest.mark.slow
-def test_what_is_lost_too_often_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
-    executor = Inline(*[lost] * (len(PROBLEMS) * distributed.MAX_ATTEMPTS - 2))
-    with pytest.raises(BenchError, match=r"of 3 problems could not be measured \(ConnectionError: the worker"):
+def test_what_is_lost_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
+    executor = Inline(lost, elsewhere("it"), lost)
+    with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(ConnectionError: the worker"):
         measured(executor, tmp_path, run_id="it")
     again = Inline()
     made = resume(tmp_path / "it", executor=again)
-    assert 0 < len(again.parts) < len(PROBLEMS)
+    assert len(again.parts) == 2
     assert made.is_finished
     assert made.points["residual"].equals(here.points["residual"])
 
@@ -129,16 +123,6 @@ def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) 
     made = resume(tmp_path / "it")
     assert made.is_finished
     assert len(made.info.sessions) == 2
-
-
-@pytest.mark.slow
-def test_a_problem_of_another_machine_gets_no_more_rounds_here(tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match="2 of 3 problems could not be measured"):
-        measured(Broken(elsewhere("away")), tmp_path, run_id="it")
-    made = resume(tmp_path / "it")
-    assert made.is_finished
-    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
-    assert hosts(made)["away"] == 1
 
 
 def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
@@ -162,8 +146,7 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
         )
 
     with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*has another source of proxbench"):
-        measured(Inline(*[other] * len(PROBLEMS) * distributed.MAX_ATTEMPTS), tmp_path, problems=PROBLEMS[:1])
-    assert measured(Inline(other), tmp_path).is_finished
+        measured(Inline(other), tmp_path, problems=PROBLEMS[:1])
 
 
 @pytest.mark.slow
@@ -217,7 +200,7 @@ def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path:
     def crashing(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
         found = problem_task.measure_problem(given)
         cases = [replace(case, points=[], outcome=Outcome.CRASHED) for case in found.cases]
-        return problem_task.MeasuredProblem(found.session, tuple(cases), found.is_restarted)
+        return problem_task.MeasuredProblem(found.session, tuple(cases))
 
     made = resume(begun_elsewhere(tmp_path), executor=Inline(crashing))
     own = made.cases[made.cases["problem"] == "hard-groove"]

@@ -16,7 +16,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
-from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.exchange.plugins.offers import forget, registered
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from proxbench.bench.measure.trajectories.problems import trajectory_of
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.problems import ProxbenchError
-from proxbench.problems.exchange.plugins import forget, registered
+from proxbench.problems.exchange.plugins.offers import forget, registered
 from proxbench.problems.motion.scenes.known_motions import KNOWN_MOTIONS
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 

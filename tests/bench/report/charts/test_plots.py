@@ -7,7 +7,7 @@ import pytest
 from proxbench.bench import load, plot_convergence
 from proxbench.bench.errors import BenchError
 
-REFERENCE = Path(__file__).parents[4] / "results/reference"
+REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
 def test_a_problem_is_drawn_by_name() -> None:

@@ -95,7 +95,7 @@ def test_runs_of_another_judge_or_without_cases_and_folders_that_are_none_are_re
     refused = {
         "judged by version .* of the judge": store_run(tmp_path / "judge", simulated_cases(0), judge=7),
         "has no measured case": store_run(tmp_path / "empty", []),
-        "is no stored run": tmp_path / "nothing",
+        "is not a stored run": tmp_path / "nothing",
     }
     for sentence, after in refused.items():
         with pytest.raises(BenchError, match=sentence):

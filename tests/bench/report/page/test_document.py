@@ -23,7 +23,7 @@ from proxbench.bench.report.profiles import baseline_of
 from proxbench.bench.runs import Run
 from proxbench.bench.store.frames import RunFrames
 
-REFERENCE = Path(__file__).parents[4] / "results/reference"
+REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
 def enlarged(frames: RunFrames, problems: int, solvers: int) -> RunFrames:

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(
     not chromium(), reason="no Chromium is installed; put one on the path, or name it by PROXBENCH_CHROMIUM"
 )
 
-REFERENCE = Path(__file__).parents[4] / "results/reference"
+REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
 PROFILES_OVER = "#filters label:nth-of-type(3) select"

@@ -72,13 +72,14 @@ def test_a_bundle_gets_the_name_of_its_run(made: Run, tmp_path: Path, monkeypatc
     ("change", "reason"),
     [
         (with_run(judge=1), "was judged by version 1 of the judge"),
-        (with_run(sessions=[]), "rounds of a session that its run has not"),
+        (with_run(sessions=[]), "rounds of a session that its run does not have"),
         (with_plan(tolerances=[1e-3]), "has other tolerances than its plan"),
-        (with_plan(solvers=["NSGS"]), "is none that its plan has"),
+        (with_plan(solvers=["NSGS"]), "is not in its plan"),
         (with_cases(without_impulses), "has no impulses"),
         (lambda packed: dataclasses.replace(packed, cases=[]), "has no measured case"),
-        (with_run(carried={}), "its problems are not those that it lists"),
-        (with_run(carried={"sliding pair": "0" * 64}), "its problems are not those that it lists"),
+        (lambda packed: dataclasses.replace(packed, cases=[*packed.cases, packed.cases[0]]), "occurs twice"),
+        (with_run(carried={}), "its problems differ from its list of problems"),
+        (with_run(carried={"sliding pair": "0" * 64}), "its problems differ from its list of problems"),
     ],
 )
 def test_parts_that_do_not_fit_are_refused(change: Change, reason: str, honest: Bundle, tmp_path: Path) -> None:
@@ -118,7 +119,7 @@ def test_a_problem_that_is_nowhere_is_looked_up_in_no_file(
     name: str, honest: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("proxbench.bench.store.bundles.bundle.load", None)
-    with pytest.raises(BenchError, match=r"is neither with .* nor in this package"):
+    with pytest.raises(BenchError, match=r"is neither in .* nor in this package"):
         honest.problem(name)
 
 
@@ -132,13 +133,13 @@ def test_a_run_that_is_not_whole_is_not_packed(made: Run, tmp_path: Path) -> Non
     folder = Path(shutil.copytree(made.folder, tmp_path / "it"))
     cases = sorted((folder / "cases").iterdir())
     cases[0].write_text(cases[0].read_text().replace("1", "2", 1))
-    with pytest.raises(BenchError, match=r"is not whole: .* is damaged"):
+    with pytest.raises(BenchError, match=r"cannot be packed: .* is damaged"):
         bundle(folder, tmp_path / "out.bundle")
     for case in cases:
         case.unlink()
     with pytest.raises(BenchError, match="has no measured case"):
         bundle(folder, tmp_path / "out.bundle")
-    with pytest.raises(BenchError, match="no stored run"):
+    with pytest.raises(BenchError, match="is not a stored run"):
         bundle(tmp_path, tmp_path / "out.bundle")
     assert [path.name for path in tmp_path.iterdir()] == ["it"]
 

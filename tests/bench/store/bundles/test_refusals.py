@@ -19,7 +19,7 @@ def case(session: int = 0) -> CaseRecord:
     ("cases", "reason"),
     [
         ([], "has no measured case"),
-        ([case(session=1)], "has rounds of a session that its run has not"),
+        ([case(session=1)], "has rounds of a session that its run does not have"),
         ([case()], "has no impulses"),
     ],
 )
@@ -34,5 +34,5 @@ def test_a_run_with_a_damaged_file_is_refused_with_its_name(tmp_path: Path) -> N
     folder = store_run(tmp_path / "run", [case()])
     (file,) = (folder / "cases").rglob("*.json")
     file.write_text(file.read_text()[:-9])
-    with pytest.raises(BenchError, match=f"is not whole: .*{file.name}.*; finish it with: "):
+    with pytest.raises(BenchError, match=rf"cannot be packed: {file.name} is damaged .*; resume the run to measure"):
         bundle_of_run(folder)

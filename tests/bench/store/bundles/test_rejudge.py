@@ -1,4 +1,4 @@
-"""What a bundle says of its impulses is found out from problems and impulses alone, whoever computed its checksums."""
+"""What a bundle reports about its impulses is checked, whoever computed its checksum."""
 
 import dataclasses
 import re
@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from proxbench.bench import Run, rejudge
 from proxbench.bench.store.bundles.bundle import Bundle, write_bundle
 from proxbench.bench.store.impulses import Impulses
-from proxbench.bench.store.outcome import Outcome, verdicts
+from proxbench.bench.store.outcome import ON_COPY, Outcome, verdicts
 from proxbench.bench.store.records import CaseRecord, Measured, Point
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.model import Model
@@ -103,19 +103,19 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
         lambda bundle, case: with_impulses(case, lambda x: np.where(np.arange(len(x)) == 1, np.nan, x)),
         "the judge reads",
     ),
-    "one impulse more": (lambda bundle, case: with_impulses(case, lambda x: np.append(x, 0.0)), "one a row"),
-    "one impulse less": (lambda bundle, case: with_impulses(case, lambda x: x[:-1]), "one a row"),
+    "one impulse more": (lambda bundle, case: with_impulses(case, lambda x: np.append(x, 0.0)), "the data exceed"),
+    "one impulse less": (lambda bundle, case: with_impulses(case, lambda x: x[:-1]), "one per row"),
     "impulses that are none": (
         lambda bundle, case: with_measured(
             case, impulses=[replace(one, packed=b"no zlib") for one in finest(case)[1].impulses]
         ),
-        "cannot be unpacked",
+        "the compressed data are damaged",
     ),
     "impulses and more": (
         lambda bundle, case: with_measured(
             case, impulses=[replace(one, packed=one.packed + b"more") for one in finest(case)[1].impulses]
         ),
-        "one a row",
+        "the compressed data are damaged",
     ),
     "another model": (
         lambda bundle, case: replace(case, model="frictionless" if case.model == "convex" else "convex"),
@@ -124,7 +124,7 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
     "a model that is none": (lambda bundle, case: replace(case, model="exact"), "there is no model 'exact'"),
     "a model of far too many sides": (
         lambda bundle, case: replace(case, model=f"pyramid({10**9})"),
-        "there is no model",
+        "has too many sides",
     ),
     "another digest": (lambda bundle, case: replace(case, digest="0" * 64), "a problem with other numbers"),
     "more contacts": (lambda bundle, case: replace(case, n_contacts=case.n_contacts + 1), "with other numbers"),
@@ -134,14 +134,14 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
     "no energy": (other_verdict("dissipated_energy", None), "dissipated energy inf"),
     "infeasible": (other_verdict("infeasible", True), "infeasible True"),
     "a number that is a truth": (other_verdict("natural_map_q", True), "natural map q True"),
-    "a verdict of more": (other_verdict("beauty", 1.0), "other numbers than the judge gives"),
+    "a verdict of more": (other_verdict("beauty", 1.0), "other numbers than that of the judge"),
     "a coarse point solved with a large residual": (
         coarse(residual=0.9, model_residual=0.9),
         "counts as solved with the residual 9.0e-01",
     ),
     "a point solved against its solver": (
         lambda bundle, case: with_point(case, 0, outcome=Outcome.SOLVED, status="stalled"),
-        "its solver says 'stalled'",
+        "the status of its solver is 'stalled'",
     ),
     "a right claim that counts as wrong": (
         lambda bundle, case: with_point(case, 0, outcome=Outcome.WRONG, status="solved"),
@@ -182,6 +182,13 @@ def test_an_honest_bundle_agrees_to_the_bit(made: Run, file: Path) -> None:
     assert (found.n_cases, found.n_judged) == (12, 12)
     assert found.n_residuals == found.n_identical >= 24
     assert found.sentence.startswith("12 of 12 cases judged again: ")
+
+
+def test_a_claim_that_is_wrong_on_a_copy_of_its_problem_agrees(honest: Bundle, tmp_path: Path) -> None:
+    def refuted(bundle: Bundle, case: CaseRecord) -> CaseRecord:
+        return with_point(case, 0, outcome=Outcome.WRONG, status="solved", reason=f"{ON_COPY}, claimed 1e-02")
+
+    assert rejudge(forged(honest, 0, refuted, tmp_path / "copy.bundle")).disagreements == []
 
 
 @pytest.mark.parametrize("name", ATTACKS)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from proxbench.bench.store.bundles.bundle import Bundle
-from proxbench.bench.store.bundles.rejudge import ROUNDING, rejudge
+from proxbench.bench.store.bundles.rejudge import ROUNDING, rejudge_bundle
 from proxbench.bench.store.impulses import Impulses
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits, PlanRecord
@@ -46,22 +46,22 @@ def bundle_that_says(judged: np.ndarray, sent: np.ndarray) -> Bundle:
 def test_a_residual_of_rounding_agrees_with_another_one() -> None:
     other = SOLUTION * (1.0 + 0.5 * ROUNDING * np.array([1.0, -1.0, -1.0]))
     assert judge(PROBLEM, other).residual > 10.0 * judge(PROBLEM, SOLUTION).residual
-    assert rejudge(bundle_that_says(SOLUTION, SOLUTION)).n_identical == 2
-    found = rejudge(bundle_that_says(other, SOLUTION))
+    assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION)).n_identical == 2
+    found = rejudge_bundle(bundle_that_says(other, SOLUTION))
     assert found.disagreements == []
     assert (found.n_residuals, found.n_identical) == (2, 0)
 
 
 @pytest.mark.parametrize("part", [1e-9, 1e-6])
 def test_a_residual_that_is_less_by_more_than_rounding_is_found(part: float) -> None:
-    (sentence,) = rejudge(bundle_that_says(SOLUTION, SOLUTION * (1.0 + part))).disagreements
-    assert sentence.startswith("S on stuck: the bundle says residual ")
+    (sentence,) = rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION * (1.0 + part))).disagreements
+    assert sentence.startswith("S on stuck: the bundle reports residual ")
 
 
 def test_a_problem_with_other_numbers_is_found() -> None:
     bundle = bundle_that_says(SOLUTION, SOLUTION)
     other = with_changes(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
-    (sentence,) = rejudge(with_changes(bundle, carried={"stuck": other})).disagreements
+    (sentence,) = rejudge_bundle(with_changes(bundle, carried={"stuck": other})).disagreements
     assert "a problem with other numbers" in sentence
 
 
@@ -79,7 +79,7 @@ def test_the_verdict_of_a_relaxed_answer_is_that_under_coulombs_law() -> None:
     )
     point = Point(tolerance=1e-6, outcome=Outcome.RELAXED, status="solved", reason="", measured=measured)
     case = case_record(problem="stuck", digest=problem.digest, model="convex", points=[point])
-    assert rejudge(Bundle(Path("run.bundle"), RUN, [case], {"stuck": problem})).disagreements == []
+    assert rejudge_bundle(Bundle(Path("run.bundle"), RUN, [case], {"stuck": problem})).disagreements == []
     own_verdict = replace(point, measured=replace(measured, verdict=own.numbers()))
     told = Bundle(Path("run.bundle"), RUN, [replace(case, points=[own_verdict])], {"stuck": problem})
-    assert len(rejudge(told).disagreements) == 1
+    assert len(rejudge_bundle(told).disagreements) == 1

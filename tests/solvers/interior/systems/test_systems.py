@@ -13,7 +13,7 @@ FORMS = [DelassusSystem, BodySystem]
 
 
 def scaled(problem: ContactProblem) -> ScaledProblem:
-    return ScaledProblem(problem, Residual(problem), "de_saxce")
+    return ScaledProblem(problem, Residual(problem))
 
 
 def coupled(n_contacts: int) -> NDArray[np.float64]:

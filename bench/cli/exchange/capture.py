@@ -1,0 +1,112 @@
+"""``proxbench capture``: contact problems from the steps of an engine."""
+
+import sys
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .. import options
+
+if TYPE_CHECKING:
+    from ....problems.capture.sequence import CaptureSummary
+    from ....problems.capture.step import CapturedStep
+
+HEADS = ("step", "laws", "rows", "refused", "own model", "Coulomb", "separation", "iterations", "solver")
+"""Columns of the judged steps."""
+
+WIDTHS = (6, 5, 5, 7, 9, 7, 10, 10, 0)
+"""Their widths in characters; the last one ends the line."""
+
+_simulation = partial(typer.Option, rich_help_panel="Simulation")
+
+
+def capture(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="MuJoCo model (.xml, .urdf or .mjb).")],
+    duration: Annotated[float, _simulation(metavar="SECONDS", help="Simulated time.")] = 1.0,
+    every: Annotated[int, _simulation(metavar="STEPS", help="Capture one step of so many.")] = 10,
+    keyframe: Annotated[str, _simulation(metavar="NAME", help="Keyframe to start from.")] = "",
+    seed: Annotated[int | None, _simulation(metavar="SEED", help="Random controls with this seed.")] = None,
+    output: Annotated[Path, options.output(metavar="FOLDER", help="Folder for the problem files.")] = Path("captured"),
+    judge: Annotated[bool, options.flag("--judge", help="Judge the engine's forces in each step.")] = False,
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> int:
+    """Simulate a model with MuJoCo and store steps as contact problems, with the forces that MuJoCo found.
+
+    If a step cannot be captured, the earlier ones are kept and the exit code is 1.
+    """
+    from ....problems.capture.sequence import CaptureOptions
+    from ....problems.capture.sequence import capture as simulate
+    from ...report.layout.text import print_json
+
+    rows: list[dict[str, Any]] = []
+
+    def show(step: "CapturedStep") -> None:
+        row = _judged(step)
+        rows.append(row)
+        if not as_json:
+            _print_row(row, is_first=len(rows) == 1)
+
+    wanted = CaptureOptions(duration, every, keyframe, seed)
+    summary = simulate(model, output, wanted, force=force, **({"on_step": show} if judge else {}))
+    if as_json:
+        print_json({**_as_json(summary), **({"steps": rows} if judge else {})})
+    else:
+        _print_summary(summary, output, judge)
+    if summary.error:
+        print(f"proxbench: {options.spell_options(summary.error)}", file=sys.stderr)
+    return int(bool(summary.error))
+
+
+def _judged(step: "CapturedStep") -> dict[str, Any]:
+    """Return a step in numbers that JSON has: an infinite residual is ``None``."""
+    from ....problems.capture.step import judge_step
+
+    verdict, engine = judge_step(step), step.engine
+    residuals = {"own model": verdict.own, "Coulomb": verdict.coulomb, "separation": verdict.separation}
+    return {
+        "step": step.problem.provenance["step"],
+        "laws": step.problem.laws.n_laws,
+        "rows": len(engine.forces),
+        "refused": len(step.refused),
+        **{name: value if isfinite(value) else None for name, value in residuals.items()},
+        "solver": engine.solver,
+        "iterations": engine.iterations,
+    }
+
+
+def _print_row(row: dict[str, Any], is_first: bool) -> None:
+    for cells in ([HEADS] if is_first else []) + [tuple(_cell(row[head]) for head in HEADS)]:
+        print("  ".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True)))
+
+
+def _cell(value: Any) -> str:
+    return "inf" if value is None else f"{value:.1e}" if isinstance(value, float) else str(value)
+
+
+def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
+    return {
+        "files": [str(file) for file in summary.files],
+        "empty_steps": summary.empty,
+        "engine_rows": summary.engine_rows,
+        "refused": dict(summary.refused),
+        "error": summary.error or None,
+    }
+
+
+def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> None:
+    if is_judged:
+        print(
+            "\nown model: residual of the convex program that the engine solves; Coulomb: the judge's residual;\n"
+            "separation: largest velocity at which a loaded contact opens [m/s], 0 under Coulomb's law\n"
+        )
+    empty = f", {summary.empty} without contact left out" if summary.empty else ""
+    print(f"captured  {len(summary.files)} steps into {output}, at most {summary.laws} laws{empty}")
+    taken = summary.engine_rows - summary.refused.total()
+    print(f"rows      {taken} of {summary.engine_rows} taken")
+    for reason, count in summary.refused.items():
+        print(f"refused   {count}: {reason}")
+    print(f"measure   proxbench run --suite {output}")

@@ -1,0 +1,212 @@
+"""Making the problems of the standard suites from their scenes.
+
+A recipe says which step of which simulation a problem is. Scenes are deterministic from their seed on one machine, so
+generating twice gives equal digests; between machines rounding differs, which is why runs compare the frozen library.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from ....problems.contact.problem import FREE_FALL, ContactProblem
+from ....problems.contact.solver import Stop
+from ....problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ....problems.exchange.catalog import (
+    FUNNEL_SIZES,
+    MIXED_PILES,
+    PILE_SIZES,
+    cache_folder,
+    plugin_problems,
+    problem_names,
+)
+from ....problems.exchange.files.problem_file import SUFFIX, save_problem
+from ....problems.hard import HARD_CASES
+from ....problems.hard.spheres import with_rolling_friction
+from ....problems.motion.bodies.mixed_friction import MixedFriction
+from ....problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
+from ....problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
+from ....problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
+from ....problems.motion.stepping.midpoint import MidpointRule
+from ....problems.motion.stepping.step import Step
+from ....solvers.registry import create
+from ...plugins.describing import plugin_problem
+
+WOODPECKER_STEPS = 5000
+"""Fixed steps in one period of the woodpecker."""
+
+FLOW_STOP = Stop(tolerance=1e-12, max_iterations=2000)
+"""Solver limits while balls flow. Impacts amplify errors by many orders, so each step is solved nearly to rounding."""
+
+PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
+"""Solver limits while balls settle: a pile is redundant everywhere, and sweeps stagnate near 1e-4 there."""
+
+
+@dataclass(frozen=True)
+class FunnelRecipe:
+    """The step of a funnel scene that begins at ``time`` [s].
+
+    With ``mixed_friction`` each pair of bodies has a μ of its own between these two, by the seed of the scene.
+    """
+
+    scene: Funnel
+    time: float
+    stop: Stop = FLOW_STOP
+    mixed_friction: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class WoodpeckerRecipe:
+    """The first step after ``time`` [s] in which ``contact`` (0 beak, 1 lower edge, 2 upper edge) is active."""
+
+    time: float
+    contact: int
+
+
+@dataclass(frozen=True)
+class RollingRecipe:
+    """The problem ``of`` whose contacts also resist rolling, with ``rolling_friction`` μ_r [m]."""
+
+    of: str
+    rolling_friction: float
+
+
+_FRICTIONLESS: tuple[Effect, ...] = (Gravity(), Restitution(0.3, 0.0))
+_SPATIAL: tuple[Effect, ...] = (*_FRICTIONLESS, Friction(0.3))
+_PLANAR: tuple[Effect, ...] = (*_SPATIAL, Planar())
+
+_INSTANTS = {30: (0.16, 0.45, 0.65), 100: (0.12, 0.32, 0.6), 300: (0.12, 0.29, 0.6), 1000: (0.12, 0.3, 0.8)}
+"""First impacts, densest flow and thinning flow [s], for each number of balls."""
+
+_OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
+"""Outlet radius in ball radii: few balls would fall through the wide outlet before they pile up over it."""
+
+_SETTLED = 2.0
+
+MIXED = (0.1, 0.95)
+"""Friction coefficients of piles of pairs with a coefficient each."""
+
+
+def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
+    for size in FUNNEL_SIZES:
+        early, dense, late = _INSTANTS[size]
+        spatial = Funnel(size, _SPATIAL, _OUTLETS[size])
+        for suffix, time in (("-early", early), ("", dense), ("-late", late)):
+            yield f"funnel-{size}{suffix}", FunnelRecipe(spatial, time)
+        yield f"funnel-planar-{size}", FunnelRecipe(Funnel(size, _PLANAR, _OUTLETS[size]), dense)
+        yield f"funnel-frictionless-{size}", FunnelRecipe(Funnel(size, _FRICTIONLESS, _OUTLETS[size]), dense)
+    for size in PILE_SIZES:
+        yield f"pile-{size}", FunnelRecipe(Funnel(size, _SPATIAL, outlet_radius=0.0), _SETTLED, PILE_STOP)
+    for seed, name in enumerate(MIXED_PILES, start=1):
+        scene = Funnel(400, _SPATIAL, outlet_radius=0.0, seed=seed)
+        yield name, FunnelRecipe(scene, _SETTLED, PILE_STOP, MIXED)
+
+
+RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe] = {
+    **dict(_funnel_recipes()),
+    "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
+    "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
+    "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
+    "woodpecker-beak-impact": WoodpeckerRecipe(0.0195, 0),
+    "woodpecker-upper-second-impact": WoodpeckerRecipe(0.0202, 2),
+    "woodpecker-upper-release": WoodpeckerRecipe(0.0222, 2),
+    "woodpecker-lower-impact": WoodpeckerRecipe(0.0570, 1),
+    "woodpecker-lower-second-impact": WoodpeckerRecipe(0.0600, 1),
+    "woodpecker-lower-slip-to-stick": WoodpeckerRecipe(0.10635, 1),
+    "woodpecker-lower-stick-to-slip": WoodpeckerRecipe(0.1459, 1),
+}
+"""How each generated problem is made."""
+
+
+def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
+    """Remake problems from their scenes and write them.
+
+    Args:
+        names: standard problems that come from scenes, and problems of plugins.
+        folder: where to write; the user's cache folder if None.
+
+    Returns:
+        The files written, in the order of ``names``.
+
+    Raises:
+        ProblemError: for a name without a recipe, or a folder that cannot be written.
+        PluginError: if a plugin does not make the problem it offers.
+    """
+    of_plugins = {offer.name for offer in plugin_problems()}.difference(RECIPES, HARD_CASES)
+    for name in names:
+        if name in HARD_CASES:
+            raise ProblemError(
+                f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
+            )
+        if name not in RECIPES and name not in of_plugins:
+            raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
+    target = folder if folder is not None else cache_folder()
+    made = (plugin_problem(name) for name in names if name in of_plugins)
+    for problem in chain(made, remake_problems(name for name in names if name not in of_plugins)):
+        save_problem(problem, target / f"{problem.name}{SUFFIX}")
+    return [target / f"{name}{SUFFIX}" for name in names]
+
+
+def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
+    """Yield the named problems; those of one simulation share one run of it."""
+    flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
+    pecks: dict[str, WoodpeckerRecipe] = {}
+    for name in names:
+        recipe = RECIPES[name]
+        if isinstance(recipe, FunnelRecipe):
+            flows.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
+        elif isinstance(recipe, WoodpeckerRecipe):
+            pecks[name] = recipe
+        else:
+            yield from _rolling_problems(name, recipe)
+    for (scene, stop, mixed), members in flows.items():
+        yield from _funnel_problems(scene, stop, mixed, members)
+    if pecks:
+        yield from _woodpecker_problems(pecks)
+
+
+def _solver() -> Any:
+    return create("SORprox", relaxation=1.5)
+
+
+def _funnel_problems(
+    scene: Funnel, stop: Stop, mixed: tuple[float, float] | None, members: dict[str, FunnelRecipe]
+) -> Iterator[ContactProblem]:
+    wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
+    system = scene.system()
+    if mixed is not None:
+        system = replace(system, friction=MixedFriction(*mixed, scene.seed))
+    stepper = MidpointRule(system, _solver(), stop, TIME_STEP)
+    for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
+        for name in members:
+            if wanted[name] == number:
+                yield _captured(step, name, "funnel", number, TIME_STEP, seed=scene.seed, n_balls=scene.n_balls)
+
+
+def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
+    for problem in remake_problems([recipe.of]):
+        resisting = with_rolling_friction(problem, recipe.rolling_friction)
+        yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
+
+
+def _woodpecker_problems(members: dict[str, WoodpeckerRecipe]) -> Iterator[ContactProblem]:
+    time_step = PERIOD / WOODPECKER_STEPS
+    stepper = MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
+    waiting = dict(members)
+    for number, step in enumerate(stepper.steps(section_start(), 2 * WOODPECKER_STEPS)):
+        if step.contacts is None:
+            continue
+        for name, recipe in list(waiting.items()):
+            if number * time_step >= recipe.time and recipe.contact in step.contacts.keys:
+                del waiting[name]
+                yield _captured(step, name, "woodpecker", number, time_step)
+        if not waiting:
+            return
+
+
+def _captured(step: Step, name: str, scene: str, number: int, time_step: float, **origin: int) -> ContactProblem:
+    if step.problem is None:
+        raise ProblemError(f"no contact is active in step {number} of the scene of {name!r}.")
+    free_fall = STANDARD_GRAVITY * time_step
+    return step.problem.renamed(name, scene=scene, step=number, **origin, **{FREE_FALL: free_fall})

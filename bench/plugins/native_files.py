@@ -1,0 +1,98 @@
+"""Files of solvers in other languages: known by their content from the moment that a command names them.
+
+Such a file is loaded or started in children only. A stored run does not make this process use one: who resumes a run of
+others names its files.
+"""
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from ...problems.contact.solver import SolverError
+from ...problems.errors import PluginError
+from ...solvers import registry
+from ..store.records import PluginUse
+
+_BEGINNINGS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
+"""What shared libraries and programs begin with on Linux, macOS and Windows, and what scripts begin with."""
+
+_in_use: dict[str, PluginUse] = {}
+"""Files that this process may use, by their paths."""
+
+
+def is_native(path: Path) -> bool:
+    """Whether a file is a shared library, or a program that is no plugin file."""
+    try:
+        with path.open("rb") as file:
+            return path.suffix != ".py" and file.read(4).startswith(_BEGINNINGS)
+    except OSError:
+        return False
+
+
+def allow_native_file(path: Path) -> None:
+    """Let stored runs use a file, as it is now."""
+    place = path.expanduser().absolute()
+    _in_use[str(place)] = PluginUse(kind="solver", name="", source="", file=str(place), sha256=_sha256(place))
+
+
+def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]:
+    """Note the files of a solver and its parts, and return them.
+
+    Args:
+        name: the solver's.
+        sources: what each of its parts in other languages calls itself, in their order.
+
+    Raises:
+        PluginError: if a file cannot be read.
+    """
+    uses = []
+    for number, part in enumerate(_native_parts(name)):
+        place, source = _place(part), str(sources[number]) if number < len(sources) else ""
+        uses.append(PluginUse(kind="solver", name=part, source=source, file=str(place), sha256=_sha256(place)))
+        _in_use[str(place)] = uses[-1]
+    return tuple(uses)
+
+
+def native_uses(solvers: Iterable[str]) -> list[PluginUse]:
+    """Return the files of solvers in other languages that names of solvers refer to, each once."""
+    parts = dict.fromkeys(part for name in solvers for part in _native_parts(name))
+    known = ((part, _in_use.get(str(_place(part)))) for part in parts)
+    return [replace(use, name=part) for part, use in known if use is not None]
+
+
+def is_native_use(use: PluginUse) -> bool:
+    """Whether a stored use is that of a file in another language."""
+    return use.kind == "solver" and bool(_native_parts(use.name))
+
+
+def sha256_in_use(path: str) -> str:
+    """Return the SHA-256 of a file that this process may use; empty if it may not."""
+    return _in_use[path].sha256 if path in _in_use else ""
+
+
+def check_unchanged(uses: Iterable[PluginUse]) -> None:
+    """Raise ``SolverError`` if a file is not what it was: results of two versions would have one name."""
+    for use in uses:
+        if _sha256(Path(use.file)) != use.sha256:
+            raise SolverError(f"{use.file} has changed since it was named; begin again.")
+
+
+def _place(part: str) -> Path:
+    return Path(registry.parse(part).options.get("path", "")).expanduser().absolute()
+
+
+def _native_parts(name: str) -> list[str]:
+    """Return the same as the registry, nothing for an object of the caller's with a name of its own."""
+    try:
+        return registry.native_parts(name)
+    except SolverError:
+        return []
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise PluginError(f"cannot read {path}: {error.strerror}; put it back.") from None

@@ -1,0 +1,53 @@
+"""Names of contacts that last from step to step.
+
+Contacts of one pair of geometries are told apart by a number, ``"floor | box #2"``. From one step to the next a contact
+keeps the number of the contact of that pair that was nearest, as seen from either geometry: a corner of a sliding box
+stays where it is on the box.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..arrays import FloatArray
+
+NO_ANCHORS = np.zeros((0, 2, 3))
+
+
+def distinct_keys(
+    keys: Sequence[str], anchors: FloatArray, known: Sequence[str] = (), known_anchors: FloatArray = NO_ANCHORS
+) -> tuple[str, ...]:
+    """Return the keys of a step, each with a number where it is not the first of its pair.
+
+    Args:
+        keys: what each contact belongs to.
+        anchors: point of each contact in the frames of its two geometries [m], shape (len(keys), 2, 3).
+        known: distinct keys of the step before.
+        known_anchors: their points.
+    """
+    found = [""] * len(keys)
+    before: dict[str, list[int]] = {}
+    for index, key in enumerate(known):
+        before.setdefault(pair_of(key), []).append(index)
+    for key in dict.fromkeys(keys):
+        now = [index for index, other in enumerate(keys) if other == key]
+        old = before.get(key, [])
+        gaps = np.linalg.norm(anchors[now][:, None] - known_anchors[old][None], axis=-1).min(axis=-1)
+        for flat in np.argsort(gaps, axis=None, kind="stable"):
+            mine, theirs = np.unravel_index(flat, gaps.shape)
+            name = known[old[theirs]]
+            if not found[now[mine]] and name not in found:
+                found[now[mine]] = name
+        free = (name for number in range(len(now)) if (name := _numbered(key, number)) not in found)
+        for index in now:
+            found[index] = found[index] or next(free)
+    return tuple(found)
+
+
+def pair_of(key: str) -> str:
+    """Return a key without its number."""
+    return key.rpartition(" #")[0] or key
+
+
+def _numbered(key: str, number: int) -> str:
+    return f"{key} #{number}" if number else key

@@ -1,0 +1,82 @@
+"""Captured steps as problem files: those of ``save_problem``, with what the engine made of the step beside the problem.
+
+The additional arrays begin with ``capture.``; who reads the file as a problem does not see them.
+"""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import ProblemError
+from ..exchange.files.archive import DAMAGES, ArchiveError, read_arrays
+from ..exchange.files.problem_file import packed_problem, read_problem, write_whole
+from .engine_model import EngineModel
+from .rows import RefusedRow
+from .step import CapturedStep
+
+FORMAT = 1
+"""Version of the additional arrays."""
+
+_PREFIX = "capture."
+_VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound", "forces", "impulses")
+_PLAIN = ("scale", "engine", "solver", "iterations")
+
+
+def save_step(step: CapturedStep, path: Path) -> None:
+    """Write a captured step to a problem file, as a whole or not at all."""
+    write_whole(path, packed_problem(step.problem, _arrays(step)))
+
+
+def read_step(path: Path | str) -> CapturedStep:
+    """Read a captured step.
+
+    Raises:
+        ProblemError: if the file is none of ``save_step``, or is damaged.
+    """
+    path = Path(path)
+    problem = read_problem(path)
+    try:
+        content = read_arrays(path)
+    except ArchiveError as error:
+        raise ProblemError(f"{path} is damaged: {error}; capture it again.") from None
+    found = {key.removeprefix(_PREFIX): value for key, value in content.items() if key.startswith(_PREFIX)}
+    if "about" not in found:
+        raise ProblemError(f"{path} holds a problem but no captured step; make one with proxbench capture.")
+    try:
+        about = json.loads(found["about"].tobytes().decode())
+        if about["format"] != FORMAT:
+            raise ProblemError(f"{path} has captured data of format {about['format']}, this version reads {FORMAT}.")
+        n_rows = len(found["offset"])
+        engine = EngineModel(
+            matrix=sp.csr_array((found["A.data"], found["A.indices"], found["A.indptr"]), shape=(n_rows, n_rows)),
+            **{**{name: found[name] for name in _VECTORS}, **about["engine"]},
+        )
+        engine.matrix.check_format(full_check=True)
+        refused = tuple(RefusedRow(**one) for one in about["refused"])
+        return CapturedStep(problem, engine, tuple(about["keys"]), found["anchors"], refused)
+    except ProblemError:
+        raise
+    except DAMAGES:
+        raise ProblemError(f"the captured data of {path} are damaged; capture it again.") from None
+
+
+def _arrays(step: CapturedStep) -> dict[str, Any]:
+    engine = step.engine
+    about = {
+        "format": FORMAT,
+        "engine": {name: getattr(engine, name) for name in _PLAIN},
+        "keys": step.keys,
+        "refused": [asdict(one) for one in step.refused],
+    }
+    matrix = {f"A.{part}": getattr(engine.matrix, part) for part in ("data", "indices", "indptr")}
+    arrays = {
+        "about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
+        "anchors": step.anchors,
+        **matrix,
+        **{name: getattr(engine, name) for name in _VECTORS},
+    }
+    return {f"{_PREFIX}{name}": value for name, value in arrays.items()}

@@ -1,0 +1,42 @@
+"""MuJoCo, imported on first use and only in a version that captures were tried with."""
+
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any
+
+from ..errors import ProblemError
+
+TRIED_VERSION = 4
+"""Major version of MuJoCo whose identities the tests check."""
+
+INSTALL = 'pip install ".[mujoco]" in a clone of proxbench'
+"""What installs MuJoCo."""
+
+
+def mujoco() -> Any:
+    """Import MuJoCo on first use.
+
+    Raises:
+        ProblemError: if it is not installed, or its version was not tried.
+    """
+    if find_spec("mujoco") is None:
+        raise ProblemError(f"capturing needs MuJoCo, which is not installed; run {INSTALL}.")
+    module = importlib.import_module("mujoco")
+    version = str(module.__version__)
+    if version.partition(".")[0] != str(TRIED_VERSION):
+        raise ProblemError(f"MuJoCo {version} is untried, {TRIED_VERSION}.x is supported; run {INSTALL}.")
+    return module
+
+
+@contextmanager
+def without_log() -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings to MUJOCO_LOG.TXT in the current folder."""
+    module = mujoco()
+    handler = module.get_mju_user_warning()
+    module.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        module.set_mju_user_warning(handler)

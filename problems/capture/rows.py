@@ -1,0 +1,277 @@
+"""What the constraint rows of MuJoCo mean as force laws.
+
+=========================== =======================================================================================
+equality                    a bilateral law a row
+friction loss               planar friction with a fixed bound, h times the loss
+limit of a joint or tendon  a unilateral law
+contact, ``condim`` 1       a unilateral law
+``condim`` 3                the same with sliding friction
+``condim`` 4                the same with sliding and spinning friction, each with a bound of its own
+``condim`` 6                the same with sliding, and with rolling and spinning friction under one bound
+=========================== =======================================================================================
+
+μ is ``contact.friction``; ``contact.mu`` is divided by √impratio. Where friction differs between axes, rows are scaled
+by s_k = μ_k/μ_1, velocities by s_k and impulses by 1/s_k: the elliptic cone becomes a circular one, and work stays.
+
+A pyramidal contact has the rows J_N ± μ_k J_k instead of J_N and J_k; half their sum and difference are the rows of the
+contact, and their forces add up to f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋), as in ``mju_decodePyramid``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import FloatArray
+from ..contact.laws import LawKind, Laws
+from .engine_model import EngineSet
+from .installed import mujoco
+
+EMPTY = 1e-14
+"""A row of a contact below this part of its largest one moves nothing: friction across the plane of a planar model."""
+
+_SLIDING = (LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION)
+_ROLLING = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
+
+
+@dataclass(frozen=True)
+class RefusedRow:
+    """A constraint row of an engine that no law stands for.
+
+    Attributes:
+        row: its index among the rows of the engine.
+        name: what it belongs to.
+        reason: why it is refused.
+    """
+
+    row: int
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class CapturedRows:
+    """The rows of a problem in terms of the rows of an engine.
+
+    Attributes:
+        laws: the force laws.
+        velocity: T with W = Jᵀ Tᵀ, shape (n_rows, n_engine_rows).
+        force: S with Λ = h S f, shape (n_rows, n_engine_rows).
+        surface_velocity: what is added to the relative velocity: moving surfaces [m/s], shape (n_rows,).
+        keys: what each contact or lone law belongs to, in row order; contacts of one pair have one key.
+        anchors: point of each contact in the frames of its geometries [m], 0 for lone laws, shape (len(keys), 2, 3).
+        refused: rows of the engine without a law.
+    """
+
+    laws: Laws
+    velocity: sp.csr_array[Any]
+    force: sp.csr_array[Any]
+    surface_velocity: FloatArray
+    keys: tuple[str, ...]
+    anchors: FloatArray
+    refused: tuple[RefusedRow, ...]
+
+
+@dataclass
+class _Row:
+    """One row of a problem: its coefficients by rows of the engine."""
+
+    velocity: dict[int, float]
+    force: dict[int, float]
+    surface: float = 0.0
+
+    def scaled(self, factor: float) -> "_Row":
+        velocity = {row: factor * value for row, value in self.velocity.items()}
+        force = {row: value / factor for row, value in self.force.items()}
+        return _Row(velocity, force, factor * self.surface)
+
+
+@dataclass
+class _Collected:
+    """Laws and rows, collected in order."""
+
+    kind: list[LawKind] = field(default_factory=list)
+    friction: list[float] = field(default_factory=list)
+    bound: list[float] = field(default_factory=list)
+    partner: list[int] = field(default_factory=list)
+    rows: list[_Row] = field(default_factory=list)
+    keys: list[str] = field(default_factory=list)
+    anchors: list[FloatArray] = field(default_factory=list)
+    refused: list[RefusedRow] = field(default_factory=list)
+
+    def law(
+        self, kind: LawKind, rows: Sequence[_Row], friction: float = 0.0, bound: float = 0.0, partner: int = -1
+    ) -> int:
+        self.kind.append(kind)
+        self.friction.append(friction)
+        self.bound.append(bound)
+        self.partner.append(partner)
+        self.rows.extend(rows)
+        return len(self.kind) - 1
+
+    def name(self, key: str, anchors: FloatArray | None = None) -> None:
+        self.keys.append(key)
+        self.anchors.append(np.zeros((2, 3)) if anchors is None else anchors)
+
+
+def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> CapturedRows:
+    """Return what the constraint rows of a step mean.
+
+    Args:
+        model: MuJoCo's model.
+        data: its data, after a step.
+        jacobian: J, shape (n_engine_rows, n_dofs).
+    """
+    types = mujoco().mjtConstraint
+    groups, row = [], 0
+    while row < data.nefc:
+        kind, group = int(data.efc_type[row]), [_Row({row: 1.0}, {row: 1.0})]
+        if kind in (types.mjCNSTR_CONTACT_PYRAMIDAL, types.mjCNSTR_CONTACT_ELLIPTIC):
+            contact = data.contact[int(data.efc_id[row])]
+            group = _frame_rows(contact, row, kind == types.mjCNSTR_CONTACT_PYRAMIDAL)
+        groups.append((row, group))
+        row += len({one for part in group for one in part.force})
+    norms = _norms([one for _, group in groups for one in group], jacobian)
+    found, end = _Collected(), 0
+    for row, group in groups:
+        start, end = end, end + len(group)
+        if len(group) > 1 or int(data.efc_type[row]) == types.mjCNSTR_CONTACT_FRICTIONLESS:
+            _take_contact(found, model, data, data.contact[int(data.efc_id[row])], group, norms[start:end])
+        else:
+            _take_single(found, model, data, row, float(norms[start]))
+    return _rows_of(found, int(data.nefc))
+
+
+def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
+    """Return kind and first row of each set of MuJoCo's own model, and the coefficient of each row."""
+    types = mujoco().mjtConstraint
+    kinds, firsts, coefficient, row = [], [], np.ones(data.nefc), 0
+    while row < data.nefc:
+        kind, length = int(data.efc_type[row]), 1
+        if kind == types.mjCNSTR_CONTACT_ELLIPTIC:
+            contact = data.contact[int(data.efc_id[row])]
+            length = int(contact.dim)
+            coefficient[row + 1 : row + length] = contact.friction[: length - 1]
+            form = EngineSet.ELLIPTIC_CONE
+        elif kind == types.mjCNSTR_EQUALITY:
+            form = EngineSet.LINE
+        elif kind in (types.mjCNSTR_FRICTION_DOF, types.mjCNSTR_FRICTION_TENDON):
+            form = EngineSet.INTERVAL
+        else:
+            form = EngineSet.HALF_LINE
+        kinds.append(int(form))
+        firsts.append(row)
+        row += length
+    return kinds, firsts, coefficient
+
+
+def _take_single(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
+    """Take one row that is no part of a contact with friction."""
+    module = mujoco()
+    types, objects = module.mjtConstraint, module.mjtObj
+    kind, index = int(data.efc_type[row]), int(data.efc_id[row])
+    known = {
+        int(types.mjCNSTR_EQUALITY): ("equality", objects.mjOBJ_EQUALITY, LawKind.BILATERAL),
+        int(types.mjCNSTR_FRICTION_DOF): ("friction of joint", objects.mjOBJ_JOINT, LawKind.PLANAR_FRICTION),
+        int(types.mjCNSTR_FRICTION_TENDON): ("friction of tendon", objects.mjOBJ_TENDON, LawKind.PLANAR_FRICTION),
+        int(types.mjCNSTR_LIMIT_JOINT): ("limit of joint", objects.mjOBJ_JOINT, LawKind.UNILATERAL),
+        int(types.mjCNSTR_LIMIT_TENDON): ("limit of tendon", objects.mjOBJ_TENDON, LawKind.UNILATERAL),
+    }
+    if kind not in known:
+        found.refused.append(RefusedRow(row, f"row {row}", f"its type {kind} is not known"))
+        return
+    label, object_kind, law = known[kind]
+    index = int(model.dof_jntid[index]) if kind == types.mjCNSTR_FRICTION_DOF else index
+    key = f"{label} {_name(model, object_kind, index)}"
+    if norm == 0.0:
+        found.refused.append(RefusedRow(row, key, "it moves no degree of freedom"))
+        return
+    bound = model.opt.timestep * float(data.efc_frictionloss[row]) if law == LawKind.PLANAR_FRICTION else 0.0
+    found.law(law, [_Row({row: 1.0}, {row: 1.0})], bound=bound)
+    found.name(key)
+
+
+def _frame_rows(contact: Any, first: int, is_pyramid: bool) -> list[_Row]:
+    """Return the rows of a contact's frame: the normal, two tangents, spin, two axes of rolling."""
+    dim = int(contact.dim)
+    surface = [0.0, *contact.surfacevel, 0.0, 0.0]
+    if not is_pyramid:
+        return [_Row({first + k: 1.0}, {first + k: 1.0}, surface[k]) for k in range(dim)]
+    edges = range(first, first + 2 * (dim - 1))
+    rows = [_Row({first: 0.5, first + 1: 0.5}, dict.fromkeys(edges, 1.0))]
+    for k in range(1, dim):
+        mu, plus = float(contact.friction[k - 1]), first + 2 * (k - 1)
+        half = 0.5 / mu
+        rows.append(_Row({plus: half, plus + 1: -half}, {plus: mu, plus + 1: -mu}, surface[k]))
+    return rows
+
+
+def _take_contact(found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray) -> None:
+    """Take the normal row of a contact, and its friction rows that move anything."""
+    names = [_geometry(model, contact, side) for side in (0, 1)]
+    normal = found.law(LawKind.UNILATERAL, frame[:1])
+    found.name(" | ".join(names), np.array([_anchor(data, contact, side) for side in (0, 1)]))
+    friction = [0.0, *map(float, contact.friction)]
+    for indices, kinds in (((1, 2), _SLIDING), ((3, 4, 5), _ROLLING)):
+        kept = [k for k in indices if k < len(frame) and norms[k] > EMPTY * norms.max()]
+        if kept:
+            first = friction[kept[0]]
+            rows = [frame[k].scaled(friction[k] / first) for k in kept]
+            found.law(kinds[len(kept) - 1], rows, friction=first, partner=normal)
+
+
+def _norms(rows: Sequence[_Row], jacobian: sp.csr_array[Any]) -> FloatArray:
+    """Return the norm of each row of a problem, shape (len(rows),)."""
+    found = _coefficients([one.velocity for one in rows], jacobian.shape[0]) @ jacobian
+    norms: FloatArray = np.sqrt(found.multiply(found).sum(axis=1))
+    return norms
+
+
+def _anchor(data: Any, contact: Any, side: int) -> FloatArray:
+    """Return the point of a contact in the frame of a geometry, in the world for deformable ones [m], shape (3,)."""
+    index, point = int(contact.geom[side]), np.array(contact.pos)
+    if index < 0:
+        return point
+    anchor: FloatArray = data.geom_xmat[index].reshape(3, 3).T @ (point - data.geom_xpos[index])
+    return anchor
+
+
+def _geometry(model: Any, contact: Any, side: int) -> str:
+    index = int(contact.geom[side])
+    if index >= 0:
+        return _name(model, mujoco().mjtObj.mjOBJ_GEOM, index, "geom ")
+    parts = ("flex", contact.flex), ("element", contact.elem), ("vertex", contact.vert)
+    return " ".join(f"{word} {int(ids[side])}" for word, ids in parts if ids[side] >= 0)
+
+
+def _name(model: Any, kind: Any, index: int, prefix: str = "") -> str:
+    """Return the name of an object of a model, or its number."""
+    return mujoco().mj_id2name(model, kind, index) or f"{prefix}{index}"
+
+
+def _rows_of(found: _Collected, n_engine_rows: int) -> CapturedRows:
+    laws = Laws.in_order(
+        np.array(found.kind, dtype=np.int8),
+        np.array(found.friction),
+        np.array(found.bound),
+        np.array(found.partner, dtype=np.int64),
+    )
+    return CapturedRows(
+        laws,
+        _coefficients([one.velocity for one in found.rows], n_engine_rows),
+        _coefficients([one.force for one in found.rows], n_engine_rows),
+        surface_velocity=np.array([one.surface for one in found.rows]),
+        keys=tuple(found.keys),
+        anchors=np.array(found.anchors, dtype=np.float64).reshape(-1, 2, 3),
+        refused=tuple(found.refused),
+    )
+
+
+def _coefficients(rows: Sequence[dict[int, float]], n_engine_rows: int) -> sp.csr_array[Any]:
+    """Return the coefficients of rows as a matrix, shape (len(rows), n_engine_rows)."""
+    starts = np.cumsum([0, *map(len, rows)])
+    columns = [column for row in rows for column in row]
+    values = np.array([value for row in rows for value in row.values()], dtype=np.float64)
+    return sp.csr_array((values, np.array(columns, dtype=np.int64), starts), shape=(len(rows), n_engine_rows))

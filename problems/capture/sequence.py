@@ -1,0 +1,216 @@
+"""A simulation by MuJoCo, of which every so many steps become problem files of one suite."""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from glob import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ProblemError, suggestion
+from ..exchange.files.problem_file import write_whole
+from ..exchange.folder import DESCRIPTION
+from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
+from .files import save_step
+from .installed import mujoco, without_log
+from .step import CapturedStep, EmptyStepError, captured_step, take_step
+
+HEADING = "# the steps that proxbench capture wrote"
+"""First line of the description of a folder."""
+
+STEP_DIGITS = 6
+"""Digits of the number of a step in the name of its file."""
+
+CONTROL_SECONDS = 0.02
+"""Time for which random controls stay constant [s]."""
+
+
+@dataclass(frozen=True)
+class CaptureOptions:
+    """What is simulated, and which steps are captured.
+
+    Attributes:
+        duration: simulated time [s].
+        every: a step is captured after this many.
+        keyframe: name or number of the model's keyframe to start from; its initial state if empty.
+        seed: seed of random controls; ``None`` leaves the controls as they are.
+
+    Raises:
+        ProblemError: if the duration or the number of steps is not positive, or the seed is negative.
+    """
+
+    duration: float = 1.0
+    every: int = 10
+    keyframe: str = ""
+    seed: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.duration < math.inf:
+            raise ProblemError(f"`duration` must be positive and finite, got {self.duration:g}.")
+        if self.every < 1:
+            raise ProblemError(f"`every` must be at least 1, got {self.every}.")
+        if self.seed is not None and self.seed < 0:
+            raise ProblemError(f"`seed` must not be negative, got {self.seed}.")
+
+
+@dataclass
+class CaptureSummary:
+    """What a capture came to.
+
+    Attributes:
+        files: the files written, in order.
+        empty: captured steps without a constraint row that a law stands for.
+        laws: number of laws of the largest problem.
+        engine_rows: rows that the engine had in all captured steps.
+        refused: how many rows were refused, by reason.
+        error: why the capture ended early; empty if it did not.
+    """
+
+    files: list[Path] = field(default_factory=list)
+    empty: int = 0
+    laws: int = 0
+    engine_rows: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    error: str = ""
+
+
+@without_log()
+def capture(
+    file: Path,
+    output: Path,
+    options: CaptureOptions,
+    *,
+    force: bool = False,
+    on_step: Callable[[CapturedStep], None] = lambda step: None,
+) -> CaptureSummary:
+    """Simulate a model and write every so many steps to ``output``, a folder that is a suite.
+
+    Args:
+        file: an MJCF or URDF file, or a compiled model (.mjb).
+        output: the folder.
+        options: what is simulated and captured.
+        force: replace the steps of a model of that name in the folder.
+        on_step: called with each captured step after it was written.
+
+    Returns:
+        what was written; where a step fails, what was written before, and the error.
+
+    Raises:
+        ProblemError: if the model cannot be read or captured at all, or has no contact.
+    """
+    model, taken = _read_model(file), _steps_of(output, file.stem)
+    if taken and not force:
+        raise ProblemError(
+            f"{output} holds {len(taken)} steps of {file.stem} already; choose another `output`, or replace them with "
+            f"`force=True`."
+        )
+    data = _initial_data(model, file, options.keyframe)
+    summary = CaptureSummary()
+    try:
+        for step in captured_steps(model, data, options, file.stem):
+            if step is None:
+                summary.empty += 1
+                continue
+            if not summary.files:
+                for old in taken:
+                    old.unlink()
+                _describe(output, file.stem)
+            path = output / f"{step.problem.name}.npz"
+            save_step(step, path)
+            summary.files.append(path)
+            summary.laws = max(summary.laws, step.problem.laws.n_laws)
+            summary.engine_rows += len(step.engine.forces)
+            summary.refused.update(one.reason for one in step.refused)
+            on_step(step)
+    except ProblemError as error:
+        if not summary.files:
+            raise
+        summary.error = str(error)
+    if not summary.files:
+        raise ProblemError(
+            f"{file} has no contact and no other constraint in the {summary.empty} steps looked at in "
+            f"{options.duration:g} s; choose a longer `duration`, a smaller `every`, or a `keyframe` in contact."
+        )
+    return summary
+
+
+def captured_steps(model: Any, data: Any, options: CaptureOptions, stem: str) -> Iterator[CapturedStep | None]:
+    """Simulate ``model`` from the state of ``data``, and yield every so many steps; ``None`` for one without rows.
+
+    Raises:
+        ProblemError: if MuJoCo fails, or a step cannot be captured.
+    """
+    rng = None if options.seed is None else np.random.default_rng(options.seed)
+    n_steps = max(1, round(options.duration / model.opt.timestep))
+    hold = max(1, round(CONTROL_SECONDS / model.opt.timestep))
+    before: CapturedStep | None = None
+    for number in range(n_steps):
+        if rng is not None and number % hold == 0:
+            data.ctrl[:] = _random_controls(model, rng)
+        if number % options.every == 0:
+            try:
+                before = _named(captured_step(model, data), before, stem, number)
+                yield before
+            except EmptyStepError:
+                yield None
+        take_step(model, data)
+
+
+def _named(step: CapturedStep, before: CapturedStep | None, stem: str, number: int) -> CapturedStep:
+    """Return a step with its name and place in the sequence, and keys that continue those of the step before."""
+    known = ((), NO_ANCHORS) if before is None else (before.keys, before.anchors)
+    keys = distinct_keys([pair_of(key) for key in step.keys], step.anchors, *known)
+    name = f"{stem}-{number:0{STEP_DIGITS}d}"
+    problem = step.problem.renamed(name, family=stem, sequence=stem, step=number)
+    return replace(step, problem=problem, keys=keys)
+
+
+def _random_controls(model: Any, rng: np.random.Generator) -> Any:
+    """Return controls drawn uniformly from their ranges, or from [-1, 1] where there are none, shape (nu,)."""
+    limited = model.actuator_ctrllimited.astype(bool)
+    low = np.where(limited, model.actuator_ctrlrange[:, 0], -1.0)
+    high = np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
+    return rng.uniform(low, high)
+
+
+def _read_model(file: Path) -> Any:
+    module = mujoco()
+    if not file.is_file():
+        raise ProblemError(f"there is no model {file}; name an MJCF or URDF file.")
+    read = module.MjModel.from_binary_path if file.suffix == ".mjb" else module.MjModel.from_xml_path
+    try:
+        return read(str(file))
+    except (ValueError, module.FatalError) as error:
+        raise ProblemError(f"MuJoCo cannot read {file}: {' '.join(str(error).split())}.") from None
+
+
+def _initial_data(model: Any, file: Path, keyframe: str) -> Any:
+    module = mujoco()
+    data = module.MjData(model)
+    if keyframe:
+        names = [module.mj_id2name(model, module.mjtObj.mjOBJ_KEY, index) or str(index) for index in range(model.nkey)]
+        if keyframe not in names and not (keyframe.isdecimal() and int(keyframe) < model.nkey):
+            raise ProblemError(f"{file} has no keyframe {keyframe!r}{suggestion(keyframe, names)}")
+        index = names.index(keyframe) if keyframe in names else int(keyframe)
+        module.mj_resetDataKeyframe(model, data, index)
+    return data
+
+
+def _steps_of(output: Path, stem: str = "") -> list[Path]:
+    """Return the files of an earlier capture of a model of that name, or of all."""
+    return sorted(output.glob(f"{escape(stem) or '*'}-{'[0-9]' * STEP_DIGITS}.npz"))
+
+
+def _describe(output: Path, stem: str) -> None:
+    """Make a suite of the folder, with a family for each captured model; a description of another origin is kept."""
+    file = output / DESCRIPTION
+    if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
+        return
+    stems = {path.stem[: -STEP_DIGITS - 1] for path in _steps_of(output)} | {stem}
+    lines = [HEADING, f"name = {json.dumps(output.resolve().name)}", "[groups]"]
+    lines += [f"{json.dumps(one)} = [{json.dumps(f'{escape(one)}-*')}]" for one in sorted(stems, reverse=True)]
+    write_whole(file, ("\n".join(lines) + "\n").encode())

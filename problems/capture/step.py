@@ -1,0 +1,276 @@
+"""One step of MuJoCo as a contact problem, with the forces that MuJoCo found and the model that it solved.
+
+MuJoCo computes f on the state before the step, and the step then ends with
+
+    u⁺ = u* + M̂⁻¹ Jᵀ h f,      so that      J u⁺ = G Λ + c,   G = J M̂⁻¹ Jᵀ,   c = J u*,   Λ = h f,
+
+with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator: M + hD (Euler),
+M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo keeps its factor in ``qH``.
+A step that does not end in this velocity would be another problem, and is refused.
+
+Rows that are refused act as MuJoCo had them act: their impulses are part of the free velocity.
+"""
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import FloatArray
+from ..contact.judge import judge
+from ..contact.matrices.factors import InverseMass
+from ..contact.problem import FREE_FALL, ContactProblem
+from ..errors import ProblemError
+from .contact_keys import distinct_keys
+from .engine_model import EngineModel, judge_own_model
+from .installed import mujoco
+from .rows import CapturedRows, RefusedRow, captured_rows, engine_sets
+
+STEP_ERROR = 1e-9
+"""Largest error of the velocity after a step, relative to its terms."""
+
+UNSUPPORTED_INTEGRATORS = {
+    "RK4": "solves the constraints four times in a step",
+    "IMPLICIT": "has a mass matrix that is not symmetric",
+}
+
+SUPPORTED = 'set integrator to "implicitfast", "Euler" or "discrete"'
+
+
+class EmptyStepError(ProblemError):
+    """A step has no constraint row, or none that a law stands for."""
+
+
+@dataclass(frozen=True, eq=False)
+class CapturedStep:
+    """One step of an engine.
+
+    Attributes:
+        problem: the step under Coulomb's law.
+        engine: the model that the engine solved, and its forces.
+        keys: name of each contact or lone law, in the order of the problem's rows; in a sequence it lasts.
+        anchors: point of each contact in the frames of its geometries [m], 0 for lone laws, shape (len(keys), 2, 3).
+        refused: rows of the engine without a law.
+    """
+
+    problem: ContactProblem
+    engine: EngineModel
+    keys: tuple[str, ...]
+    anchors: FloatArray
+    refused: tuple[RefusedRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class StepVerdict:
+    """How good the forces of an engine are, on two tracks.
+
+    Attributes:
+        own: residual of the engine's own model: did it solve what it set out to solve.
+        coulomb: the judge's residual: how far is that from Coulomb's law.
+        separation: largest velocity at which a contact separates that carries an impulse [m/s]; 0 under Coulomb's law.
+    """
+
+    own: float
+    coulomb: float
+    separation: float
+
+
+def from_mujoco(model: Any, data: Any, name: str = "") -> ContactProblem:
+    """Return the contact problem of the step that MuJoCo would take from the state of ``data``, which is not changed.
+
+    Args:
+        model: ``mujoco.MjModel``, or the wrapper of dm_control.
+        data: ``mujoco.MjData`` of it.
+        name: what the problem is called; the name of the model if empty.
+
+    Raises:
+        ProblemError: if MuJoCo is not installed or of an untried version, no row is supported, or the step is none of
+            those that a contact problem stands for.
+    """
+    return captured_step(model, data, name).problem
+
+
+def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
+    """Return the same problem as ``from_mujoco``, with what MuJoCo made of it."""
+    module = mujoco()
+    model, data = getattr(model, "ptr", model), getattr(data, "ptr", data)
+    _require_supported_options(module, model)
+    before, after = data.qvel.copy(), copy.copy(data)
+    after.qH[:] = np.nan
+    take_step(model, after)
+    if not after.nefc:
+        raise EmptyStepError(
+            f"the step at {data.time:g} s has no contact and no other constraint; capture a later one."
+        )
+    jacobian = _jacobian(module, model, after)
+    rows = captured_rows(model, after, jacobian)
+    if not rows.laws.n_rows:
+        raise EmptyStepError(
+            f"none of the {after.nefc} constraint rows at {data.time:g} s is supported: {rows.refused[0].reason}."
+        )
+    mass = _tree_matrix(model, after.M)
+    own_mass = inverse = InverseMass.of_mass(mass + sp.triu(mass.T, 1))
+    is_discrete = model.opt.integrator == module.mjtIntegrator.mjINT_DISCRETE
+    if np.isfinite(after.qH).all():
+        inverse = _effective_mass(model, after.qH)
+        own_mass = inverse if is_discrete else own_mass
+    step, force = float(model.opt.timestep), after.efc_force.copy()
+    smooth = after.qacc_smooth if is_discrete else inverse.times(after.qfrc_smooth)
+    free = before + step * smooth
+    total = jacobian.T @ force
+    if (
+        inverse is own_mass
+    ):  # the step then takes q̈ of the solver, which is as far off its forces as it has not converged
+        total = total + _unbalanced(inverse, after, total)
+    _require_velocity(free + inverse.times(step * total), before, after, data.time)
+    problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)
+    impulses = step * (rows.force @ force)
+    engine = _engine_model(module, model, after, own_mass, jacobian, impulses)
+    return CapturedStep(problem, engine, distinct_keys(rows.keys, rows.anchors), rows.anchors, rows.refused)
+
+
+def take_step(model: Any, data: Any) -> None:
+    """Let MuJoCo take one step.
+
+    Raises:
+        ProblemError: if it fails, or resets the state because a number of it is not finite or huge.
+    """
+    module = mujoco()
+    time, kinds = data.time, module.mjtWarning
+    warnings = [data.warning[int(kind)] for kind in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)]
+    for warning in warnings:
+        warning.number = 0
+    try:
+        module.mj_step(model, data)
+    except module.FatalError as error:
+        raise ProblemError(f"MuJoCo failed in the step at {time:g} s: {' '.join(str(error).split())}.") from None
+    if any(warning.number for warning in warnings):
+        raise ProblemError(f"MuJoCo reset the state in the step at {time:g} s; choose a smaller timestep in the model.")
+
+
+def judge_step(step: CapturedStep) -> StepVerdict:
+    """Judge the forces of the engine on both tracks."""
+    impulses, laws = step.engine.impulses, step.problem.laws
+    velocity = step.problem.relative_velocity(impulses)
+    normal = laws.first_row[laws.is_unilateral]
+    carries = impulses[normal] > 1e-9 * np.abs(impulses).max(initial=0.0)
+    separation = float(np.max(velocity[normal], initial=0.0, where=carries))
+    return StepVerdict(judge_own_model(step.engine), judge(step.problem, impulses).residual, separation)
+
+
+def _require_supported_options(module: Any, model: Any) -> None:
+    integrator = module.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
+    if integrator in UNSUPPORTED_INTEGRATORS:
+        reason = UNSUPPORTED_INTEGRATORS[integrator]
+        raise ProblemError(f"the integrator {integrator} {reason}; {SUPPORTED}.")
+    if model.opt.enableflags & module.mjtEnableBit.mjENBL_IPC:
+        raise ProblemError("the flag ipc replaces contact forces by barriers, which are no force laws; disable it.")
+
+
+def _jacobian(module: Any, model: Any, data: Any) -> sp.csr_array[Any]:
+    """Return J of all constraint rows, shape (n_engine_rows, n_dofs)."""
+    shape = int(data.nefc), int(model.nv)
+    if not module.mj_isSparse(model):
+        return sp.csr_array(data.efc_J.reshape(shape))
+    starts = np.append(data.efc_J_rowadr, data.efc_J_rowadr[-1] + data.efc_J_rownnz[-1])
+    count = int(starts[-1])
+    return sp.csr_array((data.efc_J[:count].copy(), data.efc_J_colind[:count].copy(), starts), shape=shape)
+
+
+def _tree_matrix(model: Any, values: FloatArray) -> sp.csr_array[Any]:
+    """Return a lower triangle that MuJoCo stores in the pattern of M."""
+    starts = np.append(model.M_rowadr, model.M_rowadr[-1] + model.M_rownnz[-1])
+    return sp.csr_array((values.copy(), model.M_colind.copy(), starts), shape=(model.nv, model.nv))
+
+
+def _effective_mass(model: Any, factor: FloatArray) -> InverseMass:
+    """Return M̂⁻¹ from the factor M̂ = Lᵀ D L, L with a unit diagonal."""
+    lower = _tree_matrix(model, factor)
+    diagonal = lower.diagonal()
+    unit = sp.csr_array(lower - sp.diags_array(diagonal) + sp.eye_array(model.nv))
+    mass = sp.csr_array(unit.T @ sp.diags_array(diagonal) @ unit)
+    return InverseMass.of_mass(sp.csr_array((mass + mass.T) / 2))
+
+
+def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArray:
+    """Return M (q̈ − q̈_smooth) − Jᵀ f [N], shape (n_dofs,)."""
+    assert inverse.mass is not None
+    missing: FloatArray = inverse.mass @ (data.qacc - data.qacc_smooth) - total
+    return missing
+
+
+def _require_velocity(expected: FloatArray, before: FloatArray, after: Any, time: float) -> None:
+    """Raise ``ProblemError`` unless the step ended in the velocity that the problem stands for."""
+    scale = max(np.abs(before).max(), np.abs(expected).max(), np.abs(after.qvel).max())
+    error = float(np.abs(after.qvel - expected).max())
+    if not error <= STEP_ERROR * scale:
+        raise ProblemError(
+            f"the step at {time:g} s ends {error:.1e} off the velocity of its forces, so it has terms that a contact "
+            f"problem lacks (a reset of the state, deformable bodies); leave these out."
+        )
+
+
+def _problem(
+    module: Any,
+    model: Any,
+    data: Any,
+    rows: CapturedRows,
+    parts: tuple[Any, InverseMass, FloatArray, FloatArray],
+    name: str,
+) -> ContactProblem:
+    jacobian, inverse, free, impulse = parts
+    directions = sp.csc_array((rows.velocity @ jacobian).T)
+    if rows.refused:
+        left_out = [one.row for one in rows.refused]
+        free = free + inverse.times(jacobian[left_out].T @ impulse[left_out])
+    velocity = directions.T @ free + rows.surface_velocity
+    provenance: dict[str, str | int | float] = {
+        "engine": f"MuJoCo {module.__version__}",
+        "integrator": module.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_").lower(),
+        "cone": "elliptic" if model.opt.cone else "pyramidal",
+        "time": float(data.time),
+        "time_step": float(model.opt.timestep),
+        "engine_rows": len(impulse),
+        "refused_rows": len(rows.refused),
+    }
+    fall = float(model.opt.timestep * np.linalg.norm(model.opt.gravity))
+    if fall:
+        provenance[FREE_FALL] = fall
+    return ContactProblem.from_factors(
+        directions,
+        inverse,
+        velocity,
+        laws=rows.laws,
+        free_motion=free,
+        name=name or model_name(model),
+        provenance=provenance,
+    )
+
+
+def model_name(model: Any) -> str:
+    """Return the name that a model gives itself."""
+    return bytes(model.names).split(b"\0", 1)[0].decode() or "mujoco"
+
+
+def _engine_model(
+    module: Any, model: Any, data: Any, mass: InverseMass, jacobian: Any, impulses: FloatArray
+) -> EngineModel:
+    kinds, firsts, coefficient = engine_sets(data)
+    solver = module.mjtSolver(model.opt.solver).name.removeprefix("mjSOL_")
+    return EngineModel(
+        matrix=sp.csr_array(jacobian @ mass.matrix @ jacobian.T),
+        regularisation=data.efc_R.copy(),
+        offset=jacobian @ data.qacc_smooth - data.efc_aref,
+        scale=float(np.max(abs(jacobian) @ np.abs(data.qacc_smooth) + np.abs(data.efc_aref))),
+        kind=np.array(kinds, dtype=np.int8),
+        first_row=np.array(firsts, dtype=np.int64),
+        coefficient=coefficient,
+        bound=data.efc_frictionloss.copy(),
+        forces=data.efc_force.copy(),
+        impulses=impulses,
+        engine=f"MuJoCo {module.__version__}",
+        solver=f"{solver} and noslip" if model.opt.noslip_iterations else solver,
+        iterations=int(data.solver_niter.sum()),
+    )

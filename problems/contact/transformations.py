@@ -1,0 +1,234 @@
+"""Transformations of contact problems: order, tangents, units, duplicated contacts, and problems side by side.
+
+Each is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
+gives the solution T Λ' of the old one. They show whether a solver depends on such choices.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from ..arrays import FloatArray, IntArray
+from ..errors import ProblemError
+from .answer import Answer
+from .laws import Laws
+from .matrices.factors import Factors
+from .problem import FREE_FALL, ContactProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Transformed:
+    """A transformed problem.
+
+    Attributes:
+        problem: the new problem, with those parts of the old answer that carry over.
+        back: T, so that Λ = T Λ' [N s], sparse, shape (old rows, new rows).
+    """
+
+    problem: ContactProblem
+    back: sp.csr_array
+
+    def impulses(self, transformed: ArrayLike) -> FloatArray:
+        """Return Λ of the old problem, shape (old rows,), from Λ' of the new one."""
+        found: FloatArray = self.back @ np.asarray(transformed, dtype=np.float64)
+        return found
+
+
+def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
+    """Return the problem with its contacts in another order; ``order`` holds the old index at each new place.
+
+    Raises:
+        ProblemError: if ``order`` is no permutation of the contacts.
+    """
+    contacts = np.asarray(order, dtype=np.int64)
+    if not np.array_equal(np.sort(contacts), np.arange(problem.n_contacts)):
+        raise ProblemError(f"order must be a permutation of 0 to {problem.n_contacts - 1}.")
+    chosen = _laws_of_contacts(problem)
+    laws = np.concatenate([chosen[contact] for contact in contacts]) if len(contacts) else np.zeros(0, dtype=np.int64)
+    place = np.empty(len(laws) + 1, dtype=np.int64)
+    place[laws] = np.arange(len(laws))
+    place[-1] = -1  # answers for partner −1
+    old = problem.laws
+    new_laws = old.chosen(laws, place[old.partner[laws]])
+    return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
+
+
+def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
+    """Return the problem with the first two axes of each friction law turned by an angle [rad], shape (n_laws,).
+
+    Those are the tangents of spatial friction, and the axes of rolling about two or three.
+    """
+    turn = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
+    back = sp.lil_array(sp.eye_array(problem.n_rows))
+    for law in np.flatnonzero(problem.laws.row_count > 1):
+        row, cos, sin = int(problem.laws.first_row[law]), np.cos(turn[law]), np.sin(turn[law])
+        back[row, row], back[row, row + 1] = cos, -sin
+        back[row + 1, row], back[row + 1, row + 1] = sin, cos
+    return _congruent(problem, sp.csr_array(back), problem.laws, "rotated")
+
+
+def duplicated(problem: ContactProblem, contact: int) -> Transformed:
+    """Return the problem with one contact written twice, the copy at the end; Λ of the old is the sum of both.
+
+    A fixed bound is split between the copies.
+
+    Raises:
+        ProblemError: if the friction of one contact is bounded by the impulse of another, which a copy would change.
+    """
+    layout, old = problem.layout, problem.laws
+    if not layout.bounds_are_own:
+        raise ProblemError(f"{problem.name!r} has friction bounded by another contact; it cannot be duplicated.")
+    laws = _laws_of_contacts(problem)[contact]
+    fixed = old.fixed_bound.copy()
+    fixed[laws] *= 0.5
+    partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
+    both, partners = np.append(np.arange(old.n_laws), laws), np.append(old.partner, partner)
+    new_laws = replace(old, fixed_bound=fixed).chosen(both, partners)
+    rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
+    return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
+
+
+def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> Transformed:
+    """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], its answer included.
+
+    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
+    angular velocities and moments: in their place c → c · time and Λ → Λ · time/(mass · length²), μ_r → μ_r/length.
+    """
+    if problem.laws.is_rolling.any():
+        return _in_length(problem, mass, length, time)
+    return _in_plain_units(problem, mass, length, time)
+
+
+def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
+    """Return the problem in other units, each row a velocity in the direction of a force."""
+    speed, impulse = time / length, time / (mass * length)
+    answer, factors, matrix = problem.answer, problem.factors, problem.matrix
+    if answer is not None:
+        answer = replace(
+            answer,
+            impulses=tuple(impulse * known for known in answer.impulses),
+            velocity=None if answer.velocity is None else speed * answer.velocity,
+            values=None if answer.values is None else impulse * answer.values,
+            witness=None if answer.witness is None else impulse * answer.witness,
+        )
+    if factors is not None:
+        motion = None if factors.free_motion is None else speed * factors.free_motion
+        factors = Factors.create(factors.force_directions, factors.inverse_mass.matrix * mass, motion)
+    made = replace(
+        problem,
+        free_velocity=speed * problem.free_velocity,
+        laws=replace(problem.laws, fixed_bound=problem.laws.fixed_bound * impulse),
+        matrix=None if matrix is None else matrix * mass,
+        factors=factors,
+        name=f"{problem.name} in other units",
+        provenance={FREE_FALL: speed * problem.free_fall} if problem.free_fall else {},
+        answer=answer,
+    )
+    return Transformed(made, sp.csr_array(sp.eye_array(problem.n_rows) / impulse))
+
+
+def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
+    """Return a problem with rolling friction in other units: scale its rows by ``length``, then change units."""
+    laws = problem.laws
+    rolls = np.repeat(laws.is_rolling, laws.row_count)
+    scale = np.where(rolls, length, 1.0)
+    of_law = np.where(laws.is_rolling, 1.0 / length, 1.0)
+    coefficient, fixed = of_law * laws.friction_coefficient, of_law * laws.fixed_bound
+    scaled = _congruent(
+        problem,
+        sp.csr_array(sp.diags_array(scale)),
+        replace(laws, friction_coefficient=coefficient, fixed_bound=fixed),
+        "in other units",
+    )
+    answer, known = problem.answer, scaled.problem.answer
+    if answer is not None and known is not None:
+        known = replace(
+            known,
+            impulses=tuple(one / scale for one in answer.impulses),
+            witness=None if answer.witness is None else answer.witness / scale,
+        )
+    others = _in_plain_units(replace(scaled.problem, answer=known), mass, length, time)
+    return Transformed(replace(others.problem, name=f"{problem.name} in other units"), scaled.back @ others.back)
+
+
+def united(problems: Sequence[ContactProblem]) -> ContactProblem:
+    """Return problems side by side as one in Delassus form, none of which influences another, with their answers.
+
+    Velocities and sums are known where all parts know them, impulses where each part has exactly one solution.
+    """
+    matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
+    c = np.concatenate([problem.free_velocity for problem in problems])
+    laws = Laws.together([problem.laws for problem in problems])
+    return ContactProblem.from_delassus(matrix, c, laws=laws, answer=_united_answer(problems))
+
+
+def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
+    answers = [problem.answer or Answer() for problem in problems]
+    if not all(answer.solvable for answer in answers):
+        return Answer(solvable=False)
+    has_one = all(len(answer.impulses) == 1 for answer in answers)
+    velocities = [answer.velocity for answer in answers if answer.velocity is not None]
+    parts = [
+        np.zeros((0, problem.n_rows)) if answer.functionals is None else answer.functionals
+        for problem, answer in zip(problems, answers, strict=True)
+    ]
+    values = [answer.values for answer in answers if answer.values is not None]
+    has_sums = any(len(part) for part in parts)
+    return Answer(
+        impulses=(np.concatenate([answer.impulses[0] for answer in answers]),) if has_one else (),
+        velocity=np.concatenate(velocities) if len(velocities) == len(answers) else None,
+        functionals=sp.block_diag(parts).toarray() if has_sums else None,
+        values=np.concatenate(values) if has_sums else None,
+        sensitivity=max(answer.sensitivity for answer in answers),
+    )
+
+
+def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str) -> Transformed:
+    """Return the problem with G' = Tᵀ G T, c' = Tᵀ c; the velocity and the sums of its answer are carried over."""
+    answer, forth = problem.answer, sp.csr_array(back.T)
+    if answer is not None:
+        answer = Answer(
+            velocity=None if answer.velocity is None else forth @ answer.velocity,
+            functionals=None if answer.functionals is None else answer.functionals @ back,
+            values=answer.values,
+            solvable=answer.solvable,
+            sensitivity=answer.sensitivity,
+        )
+    factors, matrix = problem.factors, problem.matrix
+    if factors is not None:
+        directions = sp.csc_array(factors.force_directions @ back)
+        factors = Factors.create(directions, factors.inverse_mass, factors.free_motion)
+    if matrix is not None:
+        matrix = sp.csr_array(forth @ matrix @ back)
+        matrix = matrix if problem.allow_asymmetric else 0.5 * (matrix + matrix.T)
+    made = replace(
+        problem,
+        free_velocity=forth @ problem.free_velocity,
+        laws=laws,
+        matrix=matrix,
+        factors=factors,
+        name=f"{problem.name}, {how}",
+        provenance={},
+        answer=answer,
+    )
+    return Transformed(made, back)
+
+
+def _selection(problem: ContactProblem, rows: IntArray) -> sp.csr_array:
+    """Return T whose columns take ``rows`` of the old problem, one each."""
+    return sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
+
+
+def _laws_of_contacts(problem: ContactProblem) -> list[IntArray]:
+    """Return the laws of each contact, its unilateral one first."""
+    layout = problem.layout
+    owners = np.column_stack([layout.normal_law, layout.friction_law, layout.rolling_law])
+    return [owner[owner >= 0] for owner in owners]
+
+
+def _rows_of_laws(laws: Laws, chosen: IntArray) -> IntArray:
+    rows = [np.arange(laws.first_row[law], laws.first_row[law] + laws.row_count[law]) for law in chosen]
+    return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)

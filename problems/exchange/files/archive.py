@@ -1,0 +1,68 @@
+"""Reading of .npz files from untrusted sources, without pickle and with limits on size."""
+
+import math
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+MAX_ARCHIVE_BYTES = 2**30
+"""Bytes of the arrays of one file, unpacked."""
+
+MAX_ARRAYS = 64
+
+DAMAGES = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
+"""Exceptions that reading damaged content raises."""
+
+_UNPACKING = (*DAMAGES, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error)
+
+
+class ArchiveError(ValueError):
+    """A file is not a readable .npz file; the text gives the reason."""
+
+
+def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a .npz file.
+
+    Nothing is unpacked before the directory of the file has been found to be within the limits.
+
+    Raises:
+        ArchiveError: if it is damaged, holds objects, or would take more memory than ``MAX_ARCHIVE_BYTES``.
+        OSError: if it cannot be read.
+    """
+    try:
+        with zipfile.ZipFile(source) as archive:
+            members = archive.infolist()
+            size = sum(member.file_size for member in members)
+            if size > MAX_ARCHIVE_BYTES or len(members) > MAX_ARRAYS:
+                raise ArchiveError(f"{len(members)} arrays of {size / 2**20:.0f} MB are more than any file of ours has")
+            arrays = {}
+            for member in members:
+                with archive.open(member) as file:
+                    arrays[member.filename.removesuffix(".npy")] = _array(file, member.file_size)
+    except ArchiveError:
+        raise
+    except _UNPACKING as error:
+        raise ArchiveError(f"it cannot be unpacked ({type(error).__name__})") from None
+    if len(arrays) != len(members):
+        raise ArchiveError("two of its arrays have the same name")
+    return arrays
+
+
+def _array(file: IO[bytes], size: int) -> NDArray[Any]:
+    version = npy.read_magic(file)
+    read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
+    if read_header is None:
+        raise ArchiveError("an array in a format that we do not write")
+    shape, is_fortran, dtype = read_header(file)
+    if dtype.hasobject:
+        raise ArchiveError("an array of objects, which could run code")
+    if any(length < 0 for length in shape) or math.prod(shape) * dtype.itemsize != size - file.tell():
+        raise ArchiveError("an array that is not as large as it says")
+    content = bytearray(file.read())
+    return np.frombuffer(content, dtype).reshape(shape, order="F" if is_fortran else "C")

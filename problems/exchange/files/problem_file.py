@@ -1,0 +1,228 @@
+"""Problems as files: arrays without pickle, compressed or as JSON, written atomically, verified by their digest."""
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...contact.answer import Answer
+from ...contact.laws import Laws
+from ...contact.matrices.factors import Factors, InverseMass
+from ...contact.matrices.given import check_finite
+from ...contact.problem import ContactProblem
+from ...errors import ProblemError
+from ..formats.registry import read_foreign_arrays
+from ..repair import Repair
+from .archive import DAMAGES, ArchiveError, read_arrays
+from .atomic_file import replacing
+from .json_arrays import SUFFIX as JSON_SUFFIX
+from .json_arrays import json_text, read_json
+
+FORMAT = 2
+"""Newest version of the file format."""
+
+CONTACTS_ONLY = 1
+"""Version without bilateral laws and rolling friction, for problems that have neither."""
+
+SUFFIX = ".npz"
+
+SUFFIXES = (SUFFIX, JSON_SUFFIX)
+"""Endings of problem files."""
+
+AGAIN = "make it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
+"""Remedy for a file that is not a problem."""
+
+_OF_LAWS = [field.name for field in fields(Laws)]
+
+
+def save_problem(problem: ContactProblem, path: Path | str) -> None:
+    """Write a problem to a file, from which ``load`` reads it; one of that name is replaced as a whole or not at all.
+
+    Args:
+        problem: the problem, with its name, provenance and known answer.
+        path: the file, ending in .npz or .json; its folder is made.
+
+    Raises:
+        ProblemError: if the file cannot be written, or its name has another ending.
+    """
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise ProblemError(
+            f"problem files end in {' or '.join(SUFFIXES)}, and {path} does not; name it {path.stem}{SUFFIX}."
+        )
+    is_json = path.suffix == JSON_SUFFIX
+    write_whole(path, json_text(*_described(problem)).encode() if is_json else packed_problem(problem))
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file of a problem as a whole or not at all; its folder is made.
+
+    Raises:
+        ProblemError: if it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as file:
+            file.write(content)
+    except OSError as error:
+        raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
+
+
+def packed_problem(problem: ContactProblem, beside: Mapping[str, NDArray[Any]] | None = None) -> bytes:
+    """Return ``problem`` as the content of a problem file, compressed, with further arrays ``beside`` it."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **{**_arrays(problem), **(beside or {})})
+    return buffer.getvalue()
+
+
+def problem_bytes(problem: ContactProblem) -> bytes:
+    """Return ``problem`` as the content of a problem file, not compressed."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **_arrays(problem))
+    return buffer.getvalue()
+
+
+def read_problem(
+    source: Path | IO[bytes],
+    label: str = "",
+    repair: Repair = Repair(),  # noqa: B008  frozen
+    format_name: str = "",
+) -> ContactProblem:
+    """Read one problem, from a file of ``save_problem`` or of one of the formats in ``formats``.
+
+    Args:
+        source: path or open binary file; a path that ends in .json is read as JSON.
+        label: what messages call the file; its path if empty.
+        repair: how a matrix of a foreign file that is not symmetric or not semidefinite is read.
+        format_name: the foreign format; found by the names of the arrays if empty.
+
+    Raises:
+        ProblemError: if the file is missing, damaged, of another format, or does not match its own digest.
+    """
+    name = label or str(source)
+    try:
+        about, arrays = _contents(source)
+        if not about and (foreign := read_foreign_arrays(arrays, name, repair, format_name)) is not None:
+            return foreign
+        problem, digest = _problem(about, arrays, name)
+    except FileNotFoundError:
+        raise ProblemError(f"there is no problem file {name}.") from None
+    except ArchiveError as error:
+        raise ProblemError(f"{name} is damaged or no problem file: {error}; {AGAIN}.") from None
+    except ProblemError:
+        raise
+    except (OSError, *DAMAGES):
+        raise ProblemError(f"{name} is damaged or no problem file; {AGAIN}.") from None
+    if problem.digest != digest:
+        raise ProblemError(f"{name} does not match its digest; {AGAIN}.")
+    return problem
+
+
+def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the description, empty in a foreign file, and the arrays of a file."""
+    if isinstance(source, Path) and source.suffix == JSON_SUFFIX:
+        return read_json(source)
+    arrays = read_arrays(source)
+    about = json.loads(arrays.pop("about").tobytes().decode()) if "about" in arrays else {}
+    if not isinstance(about, dict):
+        raise ValueError("it does not say what it is")
+    return about, arrays
+
+
+def _arrays(problem: ContactProblem) -> dict[str, Any]:
+    """Return what a .npz file holds."""
+    about, arrays = _described(problem)
+    return {"about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8), **arrays}
+
+
+def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the description and the arrays of a problem."""
+    about = {
+        "format": CONTACTS_ONLY if problem.layout.has_contacts_only else FORMAT,
+        "name": problem.name,
+        "provenance": dict(problem.provenance),
+        "digest": problem.digest,
+        "allow_asymmetric": problem.allow_asymmetric,
+    }
+    arrays: dict[str, Any] = {
+        "c": problem.free_velocity,
+        **{key: _short(getattr(problem.laws, key)) for key in _OF_LAWS},
+    }
+    if problem.factors is not None:
+        arrays |= _compressed("W", problem.factors.force_directions)
+        arrays |= _compressed("Minv", problem.factors.inverse_mass.matrix)
+        if problem.factors.inverse_mass.mass is not None:
+            arrays |= _compressed("M", problem.factors.inverse_mass.mass)
+        if problem.factors.free_motion is not None:
+            arrays["free_motion"] = problem.factors.free_motion
+    else:
+        arrays |= _compressed("G", problem.delassus())
+    known = {} if problem.answer is None else vars(problem.answer)
+    is_known = {key: value is not None and (key != "impulses" or value) for key, value in known.items()}
+    return about, arrays | {f"answer.{key}": np.array(value) for key, value in known.items() if is_known[key]}
+
+
+def _short(array: NDArray[Any]) -> NDArray[Any]:
+    """Return indices in 32 bits, and any other numbers as they are."""
+    return array.astype(np.int32) if array.dtype == np.int64 else array
+
+
+def _compressed(label: str, matrix: Any) -> dict[str, Any]:
+    """Return the arrays of a CSR or CSC matrix, its index type as it is: the digest does not depend on it."""
+    return {
+        f"{label}.data": matrix.data,
+        f"{label}.indices": _short(matrix.indices),
+        f"{label}.indptr": _short(matrix.indptr),
+        f"{label}.shape": np.array(matrix.shape),
+    }
+
+
+def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
+    if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
+        raise ValueError("it does not say what it is")
+    if about["format"] not in (CONTACTS_ONLY, FORMAT):
+        raise ProblemError(f"{name} has format {about['format']}, this version reads formats up to {FORMAT}.")
+    laws = Laws(*(content[key] for key in _OF_LAWS))
+    attributes = {
+        "name": about["name"],
+        "provenance": about["provenance"],
+        "answer": _answer(content),
+        "allow_asymmetric": about["allow_asymmetric"],
+    }
+    if "G.data" in content:
+        matrix = _matrix(sp.csr_array, content, "G")
+        return ContactProblem(content["c"], laws, matrix=matrix, **attributes), about["digest"]
+    directions = _matrix(sp.csc_array, content, "W")
+    inverse = InverseMass.create(_matrix(sp.csr_array, content, "Minv"))
+    if "M.data" in content:
+        mass = _matrix(sp.csr_array, content, "M")
+        if mass.shape != inverse.matrix.shape:
+            raise ValueError("M and M⁻¹ are not of one shape")
+        check_finite(mass, "M")
+        inverse = InverseMass(inverse.matrix, mass)
+    factors = Factors.create(directions, inverse, content.get("free_motion"))
+    return ContactProblem(content["c"], laws, factors=factors, **attributes), about["digest"]
+
+
+def _matrix(kind: Any, content: dict[str, Any], label: str) -> Any:
+    """Return a sparse matrix; its indices are checked, because compiled code later believes them."""
+    parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
+    if any(part.dtype.kind not in kinds for part, kinds in zip(parts, ("f", "i", "i"), strict=True)):
+        raise ValueError(f"{label} is no matrix of numbers")
+    matrix = kind(parts, shape=tuple(int(length) for length in content[f"{label}.shape"]))
+    matrix.check_format(full_check=True)
+    return matrix
+
+
+def _answer(content: dict[str, Any]) -> Answer | None:
+    known = {key.removeprefix("answer."): value for key, value in content.items() if key.startswith("answer.")}
+    if "solvable" not in known:
+        return None
+    known |= {"solvable": bool(known["solvable"]), "impulses": tuple(known.get("impulses", ()))}
+    return Answer(**{**known, "sensitivity": float(known.get("sensitivity", Answer.sensitivity))})

@@ -1,0 +1,147 @@
+"""Discovery of plugins: solvers, problems and scenes of installed packages and of files that the user names.
+
+A package offers them as entry points of the groups ``proxbench.solvers``, ``proxbench.problems`` and
+``proxbench.scenes``. A plugin does not run before it is named. A name of Proxbench is refused, and so is a name that
+two plugins share, because results must not depend on the order of installation.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import metadata
+from typing import Any, get_args
+
+from ...errors import PluginError, first_line
+from .files import Kind, PluginFile, make_importable
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+_NAMES: dict[Kind, tuple[str, str]] = {
+    "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a class"),
+    "scene": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a function"),
+    "problem": (r"[A-Za-z0-9][A-Za-z0-9._-]*", "made of letters, digits, '.', '_' and '-'"),
+}
+
+Names = Mapping[Kind, Sequence[str]]
+"""Names that a plugin file offers, by kind."""
+
+
+@dataclass(frozen=True)
+class _Registered:
+    """A plugin file, its names if known, and whether this process may run it."""
+
+    file: PluginFile
+    names: Names | None
+    runs_here: bool
+
+
+_registered: dict[str, _Registered] = {}
+"""Registered plugin files by path, for this process."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """One name that a plugin offers.
+
+    Attributes:
+        kind: what it offers.
+        name: the name.
+        source: the plugin, as messages call it.
+        get: imports the plugin and returns the class or function.
+        file: the plugin file, None for a package.
+        refusal: why the name cannot be used, a sentence; empty if it can.
+    """
+
+    kind: Kind
+    name: str
+    source: str
+    get: Callable[[], Any]
+    file: PluginFile | None = None
+    refusal: str = ""
+
+    def load(self) -> Any:
+        """Import the plugin and return its object of this name; redirect its output to standard error.
+
+        Raises:
+            PluginError: if the name is refused, or the plugin fails to import.
+        """
+        if self.refusal:
+            raise PluginError(self.refusal)
+        try:
+            with redirect_stdout(sys.stderr):
+                return self.get()
+        except PluginError:
+            raise
+        except (Exception, SystemExit) as error:
+            said = f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {first_line(error)}"
+            raise PluginError(f"{said}; mend the package or uninstall it.") from None
+
+
+def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
+    """Return all offers of plugins of one kind, including refused ones with the reason.
+
+    Args:
+        kind: solvers, problems or scenes.
+        taken: the names of Proxbench itself.
+    """
+    found = [*_from_files(kind), *_from_packages(kind)]
+    return [replace(offer, refusal=_refusal(offer, taken, found)) for offer in found]
+
+
+def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
+    """Register a plugin file in this process without running it, in place of one of the same path.
+
+    Args:
+        file: the file.
+        names: what it offers; found by running it, when first needed, if None.
+        runs_here: whether this process may run it. If not, its names are known, and nothing can be made of them.
+    """
+    path = str(file.path)
+    before = _registered.get(path)
+    if before is None or before.file != file:
+        make_importable(file)
+    elif names is None:
+        names = before.names
+    _registered[path] = _Registered(file, names, runs_here)
+
+
+def forget(file: PluginFile) -> None:
+    """Remove a plugin file from those registered."""
+    _registered.pop(str(file.path), None)
+
+
+def registered() -> list[tuple[PluginFile, Names | None]]:
+    """Return the registered plugin files, each with its names, or None if they are not known."""
+    return [(one.file, one.names) for one in _registered.values()]
+
+
+def _from_files(kind: Kind) -> Iterator[Offer]:
+    for one in _registered.values():
+        for name in one.file.offered(kind) if one.names is None else one.names.get(kind, ()):
+            yield Offer(kind, name, one.file.source, partial(_get, one.file, kind, name), one.file)
+
+
+def _get(file: PluginFile, kind: Kind, name: str) -> Any:
+    known = _registered.get(str(file.path))
+    if known is not None and not known.runs_here:
+        raise PluginError(f"{name!r} of {file.source} is made in processes of its own, not in this one.")
+    return file.offered(kind)[name]
+
+
+def _from_packages(kind: Kind) -> Iterator[Offer]:
+    for point in metadata.entry_points(group=f"proxbench.{kind}s"):
+        package = f"package {point.dist.name} {point.dist.version}" if point.dist else "a package"
+        yield Offer(kind, point.name, package, point.load)
+
+
+def _refusal(offer: Offer, taken: Collection[str], found: list[Offer]) -> str:
+    said = f"{offer.source} offers the {offer.kind} {offer.name!r}"
+    if offer.name in taken:
+        return f"{said}, a name that Proxbench itself uses; give it another name."
+    if others := [other.source for other in found if other.name == offer.name and other is not offer]:
+        return f"{said}, and {others[0]} offers the same name; rename or remove one of them."
+    pattern, meaning = _NAMES[offer.kind]
+    return "" if re.fullmatch(pattern, offer.name) else f"{said}, but a {offer.kind}'s name must be {meaning}."

@@ -1,0 +1,87 @@
+"""Scenes that plugins offer: functions with keyword options that return a scene, or a system with its first state."""
+
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import replace
+from typing import Any
+
+from ...errors import PluginError, ProblemError, first_line, suggestion
+from ...motion.scenes.registry import SCENES, read_scene
+from ...motion.scenes.scene import Scene, bare_scene
+from ...motion.state import State
+from ...names import check_options
+from .offers import Offer, offers
+
+
+def plugin_scenes() -> list[Offer]:
+    """Return what plugins offer as scenes, the refused ones with their reason."""
+    return offers("scene", SCENES)
+
+
+def plugin_scene(name: str) -> Offer | None:
+    """Return the offer of a scene by its plain name; None for a scene of Proxbench.
+
+    Raises:
+        ProblemError: for an unknown scene, with the nearest name.
+        PluginError: if the name is refused.
+    """
+    if name in SCENES:
+        return None
+    found = plugin_scenes()
+    for offer in found:
+        if offer.name == name and offer.refusal:
+            raise PluginError(offer.refusal)
+        if offer.name == name:
+            return offer
+    raise ProblemError(f"there is no scene {name!r}{suggestion(name, [*SCENES, *(offer.name for offer in found)])}")
+
+
+def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
+    """Return a scene of a plugin; this runs the plugin.
+
+    Args:
+        text: its name, with options or without.
+        options: further options.
+
+    Raises:
+        ProblemError: for an unknown scene or option.
+        PluginError: if the plugin does not make a scene.
+    """
+    name, written = read_scene(text)
+    offer = plugin_scene(name)
+    assert offer is not None
+    make, head = offer.load(), f"scene {name!r} of {offer.source}"
+    defaults = scene_options(make, head)
+    given = {**written, **options}
+    check_options(f"the scene {name!r}", given, defaults, ProblemError)
+    try:
+        with redirect_stdout(sys.stderr):
+            made = make(**given)
+    except ProblemError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{head} cannot be built: {first_line(error)}.") from error
+    return _completed(name, {**defaults, **given}, made, head)
+
+
+def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
+    """Return the options of a function that makes a scene, with their defaults.
+
+    Raises:
+        PluginError: if one has no default; ``head`` begins the sentence.
+    """
+    parameters = inspect.signature(make).parameters.values()
+    for one in parameters:
+        if one.default is inspect.Parameter.empty or one.kind is inspect.Parameter.POSITIONAL_ONLY:
+            raise PluginError(f"{head} takes {one.name!r} without a default; every option must have one.")
+    return {one.name: one.default for one in parameters}
+
+
+def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> Scene:
+    if isinstance(made, Scene):
+        return replace(made, name=name, options=options)
+    if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], State)):
+        raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(made).__name__}.")
+    return bare_scene(name, options, *made)

@@ -1,0 +1,252 @@
+"""Executable: a solver in a program that reads problems from its standard input and answers on its standard output.
+
+The program stays alive from one solve to the next; ``messages`` has the protocol. It is for what has no C interface: a
+call costs two messages through pipes.
+"""
+
+import os
+import shlex
+import subprocess
+import time
+import weakref
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
+from ...problems.errors import ProblemError
+from .messages import (
+    DESCRIBE,
+    HEAD,
+    ITERATE,
+    LIMITS,
+    PREPARE,
+    SOLVE,
+    Answer,
+    Message,
+    max_body,
+    read_answer,
+    read_description,
+    read_iterate,
+    read_prepared,
+)
+from .native_solver import (
+    BrokenInterfaceError,
+    NativeSolver,
+    SolverFacts,
+    granted_threads,
+    refused_solution,
+    status_of,
+)
+from .problem_arrays import ProblemArrays
+from .structures import INTERFACE
+
+MAX_COUNT = 2**62
+"""Largest limit of iterations that is passed on; larger ones are no limits."""
+
+_ALL_THREADS = 2
+"""Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
+
+END_SECONDS = 1.0
+"""Wall time in which a program whose output has ended may end itself [s]."""
+
+
+@dataclass(frozen=True)
+class Executable(NativeSolver):
+    """A solver in a program, ``Executable('./mine')``.
+
+    Attributes:
+        path: the program, absolute or relative to the working folder.
+        options: its arguments, split as a shell splits them.
+        facts: what it says about itself.
+        program: the running program.
+
+    Raises:
+        SolverError: if the file is missing or cannot be started, ends, or answers in another version of the interface.
+    """
+
+    program: "Program" = field(init=False, repr=False, compare=False)
+
+    kind: ClassVar[str] = "executable"
+    example: ClassVar[str] = "Executable(./mine)"
+
+    def _describe(self) -> SolverFacts:
+        if not os.access(self.file, os.X_OK):
+            raise SolverError(f"{self.kind} {self.path} may not be executed; run chmod +x {self.path}.")
+        program = Program([str(self.file), *shlex.split(self.options)], f"{self.kind} {self.path}")
+        object.__setattr__(self, "program", program)
+        return program.facts
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        """Send the arrays that the program asks for, and let it prepare them."""
+        self.check_supports(problem)
+        return PreparedProgram(self.program, problem)
+
+    def processor_seconds(self) -> float:
+        """Return the processor time of the program [s]; 0 where the system does not count it."""
+        return self.program.processor_seconds()
+
+
+class Program:
+    """A running program. A process that was forked with it starts one of its own.
+
+    Attributes:
+        source: what messages call it.
+        facts: what it says about itself.
+        prepared: an object that stands for the problem that it has prepared last.
+    """
+
+    def __init__(self, command: list[str], source: str) -> None:
+        self._command, self.source = command, source
+        self.prepared: object = None
+        self.facts = self._start()
+
+    def processor_seconds(self) -> float:
+        """Return its processor time so far [s]; 0 where the system does not count it."""
+        try:
+            return time.clock_gettime(~self._child.pid << 3 | _ALL_THREADS)
+        except OSError:  # it has ended, or the system is not Linux
+            return 0.0
+
+    def discard(self) -> None:
+        """End the program; the next solve starts it again."""
+        self._child.kill()
+        self._owner = 0
+
+    def ensure_own(self) -> None:
+        """Start the program again where it was discarded, and in a process that was forked with it."""
+        if self._owner != os.getpid():
+            self.facts = self._start()
+
+    def send(self, kind: int, code: int, *parts: bytes) -> None:
+        """Send a message.
+
+        Raises:
+            SolverError: if the program has ended.
+        """
+        content = memoryview(b"".join((HEAD.pack(sum(map(len, parts)), kind, code), *parts)))
+        try:
+            while content:
+                content = content[os.write(self._into, content) :]
+        except OSError:
+            raise self._ended() from None
+
+    def receive(self, kinds: tuple[int, ...], n_rows: int) -> Message:
+        """Return the next message, on a problem of ``n_rows``.
+
+        Raises:
+            SolverError: if the program has ended.
+            BrokenInterfaceError: if it sends something else.
+        """
+        head = self._read(HEAD.size)
+        length, kind, code = HEAD.unpack(head)
+        if kind not in kinds or length > max_body(n_rows):
+            raise BrokenInterfaceError(
+                f"{self.source} sent {head!r}, which begins no answer; write answers to standard output as "
+                "messages of the protocol, and all else to standard error"
+            )
+        return Message(kind, code, self._read(length))
+
+    def _start(self) -> SolverFacts:
+        """Start the program; return what it says about itself."""
+        try:
+            child = subprocess.Popen(self._command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        except OSError as error:
+            raise SolverError(
+                f"{self.source} cannot be started: {error.strerror}; build it for this machine."
+            ) from None
+        assert child.stdin is not None
+        assert child.stdout is not None
+        self._child, self._owner, self.prepared = child, os.getpid(), None
+        self._into, self._from = child.stdin.fileno(), child.stdout.fileno()
+        weakref.finalize(self, _end, child, self._owner)
+        self.send(DESCRIBE, INTERFACE)
+        return read_description(self.source, self.receive((DESCRIBE,), 0))
+
+    def _read(self, length: int) -> bytes:
+        content = os.read(self._from, length)
+        if len(content) == length:
+            return content
+        parts, left = [content], length - len(content)
+        while left and parts[-1]:
+            parts.append(os.read(self._from, left))
+            left -= len(parts[-1])
+        if left:
+            raise self._ended()
+        return b"".join(parts)
+
+    def _ended(self) -> SolverError:
+        try:
+            code = self._child.wait(END_SECONDS)
+        except subprocess.TimeoutExpired:
+            return SolverError(f"{self.source} closed its standard output; answer on it until standard input ends.")
+        how = f"with exit code {code}" if code >= 0 else f"killed by signal {-code}"
+        return SolverError(f"{self.source} ended {how}; answer messages until standard input ends.")
+
+
+class PreparedProgram:
+    """A program's solver made ready for one problem."""
+
+    def __init__(self, program: Program, problem: ContactProblem) -> None:
+        self._program, self._n_rows, self._token = program, problem.n_rows, object()
+        self._content = ProblemArrays.of(problem, program.facts.forms).message()
+        self._prepare()
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Solve in the program; see ``Prepared.solve``. The message of a solution names the seconds by its own clock.
+
+        Raises:
+            SolverError: if the program has ended.
+            BrokenInterfaceError: if it sends something that is no answer.
+        """
+        program, n_rows = self._program, self._n_rows
+        program.ensure_own()
+        if program.prepared is not self._token:
+            self._prepare()
+        if self._refused is not Status.SOLVED:
+            return refused_solution(n_rows, self._refused, self._message)
+        first = np.zeros(n_rows) if start is None else np.ascontiguousarray(start, dtype=np.float64)
+        if first.shape != (n_rows,):
+            raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")
+        limits = stop.tolerance, stop.max_seconds, int(min(stop.max_iterations, MAX_COUNT)), granted_threads()
+        program.send(SOLVE, 0, LIMITS.pack(*limits, observe is not None), first.tobytes())
+        try:
+            answer = self._answer(observe)
+        except BaseException:  # what the program sends next belongs to this solve
+            program.discard()
+            raise
+        status = status_of(program.source, answer.code)
+        own = f"{answer.seconds:.3g} s by its own clock" if answer.seconds > 0.0 else ""
+        return Solution(answer.impulses, status, answer.iterations, answer.text or own)
+
+    def _answer(self, observe: Observer | None) -> Answer:
+        """Return the solution, and show the iterates that come before it."""
+        source, n_rows = self._program.source, self._n_rows
+        kinds = (SOLVE,) if observe is None else (SOLVE, ITERATE)
+        while True:
+            message = self._program.receive(kinds, n_rows)
+            if message.kind == SOLVE:
+                return read_answer(source, message)
+            if observe is not None:
+                observe(*read_iterate(source, message, n_rows))
+
+    def _prepare(self) -> None:
+        self._program.ensure_own()
+        self._program.send(PREPARE, 0, self._content)
+        code, _, self._message = read_prepared(self._program.source, self._program.receive((PREPARE,), 0))
+        self._refused = status_of(self._program.source, code)
+        self._program.prepared = self._token
+
+
+def _end(child: "subprocess.Popen[bytes]", owner: int) -> None:
+    """End a program that this process has started."""
+    if owner != os.getpid():
+        return
+    child.kill()
+    child.wait()
+    for stream in (child.stdin, child.stdout):
+        if stream is not None:
+            stream.close()

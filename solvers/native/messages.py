@@ -1,0 +1,120 @@
+"""The messages between Proxbench and an executable: how they are packed, and what answers must look like.
+
+A message is a head of 16 bytes, the length of the body (uint64), its kind (uint32) and a code (int32), and the body.
+Numbers are in the byte order of the machine, doubles and int64 at multiples of 8 bytes from the beginning of the body.
+
+    to the executable       body
+    1 describe              nothing; the code is the version of the interface
+    2 prepare               pb_problem, with offsets from the beginning of the body instead of addresses, and its arrays
+    3 solve                 tolerance, max_seconds (double), max_iterations (int64), threads, is_observed (uint32),
+                            start [n_rows]
+
+    from the executable     body
+    1 description           interface, model, sides, forms, laws, flags (int32), then name, line feed, version
+    2 prepared              seconds (double), then text; the code is a pb_status, PB_SOLVED unless it refuses
+    3 solution              iterations, n_rows (int64), seconds (double), impulses [n_rows], then text; the code is a
+                            pb_status
+    4 iterate               iteration (int64), impulses [n_rows]; after each iteration, only while it is observed
+
+The seconds are by the clock of the executable; results go by the clock of Proxbench, and show them beside it.
+"""
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from .native_solver import BrokenInterfaceError, SolverFacts, check_interface
+from .structures import text_of
+
+DESCRIBE, PREPARE, SOLVE, ITERATE = 1, 2, 3, 4
+"""What messages are."""
+
+HEAD = struct.Struct("=QIi")
+"""Length of the body, kind and code."""
+
+LIMITS = struct.Struct("=ddqII")
+"""Tolerance, seconds, iterations, threads, and whether iterates are shown; the start follows."""
+
+MAX_TEXT = 4096
+"""Bytes of text that a message may have."""
+
+_DESCRIPTION = struct.Struct("=6i")
+_SECONDS = struct.Struct("=d")
+_COUNTS = struct.Struct("=qqd")
+_ITERATION = struct.Struct("=q")
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message."""
+
+    kind: int
+    code: int
+    body: bytes
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The end of a solve: status, iterations, seconds by the executable's clock, impulses [N s], and what it says."""
+
+    code: int
+    iterations: int
+    seconds: float
+    impulses: FloatArray
+    text: str
+
+
+def max_body(n_rows: int) -> int:
+    """Return the largest body that an executable may send on a problem of ``n_rows`` [bytes]."""
+    return _COUNTS.size + 8 * n_rows + MAX_TEXT
+
+
+def read_description(source: str, message: Message) -> SolverFacts:
+    """Return what an executable says about itself.
+
+    Raises:
+        SolverError: if the message is no description, or the interface is of another version.
+    """
+    if len(message.body) < _DESCRIPTION.size:
+        raise BrokenInterfaceError(
+            f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name"
+        )
+    interface, model, sides, forms, laws, flags = _DESCRIPTION.unpack_from(message.body)
+    check_interface(source, interface)
+    name, _, version = text_of(message.body[_DESCRIPTION.size :]).partition("\n")
+    return SolverFacts.checked(source, name, version.strip(), model, sides, (forms, laws, flags))
+
+
+def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
+    """Return the status, the seconds and the text of an executable that has prepared a problem."""
+    if len(message.body) < _SECONDS.size:
+        raise BrokenInterfaceError(
+            f"{source} sent {len(message.body)} bytes where it prepared; send seconds and a text"
+        )
+    (seconds,) = _SECONDS.unpack_from(message.body)
+    return message.code, seconds, text_of(message.body[_SECONDS.size :])
+
+
+def read_answer(source: str, message: Message) -> Answer:
+    """Return the end of a solve, with as many impulses as the executable says that there are.
+
+    Raises:
+        BrokenInterfaceError: if the message is shorter than that.
+    """
+    size = len(message.body) - _COUNTS.size
+    iterations, count, seconds = _COUNTS.unpack_from(message.body) if size >= 0 else (0, -1, 0.0)
+    if not 0 <= 8 * count <= size:
+        raise BrokenInterfaceError(
+            f"{source} sent {len(message.body)} bytes as a solution; send iterations, n_rows, seconds and impulses"
+        )
+    impulses = np.frombuffer(message.body, np.float64, count, _COUNTS.size).copy()
+    return Answer(message.code, iterations, seconds, impulses, text_of(message.body[_COUNTS.size + 8 * count :], 2000))
+
+
+def read_iterate(source: str, message: Message, n_rows: int) -> tuple[int, FloatArray]:
+    """Return an iteration and its impulses [N s], read-only, shape (n_rows,)."""
+    if len(message.body) != _ITERATION.size + 8 * n_rows:
+        raise BrokenInterfaceError(f"{source} sent {len(message.body)} bytes as an iterate of {n_rows} rows")
+    return _ITERATION.unpack_from(message.body)[0], np.frombuffer(message.body, np.float64, n_rows, _ITERATION.size)

@@ -1,0 +1,202 @@
+"""What shared libraries and executables have in common: name, model and supported problems, from their description."""
+
+import os
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Solution, SolverError, Status
+from ...problems.errors import ProblemError
+from .structures import (
+    BLOCKS,
+    DENSE,
+    FACTORS,
+    INTERFACE,
+    IS_RANDOMISED,
+    LAWS,
+    MODELS,
+    SHOWS_ITERATES,
+    SPARSE,
+    STATUSES,
+)
+
+MAX_NAME_LENGTH = 80
+"""Characters of a name or a version that are kept."""
+
+
+class BrokenInterfaceError(SolverError):
+    """A solver in another language broke the rules of the interface while it solved."""
+
+
+@dataclass(frozen=True)
+class SolverFacts:
+    """What a solver says about itself, checked.
+
+    Attributes:
+        name, version: of the solver, as its author calls it.
+        model: what it solves.
+        forms: arrays that it asks for, bits of ``pb_form``.
+        laws: what it supports, bits of ``pb_laws``.
+        flags: bits of ``pb_flags``.
+    """
+
+    name: str
+    version: str
+    model: Model
+    forms: int
+    laws: int
+    flags: int
+
+    @staticmethod
+    def checked(
+        source: str, name: str, version: str, model: int, sides: int, masks: tuple[int, int, int]
+    ) -> "SolverFacts":
+        """Return the facts of ``source``, with the ``masks`` forms, laws and flags.
+
+        Raises:
+            SolverError: if the model does not exist.
+        """
+        if not 0 <= model < len(MODELS):
+            raise SolverError(f"{source} describes model {model}; return one of pb_model.")
+        try:
+            kind = Model.pyramid(sides) if MODELS[model] == "pyramid" else Model.from_text(MODELS[model])
+        except ProblemError as error:
+            raise SolverError(f"{source} describes no valid model: {error}") from None
+        return SolverFacts(name[:MAX_NAME_LENGTH], version[:MAX_NAME_LENGTH], kind, *masks)
+
+
+def check_interface(source: str, version: int) -> None:
+    """Raise ``SolverError`` unless ``source`` has this version of the interface."""
+    if version != INTERFACE:
+        raise SolverError(
+            f"{source} has version {version} of the interface, and this Proxbench needs version {INTERFACE}; "
+            "build it again with the present proxbench.h."
+        )
+
+
+@dataclass(frozen=True)
+class NativeSolver(ABC):
+    """A solver in another language, which is loaded or started when the object is made.
+
+    Attributes:
+        path: its file, absolute or relative to the working folder.
+        options: text for the solver.
+        facts: what it says about itself.
+
+    Raises:
+        SolverError: if the file is missing, or is no solver of this version of the interface.
+    """
+
+    path: str = ""
+    options: str = ""
+    facts: SolverFacts = field(init=False, repr=False, compare=False)
+
+    kind: ClassVar[str]
+    """What messages call such a file."""
+
+    example: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        plain = type(self).__name__
+        if not (isinstance(self.path, str) and self.path and isinstance(self.options, str)):
+            raise SolverError(f"{plain} needs the path of a file, and options as text; write {self.example}.")
+        if not self.file.is_file():
+            raise SolverError(f"there is no {self.kind} {self.path}; build it, or correct its path.")
+        object.__setattr__(self, "facts", self._describe())
+
+    @abstractmethod
+    def _describe(self) -> SolverFacts:
+        """Load or start the solver; return what it says about itself."""
+
+    @property
+    def file(self) -> Path:
+        """The file, absolute."""
+        return Path(self.path).expanduser().absolute()
+
+    @property
+    def source(self) -> str:
+        """Kind and place of the file, with name and version of the solver, for stored runs."""
+        about = f"{self.facts.name} {self.facts.version}".strip()
+        return f"{self.kind} {self.file}{about and f' ({about})'}"
+
+    @property
+    def name(self) -> str:
+        """``Shared('./libmine.so')``, with the options if there are any."""
+        options = f", options={self.options!r}" if self.options else ""
+        return f"{type(self).__name__}({self.path!r}{options})"
+
+    @property
+    def model(self) -> Model:
+        """The model that it solves."""
+        return self.facts.model
+
+    @property
+    def has_iterates(self) -> bool:
+        """Whether it shows its iterates."""
+        return bool(self.facts.flags & SHOWS_ITERATES)
+
+    @property
+    def is_randomised(self) -> bool:
+        """Whether it declares that its results differ between repeats."""
+        return bool(self.facts.flags & IS_RANDOMISED)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Return why the solver cannot solve ``problem``, or None."""
+        missing = laws_of(problem) & ~self.facts.laws
+        if missing:
+            return f"{self.facts.name} does not support {LAWS[(missing & -missing).bit_length() - 1]}"
+        if problem.factors is None and self.facts.forms & FACTORS and not self.facts.forms & (DENSE | SPARSE | BLOCKS):
+            return f"the problem holds G only, and {self.facts.name} needs its factors W and M⁻¹"
+        return None
+
+    def check_supports(self, problem: ContactProblem) -> None:
+        """Raise ``SolverError`` if the solver cannot solve ``problem``."""
+        reason = self.supports(problem)
+        if reason is not None:
+            raise SolverError(f"{self.name} cannot solve {problem.name!r}: {reason}.")
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        return type(self), (self.path, self.options)
+
+
+def laws_of(problem: ContactProblem) -> int:
+    """Return what a solver of ``problem`` must support, as bits of ``pb_laws``."""
+    laws = problem.laws
+    slides = laws.is_friction & ~laws.is_rolling
+    has = (
+        laws.is_unilateral.any(),
+        laws.is_bilateral.any(),
+        (slides & (laws.row_count == 1)).any(),
+        (slides & (laws.row_count == 2)).any(),
+        laws.is_rolling.any(),
+        laws.fixed_bound.any() or not problem.layout.bounds_are_own,
+        problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).sum() > 0.0,
+    )
+    return sum(1 << bit for bit, one in enumerate(has) if one)
+
+
+def status_of(source: str, code: int) -> Status:
+    """Return the status of a code.
+
+    Raises:
+        BrokenInterfaceError: if there is none.
+    """
+    if not 0 <= code < len(STATUSES):
+        raise BrokenInterfaceError(f"{source} returned status {code}; return one of pb_status.")
+    return STATUSES[code]
+
+
+def granted_threads() -> int:
+    """Return the number of threads that a solver may use: that of OMP_NUM_THREADS, which is 1 in every measurement."""
+    granted = os.environ.get("OMP_NUM_THREADS", "")
+    return int(granted) if granted.isdecimal() and int(granted) else os.cpu_count() or 1
+
+
+def refused_solution(n_rows: int, status: Status, message: str) -> Solution:
+    """Return the solution of a problem that a solver refused to prepare."""
+    return Solution(np.zeros(n_rows), status, 0, message or "it refused to prepare the problem")

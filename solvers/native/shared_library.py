@@ -1,0 +1,177 @@
+"""Shared: a solver in a shared library that exports the functions of ``proxbench.h``.
+
+The structures of a solve are made when the problem is prepared, so that a call costs little: it sets the limits, enters
+the library, and copies the impulses out of the library's reach. In front of and behind the memory for the impulses lie
+guards, whose bytes must stay as they are; the impulses are NaN before each call, so that what is not written shows.
+"""
+
+import ctypes
+from ctypes import POINTER, byref, c_char_p, c_int32, c_void_p
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...problems.arrays import FloatArray
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
+from ...problems.errors import ProblemError
+from .native_solver import (
+    BrokenInterfaceError,
+    NativeSolver,
+    SolverFacts,
+    check_interface,
+    granted_threads,
+    refused_solution,
+    status_of,
+)
+from .problem_arrays import ProblemArrays
+from .structures import FUNCTIONS, OBSERVER, STATUSES, Description, Problem, Request, Result, addressed, text_of
+
+GUARD = 64
+"""Numbers in front of and behind the impulses that a solver must not write."""
+
+MAX_COUNT = 2**62
+"""Largest limit of iterations that is passed on; larger ones are no limits."""
+
+_GUARD_BYTES = np.full(GUARD, -1.25e-250).tobytes()
+
+_WITHOUT_OBSERVER = OBSERVER()
+
+
+@dataclass(frozen=True)
+class Shared(NativeSolver):
+    """A solver in a shared library, ``Shared('./libmine.so')``.
+
+    Attributes:
+        path: the library, absolute or relative to the working folder.
+        options: text that its ``proxbench_prepare`` receives.
+        facts: what it says about itself.
+        library: the loaded library.
+
+    Raises:
+        SolverError: if the file is missing, is no shared library, lacks a function of ``proxbench.h``, or has another
+            version of the interface.
+    """
+
+    library: ctypes.CDLL = field(init=False, repr=False, compare=False)
+
+    kind: ClassVar[str] = "shared library"
+    example: ClassVar[str] = "Shared(./libmine.so)"
+
+    def _describe(self) -> SolverFacts:
+        try:
+            library = ctypes.CDLL(str(self.file))
+        except OSError as error:
+            raise SolverError(
+                f"{self.path} cannot be loaded as a shared library ({error}); build it with cc -shared -fPIC."
+            ) from None
+        missing = [name for name in FUNCTIONS if not hasattr(library, name)]
+        if missing:
+            raise SolverError(
+                f"shared library {self.path} has no function {missing[0]}; include proxbench.h, which is in the folder "
+                "that python -m proxbench.solvers.native prints, and define its functions."
+            )
+        library.proxbench_describe.restype = POINTER(Description)
+        library.proxbench_prepare.argtypes = POINTER(Problem), c_char_p, POINTER(c_void_p), POINTER(c_char_p)
+        library.proxbench_free.argtypes, library.proxbench_free.restype = (c_void_p,), None
+        library.proxbench_solve.restype = c_int32
+        object.__setattr__(self, "library", library)
+        source, found = f"shared library {self.path}", library.proxbench_describe()
+        if not found:
+            raise SolverError(f"{source} describes nothing; return the address of a pb_description.")
+        about = found.contents
+        check_interface(source, about.interface_version)
+        if about.size < ctypes.sizeof(Description):
+            raise SolverError(f"{source} describes itself in {about.size} bytes; set size to sizeof(pb_description).")
+        masks = about.forms, about.laws, about.flags
+        return SolverFacts.checked(source, text_of(about.name), text_of(about.version), about.model, about.sides, masks)
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        """Copy the arrays that the library asks for, and let it prepare them."""
+        self.check_supports(problem)
+        return PreparedLibrary(self, problem)
+
+
+class PreparedLibrary:
+    """A library's solver made ready for one problem."""
+
+    def __init__(self, solver: Shared, problem: ContactProblem) -> None:
+        self._solver, self._arrays = solver, ProblemArrays.of(problem, solver.facts.forms)
+        self._n_rows, self._source = problem.n_rows, f"shared library {solver.path}"
+        library = solver.library
+        self._call, self._free = library.proxbench_solve, library.proxbench_free
+        prepared, message = c_void_p(), c_char_p()
+        arguments = byref(self._arrays.structure), solver.options.encode(), byref(prepared), byref(message)
+        self._refused = status_of(self._source, library.proxbench_prepare(*arguments))
+        self._handle, self._message = prepared, text_of(message.value)
+        self._memory = np.empty(2 * GUARD + self._n_rows)
+        self._memory[:GUARD] = self._memory[GUARD + self._n_rows :] = np.frombuffer(_GUARD_BYTES)
+        self._impulses, self._start = self._memory[GUARD : GUARD + self._n_rows], np.zeros(self._n_rows)
+        self._ahead, self._behind = self._memory[:GUARD], self._memory[GUARD + self._n_rows :]
+        self._request: Request = addressed(Request)
+        self._result: Result = addressed(Result)
+        self._request.threads, self._request.start = granted_threads(), self._start.ctypes.data
+        self._result.impulses = self._impulses.ctypes.data
+        self._addresses = byref(self._request), byref(self._result)
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Solve in the library; see ``Prepared.solve``.
+
+        Raises:
+            BrokenInterfaceError: if the library writes beyond the impulses, or returns no status.
+        """
+        if self._refused is not Status.SOLVED:
+            return refused_solution(self._n_rows, self._refused, self._message)
+        request, result = self._request, self._result
+        request.tolerance, request.max_seconds = stop.tolerance, stop.max_seconds
+        request.max_iterations = int(min(stop.max_iterations, MAX_COUNT))
+        self._set_start(start)
+        self._impulses.fill(np.nan)
+        result.iterations, result.message = 0, None
+        code = self._call(self._handle, *self._addresses) if observe is None else self._observed(observe)
+        if self._ahead.tobytes() != _GUARD_BYTES or self._behind.tobytes() != _GUARD_BYTES:
+            raise BrokenInterfaceError(f"{self._source} wrote beyond the {self._n_rows} impulses of the problem")
+        if not 0 <= code < len(STATUSES):
+            status_of(self._source, code)
+        message = result.message
+        return Solution(
+            self._impulses.copy(), STATUSES[code], result.iterations, text_of(message, 2000) if message else ""
+        )
+
+    def _set_start(self, start: FloatArray | None) -> None:
+        if start is None:
+            self._start.fill(0.0)
+        elif np.shape(start) != self._start.shape:
+            raise ProblemError(f"start must have shape ({self._n_rows},), one entry per row; got {np.shape(start)}.")
+        else:
+            self._start[:] = start
+
+    def _observed(self, observe: Observer) -> int:
+        """Solve with an observer, whose exceptions are raised when the library has returned."""
+        errors: list[BaseException] = []
+
+        def show(context: Any, iteration: int, address: int) -> None:
+            if errors:
+                return
+            try:
+                shown = np.ctypeslib.as_array((ctypes.c_double * self._n_rows).from_address(address))
+                shown.setflags(write=False)
+                observe(iteration, shown)
+            except BaseException as error:
+                errors.append(error)
+
+        self._request.observe = OBSERVER(show)
+        try:
+            code = int(self._call(self._handle, *self._addresses))
+        finally:
+            self._request.observe = _WITHOUT_OBSERVER
+        if errors:
+            raise errors[0]
+        return code
+
+    def __del__(self) -> None:
+        handle = getattr(self, "_handle", None)
+        if handle is not None and handle.value:
+            self._free(handle)
+            handle.value = None

@@ -1,0 +1,81 @@
+"""``proxbench capture``: problem files, both residuals of each step, and one sentence for a mistake."""
+
+import json
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli.main import run_command
+from proxbench.problems.capture import installed
+
+BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
+<body pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "ball.xml"
+    file.write_text(BALL)
+    return file
+
+
+def test_without_mujoco_the_command_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(installed, "find_spec", lambda name: None)
+    assert run_command(["capture", "model.xml"]) == 2
+    assert "capturing needs MuJoCo, which is not installed; run pip install" in capsys.readouterr().err
+
+
+def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.02", "--every", "5", "--output", "steps"]) == 0
+    printed = capsys.readouterr().out
+    assert "captured  2 steps into steps, at most 2 laws" in printed
+    assert "rows      6 of 6 taken" in printed
+    assert "proxbench run --suite steps" in printed
+    assert len(list(Path("steps").glob("*.npz"))) == 2
+
+
+def test_judged_steps_show_both_residuals(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--every", "2", "--judge"]) == 0
+    heads, *rows = capsys.readouterr().out.splitlines()[:4]
+    assert heads.split()[4:8] == ["own", "model", "Coulomb", "separation"]
+    assert [row.split()[0] for row in rows] == ["0", "2", "4"]
+    assert {row.split()[8] for row in rows} == {"NEWTON"}
+
+
+def test_one_document_holds_files_and_verdicts(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--judge", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["files"] == ["captured/ball-000000.npz"]
+    assert (found["engine_rows"], found["refused"], found["error"]) == (3, {}, None)
+    assert found["steps"][0]["own model"] < 1e-10 < found["steps"][0]["Coulomb"]
+
+
+def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
+    ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mujoco = installed.mujoco()
+    step, calls = mujoco.mj_step, []
+
+    def failing(model: object, data: object) -> None:
+        calls.append(1)
+        if len(calls) > 4:
+            raise mujoco.FatalError("out of memory")
+        step(model, data)
+
+    monkeypatch.setattr(mujoco, "mj_step", failing)
+    assert run_command(["capture", str(ball), "--every", "1"]) == 1
+    printed = capsys.readouterr()
+    assert "captured  2 steps into captured" in printed.out
+    assert "proxbench: MuJoCo failed in the step at 0.004 s: out of memory." in printed.err
+
+
+def test_earlier_steps_are_named_with_the_option_that_replaces_them(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.01"]) == 0
+    assert run_command(["capture", str(ball), "--duration", "0.01"]) == 2
+    assert "choose another --output, or replace them with --force" in capsys.readouterr().err
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--force"]) == 0

@@ -1,0 +1,27 @@
+"""What the package reads from files cannot run code."""
+
+import ast
+import json
+from pathlib import Path
+
+import proxbench.bench
+
+PACKAGES = Path(proxbench.bench.__file__).parents[1]
+
+
+def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
+    """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
+    pickling = {
+        "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
+        "cloudpickle": {"solver_specs.py", "describing.py"},
+    }
+    for package in ("bench", "problems", "solvers"):
+        for file in (PACKAGES / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.Import):
+                    for name in {name.name for name in node.names} & {*pickling, "shelve", "marshal"}:
+                        assert file.name in pickling[name]
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("eval", "exec"):
+                    assert file.name == "plugin_files.py"
+                if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                    assert json.loads(ast.unparse(node.value).lower()) is False
