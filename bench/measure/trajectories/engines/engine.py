@@ -9,7 +9,8 @@ from ....errors import BenchError
 from .description import BodyStates, Description, Setting
 from .solved_problem import SolvedProblem
 
-INSTALL = "pip install 'proxbench[engines]'"
+INSTALL = 'pip install ".[engines]" in a clone of proxbench'
+"""What installs the engines."""
 
 
 class Engine(Protocol):

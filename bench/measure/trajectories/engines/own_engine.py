@@ -8,8 +8,8 @@ from ....simulation.plan import make_simulation_plan
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem
 
-WARM_UP_STEPS = 400
-"""Steps of a small pour before a run, in which all kernels are loaded."""
+WARM_UP = 0.6
+"""Share of the motion that is simulated before a run, so that all kernels are loaded."""
 
 
 class OwnEngine:
@@ -45,7 +45,9 @@ class OwnEngine:
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> OwnEngine:
     """Build a scene; option: ``tolerance``."""
-    warm_up = OwnEngine("funnel(balls=30)", 1e-3, 2.0, options["tolerance"])
-    for _ in range(WARM_UP_STEPS):
+    warm_up, engine = (
+        OwnEngine(str(description.own_scene), time_step, description.duration, options["tolerance"]) for _ in range(2)
+    )
+    for _ in range(round(WARM_UP * description.duration / time_step)):
         warm_up.step()
-    return OwnEngine(str(description.own_scene), time_step, description.duration, options["tolerance"])
+    return engine
