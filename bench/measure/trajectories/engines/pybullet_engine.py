@@ -13,10 +13,10 @@ class PyBulletEngine:
     """A scene in PyBullet."""
 
     def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
-        self.library: Any = import_module("pybullet")
-        self.description, self.time_step = description, time_step
-        library = self.library
-        self.client = library.connect(library.DIRECT)
+        client = import_module("pybullet_utils.bullet_client")
+        library: Any = client.BulletClient(connection_mode=import_module("pybullet").DIRECT)
+        self.library, self.description, self.time_step = library, description, time_step
+        self._advance = library.stepSimulation
         library.setGravity(*description.gravity)
         library.setPhysicsEngineParameter(
             fixedTimeStep=time_step, numSolverIterations=options["iterations"], solverResidualThreshold=0.0
@@ -40,7 +40,7 @@ class PyBulletEngine:
 
     def step(self) -> None:
         """Advance by one step."""
-        self.library.stepSimulation()
+        self._advance()
 
     def states(self) -> BodyStates:
         """Return the states of all bodies."""
