@@ -52,7 +52,7 @@ def _setting(name: str, step_factor: float = 1.0, **options: Any) -> Setting:
     return Setting(name, step_factor, options)
 
 
-_STIFF = {"cone": "elliptic", "impratio": 10, "stiff": True}
+_STIFF: dict[str, Any] = {"cone": "elliptic", "impratio": 10, "stiff": True}
 
 ENGINES: dict[str, EngineKind] = {
     "mujoco": EngineKind(
