@@ -30,7 +30,7 @@ class InterruptedRunError(InterruptedWorkError):
 
     def __init__(self, run_dir: Path) -> None:
         measured = any((run_dir / "cases").glob("*.json"))
-        kept = "; what is measured is kept;" if measured else " before anything was measured;"
+        kept = "; measurements are kept;" if measured else " before anything was measured;"
         super().__init__(f"interrupted{kept} resume with: proxbench run --resume {run_dir}")
         self.run_dir = run_dir
 

@@ -36,15 +36,15 @@ from .store.store import UNFIT_NAME, plain_name
 
 
 def _ignore(*shown: object) -> None:
-    """Show nothing."""
+    """Ignore the event."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(RunFrames, os.PathLike[str]):
     """A stored run as it was when it was loaded; usable as the path of its folder or bundle.
 
-    Its attributes are those of ``RunFrames``: the frames cases, points, rounds, iterations and errors, the record info,
-    and the sentences damaged.
+    It has the attributes of ``RunFrames``: the frames ``cases``, ``points``, ``rounds``, ``iterations`` and ``errors``,
+    the record ``info``, and the sentences ``damaged``.
     """
 
     def __fspath__(self) -> str:
@@ -298,7 +298,7 @@ def study(
 
 
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
-    """Return the folder of a new run; folders named after the same second are numbered."""
+    """Return the folder of a new run; folders with the same second in their names are numbered."""
     if not run_id:
         first = Path(results) / f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
@@ -340,7 +340,7 @@ def resume(
 
 
 def load(run_dir: os.PathLike[str] | str) -> Run:
-    """Load a stored run from its folder or from a bundle; damaged case files are left out and named.
+    """Load a stored run from its folder or from a bundle; damaged case files are omitted and named.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.

@@ -47,8 +47,8 @@ def generate(
     from ...problems.exchange.files.problem_file import read_problem
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
-    from ..measure.contacts.generate import generate as make
     from ..report.layout.text import print_json
+    from ..simulation.generate import generate as make
     from .exchange.problem_files import print_files
 
     chosen = list(names or [])

@@ -22,7 +22,7 @@ from ..report.layout.text import counted, output_width
 KINDS = ("solvers", "suites", "scenes", "problems")
 
 SHOWN_MEMBERS = 4
-"""Members of a suite that a summary names."""
+"""Number of members of a suite that a summary names."""
 
 Row = dict[str, Any]
 
@@ -33,7 +33,7 @@ WIDEST_PROBLEM = 34
 def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[Row]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
 
-    A row that cannot be used holds the reason as "error".
+    The row of an unusable entry contains the reason as "error".
 
     Args:
         what: one of ``KINDS``; all kinds if empty.
@@ -41,7 +41,7 @@ def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, l
         name: single solver, suite, problem or scene to list, with or without options; all if empty.
 
     Raises:
-        BenchError: for an unknown kind or name, with the nearest one, or a suite with another kind than problems.
+        BenchError: for an unknown kind or name, with the nearest one, or a suite with a kind other than problems.
         ProblemError: for an unknown suite.
     """
     if what and what not in KINDS:
@@ -68,7 +68,7 @@ def print_listing(names: dict[str, list[Row]], in_full: bool = False) -> None:
 
     Args:
         names: as ``listing_rows`` returns it.
-        in_full: give each option of a built-in scene a line with its meaning.
+        in_full: print each option of a built-in scene with its meaning.
     """
     for kind, rows in names.items():
         print(kind)
@@ -226,14 +226,14 @@ def _sizes(summary: ProblemSummary) -> Row:
 
 
 def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
-    """Return the row of an offer of a plugin."""
+    """Return the row of a solver, problem or scene of a plugin."""
     if offer.refusal:
         return {"name": offer.name, "source": offer.source, "error": offer.refusal}
     return _row(offer.name, offer.source, lambda: described(offer))
 
 
 def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:
-    """Return a row: a name, the plugin that offers it, and what is known; its "error" says why it cannot be used."""
+    """Return a row: a name, its plugin, and further fields; "error" is the reason if it cannot be used."""
     try:
         return {"name": name, "source": source, "error": "", **describe()}
     except ProxbenchError as error:

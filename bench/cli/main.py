@@ -1,6 +1,6 @@
-"""The command line: ``proxbench COMMAND``, as ``proxbench -h`` lists them.
+"""The command line: ``proxbench COMMAND``; ``proxbench -h`` lists the commands.
 
-Commands import slow libraries when they run, so that help appears at once. Exit codes: 0 success, 1 a measured case
+Commands import slow libraries when they run, so that help appears immediately. Exit codes: 0 success, 1 a measured case
 failed, 2 wrong usage, 130 interrupted.
 """
 
@@ -99,7 +99,7 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command line and exit; a mistake is one sentence on standard error."""
+    """Run the command line and exit; print an error of the user as one sentence on standard error."""
     sys.exit(run_command(sys.argv[1:]))
 
 
@@ -119,7 +119,7 @@ def run_command(arguments: list[str]) -> int:
 
 
 def _user_error(error: Exception) -> tuple[str, int]:
-    """Return the message and exit code of an error that a user can cause; raise any other one again."""
+    """Return the message and exit code of an error that a user can cause; raise other errors again."""
     from ...problems.errors import ProxbenchError
     from ...problems.motion.stepping.step import StepError
     from ..errors import FailedSimulationError, InterruptedWorkError
@@ -142,7 +142,7 @@ def _usage_error(error: TyperException, arguments: list[str]) -> str:
     context = getattr(error, "ctx", None)
     if context is not None:
         command = context.command_path
-    else:  # the parser has no context where an option lacks its value
+    else:  # the parser has no context if an option lacks its value
         known = [word for word in arguments[:1] if any(word in commands for commands in COMMANDS.values())]
         command = " ".join(["proxbench", *known])
     return f"{message}; see {command} -h."

@@ -12,14 +12,14 @@ import typer
 selection, limits, output = (
     partial(typer.Option, rich_help_panel=topic) for topic in ("Problems and solvers", "Limits", "Output")
 )
-"""Make options that stand under these topics of a help page."""
+"""Make options of these topics of the help page."""
 
 flag = partial(output, metavar="", show_default=False)
-"""Makes an option of the output without a value."""
+"""Make an output option without a value."""
 
 
 def examples(command: str, *arguments: str) -> str:
-    """Return the end of a help page: a command with several arguments, a line each."""
+    """Return the examples of a help page: a command with several arguments, one per line."""
     return "\n".join(["Examples:", *(f"  {command} {words}" for words in arguments)])
 
 
@@ -62,7 +62,7 @@ def spell_options(message: str) -> str:
 
 
 def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
-    """Raise a BenchError with a reason if one of these parameters is among those given."""
+    """Raise a BenchError with a reason if one of these parameters is given."""
     from ..errors import BenchError
 
     for name in names:
@@ -71,7 +71,7 @@ def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
 
 
 def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> None:
-    """Raise a BenchError if a parameter is given beside one of the others."""
+    """Raise a BenchError if a parameter is given together with one of the others."""
     from ..errors import BenchError
 
     for other in others:
@@ -101,7 +101,7 @@ PluginFiles = Annotated[
         callback=_take_into_use,
     ),
 ]
-"""Plugin files, which are loaded before the command begins."""
+"""Plugin files, loaded before the command starts."""
 
 Suite = Annotated[str, selection(metavar="SUITE|FOLDER", help="Suite, or folder of files.")]
 """Name of a suite, or a folder."""
@@ -138,13 +138,13 @@ Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
 """Print one JSON document on standard output and nothing else."""
 
 Charts = Annotated[bool, flag("--charts/--no-charts", help="Draw charts.")]
-"""Draw charts beside the tables."""
+"""Draw charts in addition to the tables."""
 
 Residual = Annotated[
     str,
     output(metavar="judged|local", help="Residual that reports use.", callback=_check_residual),
 ]
-"""Residual by which an accuracy is reached."""
+"""Residual that defines an accuracy."""
 
 
 def _check_view(name: str) -> str:
@@ -159,7 +159,7 @@ Profiles = Annotated[
     str,
     output(metavar="common|all", help="Profiles over problems that all solvers support, or all.", callback=_check_view),
 ]
-"""Problems that charts of profiles are over."""
+"""Problems that charts of profiles cover."""
 
 Progress = Annotated[bool, flag("--progress/--no-progress", help="Show the progress.")]
 """Show the progress on standard error."""

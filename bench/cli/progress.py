@@ -24,20 +24,20 @@ from ..measure.execution.events import (
     RunStarted,
 )
 
-LOADING = "loading kernels; the first time they are compiled, for about a minute"
+LOADING = "loading kernels; compiling them at the first use takes about a minute"
 """Description of a run until the first solver starts."""
 
 ESTIMATE_SECONDS = 3600.0
-"""Period from whose progress the remaining time follows [s]; one point of a study takes minutes."""
+"""Length of the past period that determines the remaining time [s]; one point of a study takes minutes."""
 
 
 class ProgressBar(Progress):
-    """Show what a command works on, how much is done, and how long the rest takes; a context manager."""
+    """Show the current work, the progress and the remaining time of a command; a context manager."""
 
     def __init__(self, hidden: bool = False, console: Console | None = None) -> None:
         stderr = console or Console(stderr=True)
         super().__init__(
-            TextColumn("{task.description}", markup=False),  # names may have brackets
+            TextColumn("{task.description}", markup=False),  # names may contain brackets
             BarColumn(bar_width=24),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -61,7 +61,7 @@ class ProgressBar(Progress):
         self.advance(self._task)
 
     def name(self, text: str, again: bool = False) -> None:
-        """Show the name of the current work; with ``again`` it gets no line of its own."""
+        """Show the name of the current work; with ``again``, print no plain line for it."""
         self.update(self._task, description=text)
         if not (again or self.console.is_terminal):
             self.note(f"measuring {text}")
@@ -75,7 +75,7 @@ class ProgressBar(Progress):
 class RunProgress(ProgressBar):
     """Show the events of a run; pass it to ``run`` as ``on_event``.
 
-    On a terminal, the table of the last measured problem stands above the bar.
+    On a terminal, the table of the last measured problem appears above the bar.
     """
 
     _started = RunStarted(Path(), 0, 0)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..store.frames import RunFrames
 
 MAX_NAMES = 5
-"""Damaged files that a message names."""
+"""Largest number of damaged files that a message names."""
 
 
 def report(
@@ -36,8 +36,8 @@ def report(
 ) -> int:
     """Print the tables of a stored result and draw its charts again.
 
-    With --problem the tables show these problems only, and no file is written. With --page everything about a run goes
-    into one page that needs no network.
+    With --problem the tables show these problems only, and no file is written. With --page, one
+    offline page contains the whole run.
     """
     options.refuse_two_prints(quiet, as_json)
     _require_consistent_options(result, options.given(context), charts)
@@ -67,7 +67,7 @@ def _require_consistent_options(result: Path, given: Collection[str], charts: bo
     options.refuse_both("problem", ("page", "baseline", "profiles", "quiet"), given)
     options.refuse_both("page", ["profiles"], given)
     if not charts:
-        options.refuse(["page", "profiles"], given, "draws charts, and --no-charts leaves them out")
+        options.refuse(["page", "profiles"], given, "draws charts, but --no-charts omits them")
 
 
 def report_run(
@@ -81,10 +81,10 @@ def report_run(
     page: bool = False,
     profiles: str = "common",
 ) -> int:
-    """Print the tables of a run, then write its files; return 1 if a case failed, is damaged or was left out.
+    """Print the tables of a run, then write its files; return 1 if a case failed, is damaged or was omitted.
 
     Tables are printed first, so that they are shown even if no file can be written; a sentence on standard error then
-    gives the reason. With ``quiet`` that is an error.
+    gives the reason. With ``quiet``, this is an error.
 
     Args:
         run: the run.
@@ -148,7 +148,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print the tables of some problems of a run; return 1 if a case of them failed, or the run is damaged.
+    """Print the tables of some problems of a run; return 1 if one of their cases failed, or the run is damaged.
 
     Raises:
         BenchError: if the run has no such problem.

@@ -11,7 +11,7 @@ PROBLEMS = ("funnel-30-early", "funnel-planar-30", "funnel-frictionless-30", "ha
 """Problems with factors and contacts of each kind, mixed laws, and rolling friction."""
 
 MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconnected-parts")
-"""Problems that hold G only."""
+"""Problems without factors."""
 
 MAX_ITERATIONS, MAX_SECONDS = 60, 600.0
 """Limits of each solve."""
@@ -24,7 +24,7 @@ SIMULATIONS = (
     ("woodpecker", "Extrapolated", 0.02),
     ("woodpecker", "EventDriven", 0.02),
 )
-"""Scene, stepper and duration [s] of short simulations, in which each stepper meets contacts."""
+"""Scene, stepper and duration [s] of short simulations; each stepper encounters contacts."""
 
 
 def warm(
@@ -54,14 +54,14 @@ def warm(
 
 
 def _solve() -> None:
-    """Solve small problems of every kind with every built-in solver, and judge what comes out."""
+    """Solve small problems of every kind with every built-in solver, and judge the results."""
     from ...problems.contact.judge import judge
     from ...problems.contact.model import Model
     from ...problems.contact.solver import Stop
     from ...problems.errors import ProxbenchError
     from ...problems.exchange.catalog import load
     from ...solvers.registry import BUILT_IN, create
-    from ..isolation import preload  # noqa: F401  solves tiny problems of its own when it is imported
+    from ..isolation import preload  # noqa: F401  solves tiny problems when it is imported
 
     solvers = [create(name) for name, module in BUILT_IN.items() if "cvxpy" not in module]
     solvers += [create("SORprox", form="factors"), create("SORprox", step_size="row_sum")]
@@ -84,5 +84,5 @@ def _simulate() -> None:
 
 
 def _cache_folder() -> str:
-    """Return the folder that numba writes to, or a word for the folders beside the modules."""
-    return os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ beside the modules"
+    """Return the folder of numba's cache, or a description of the default folders."""
+    return os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ of the modules"

@@ -1,6 +1,6 @@
-"""Conformance: what every solver, whatever its method, and every problem must do, as tests that everyone can run.
+"""Conformance tests: requirements on every solver, regardless of its method, and on every problem.
 
-``proxbench check`` runs them on any plugin, each in a process that may crash or hang; a test suite runs them directly::
+``proxbench check`` runs them on a plugin, each in a process that may crash or hang. A test suite runs them directly::
 
     @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
     def test_my_solver_conforms(check):

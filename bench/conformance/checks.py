@@ -1,4 +1,4 @@
-"""What a conformance test is."""
+"""The elements of a conformance test."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from ...problems.contact.solver import Solver, shows_iterates
 Subject = TypeVar("Subject")
 
 
-class Violation(AssertionError):  # noqa: N818 - of a promise, and a failed test where tests run
-    """A promise is broken; the text says how, on which problem, and what was measured."""
+class Violation(AssertionError):  # noqa: N818 - the failure of a test, not of the program
+    """A requirement is violated; the message gives the problem and the measured values."""
 
 
-class NotApplicable(Exception):  # noqa: N818 - no error
-    """A test does not apply to its subject; the text gives the reason."""
+class NotApplicable(Exception):  # noqa: N818 - not an error
+    """A test does not apply to its subject; the message gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Check(Generic[Subject]):
     """One conformance test.
 
     Attributes:
-        name: what tables call it.
-        promise: what it requires, a sentence.
-        run: raises ``Violation`` if the promise is broken, ``NotApplicable`` if it does not concern the subject;
-            whatever else it raises comes from the subject.
+        name: its name in tables.
+        promise: the requirement, as a sentence.
+        run: raises ``Violation`` if the requirement is violated, and ``NotApplicable`` if it does not apply; other
+            exceptions come from the subject.
     """
 
     name: str
@@ -38,17 +38,17 @@ class Check(Generic[Subject]):
 
 
 def of_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None]:
-    """Restrict a test to solvers that show iterates."""
+    """Restrict a test to solvers with observable iterates."""
 
     @wraps(test)
     def run(solver: Solver) -> None:
         if not shows_iterates(solver):
-            raise NotApplicable("it has no iterates to show (has_iterates is False)")
+            raise NotApplicable("it has no observable iterates (has_iterates is False)")
         test(solver)
 
     return run
 
 
 def checks(**tests: Callable[[Subject], None]) -> tuple[Check[Subject], ...]:
-    """Return tests with the names of the arguments, "_" for a space; the docstring of each is its promise."""
+    """Return the tests by the names of the functions, with spaces for "_"; each docstring is the requirement."""
     return tuple(Check(name.replace("_", " "), (test.__doc__ or "").strip(), test) for name, test in tests.items())

@@ -1,7 +1,7 @@
-"""Tests of a solver on the hard cases: one for each group of cases, and two that need hard cases.
+"""Tests of a solver on the hard cases: one for each group of cases, and two further tests.
 
-No method solves every case. Every solver must return a finite result and a true status, leave its inputs unchanged, and
-give the known answer where it claims a solution.
+No method solves every case. Every solver must return a finite result and a correct status, leave its inputs unchanged,
+and agree with the known answer if it claims a solution.
 """
 
 from collections import deque
@@ -20,20 +20,20 @@ HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
 """Limits of the solve of each hard case."""
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Tolerances that follow each other."""
+"""Tolerances in descending order."""
 
 LEAST_DIFFERENCE = 1e-13
-"""Residuals that differ by less are alike."""
+"""Difference below which residuals are equal."""
 
 SAME_ITERATE = 1e-9
-"""Iterates that differ by less, relative to their largest step, repeat each other."""
+"""Difference below which iterates repeat each other, relative to their largest step."""
 
 REPETITIONS = 50
-"""Iterations that repeat each other before a cycle must be named."""
+"""Number of repeated iterations from which a cycle must be reported."""
 
 
 def is_true_on(group: str, solver: Solver) -> None:
-    """On hard cases of one group: finite, true to its status and the known answer, inputs untouched."""
+    """On hard cases of one group, results are finite and agree with status and known answer; inputs are kept."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = tried(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
@@ -41,7 +41,7 @@ def is_true_on(group: str, solver: Solver) -> None:
 
 
 def gains_by_tolerance(solver: Solver) -> None:
-    """A tighter tolerance never ends in a worse residual, unless it is met all the same."""
+    """A smaller tolerance never gives a larger residual, unless the residual is within the tolerance."""
     for problem in supported(solver):
         before, looser = np.inf, 0.0
         for tolerance in ACCURACIES:
@@ -58,7 +58,7 @@ def gains_by_tolerance(solver: Solver) -> None:
 
 @of_iterates
 def names_cycles(solver: Solver) -> None:
-    """Iterates that repeat themselves in a cycle of two end OSCILLATING, not at the iteration limit."""
+    """A solve whose iterates alternate between two values ends OSCILLATING, not at the iteration limit."""
     stop = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
@@ -75,7 +75,7 @@ def _keep(shown: deque[FloatArray], iteration: int, impulses: FloatArray) -> Non
 
 
 def _is_cycle(shown: deque[FloatArray]) -> bool:
-    """Whether each iterate equals the last but one before it and differs from the last."""
+    """Return whether each iterate equals the one before the previous one, and differs from the previous one."""
     if len(shown) < REPETITIONS:
         return False
     iterates = np.array(shown)
@@ -89,7 +89,7 @@ HARD_CHECKS: tuple[Check[Solver], ...] = (
     *(
         Check(
             f"hard {group}",
-            f"On hard cases ({group}): finite, true to its status and the known answer, inputs untouched.",
+            f"On hard cases ({group}), results are finite and agree with status and known answer; inputs are kept.",
             partial(is_true_on, group),
         )
         for group in CASE_GROUPS

@@ -1,4 +1,4 @@
-"""Tests that an answer does not depend on the statement of the problem: units, order, tangents, repeated contacts."""
+"""Tests that a solution is invariant to the statement of the problem: units, order, tangents, repeated contacts."""
 
 from collections.abc import Iterator
 
@@ -13,18 +13,18 @@ from .samples import supported
 from .trial import Trial, own_residual, tried
 
 STOP = Stop(1e-6, max_iterations=5000, max_seconds=1.0)
-"""Limits of the solves of a problem and of the same problem transformed."""
+"""Limits of the solves of a problem and of its transformations."""
 
 UNITS = {
     "micrometres and milligrams": {"mass": 1e-6, "length": 1e-6},
     "kilometres and tonnes": {"mass": 1e3, "length": 1e3},
     "microseconds": {"time": 1e-6},
 }
-"""Units [kg, m, s] that problems are put into."""
+"""Units [kg, m, s] of the transformed problems."""
 
 
 def ignores_units(solver: Solver) -> None:
-    """In other units of mass, length and time the same problem has the same answer, and is solved as before."""
+    """In other units of mass, length and time, the problem is solved with the same solution."""
     for trial in _solved(solver):
         for name, units in UNITS.items():
             other = in_units(trial.problem, **units)
@@ -38,7 +38,7 @@ def ignores_units(solver: Solver) -> None:
 
 
 def ignores_order(solver: Solver) -> None:
-    """With its contacts in another order a problem has the same answer, or one as good."""
+    """With its contacts in another order, a problem has the same solution, or one as accurate."""
     for trial in _solved(solver):
         n = trial.problem.n_contacts
         for order in (np.arange(n)[::-1], np.random.default_rng(n).permutation(n)):
@@ -46,24 +46,24 @@ def ignores_order(solver: Solver) -> None:
 
 
 def ignores_tangents(solver: Solver) -> None:
-    """With its tangents turned a problem has the same answer, or one as good."""
+    """With rotated tangents, a problem has the same solution, or one as accurate."""
     if solver.model.kind == "pyramid":
-        raise NotApplicable("the edges of a pyramid turn with the tangents")
+        raise NotApplicable("the edges of a pyramid rotate with the tangents")
     for trial in _solved(solver):
         laws = trial.problem.laws
         angles = np.random.default_rng(laws.n_laws).uniform(-np.pi, np.pi, size=laws.n_laws)
-        _again(solver, trial, rotated(trial.problem, angles), "with its tangents turned")
+        _again(solver, trial, rotated(trial.problem, angles), "with rotated tangents")
 
 
 def ignores_copies(solver: Solver) -> None:
-    """With a contact written twice a problem has the same answer, or one as good, both copies together."""
+    """With a duplicated contact, a problem has the same solution, or one as accurate, for the sum of both copies."""
     for trial in _solved(solver):
         for contact in {0, trial.problem.n_contacts - 1}:
             try:
                 other = duplicated(trial.problem, contact)
             except ProblemError:
                 continue
-            _again(solver, trial, other, f"with contact {contact} written twice")
+            _again(solver, trial, other, f"with contact {contact} duplicated")
 
 
 def _solved(solver: Solver) -> Iterator[Trial]:
@@ -80,10 +80,10 @@ def _solved(solver: Solver) -> Iterator[Trial]:
 
 
 def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
-    """Solve the transformed problem; None if the solver does not support it, or its time is up.
+    """Solve the transformed problem; None if the solver does not support it or reaches the time limit.
 
     Raises:
-        Violation: if what it calls a solution is none of the problem as it was.
+        Violation: if its claimed solution does not solve the original problem.
     """
     if solver.supports(other.problem) is not None:
         return None
@@ -98,7 +98,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
         if not residual <= WRONG_FACTOR * STOP.tolerance:
             raise Violation(
                 f"{how} its solution of {trial.problem.name}, carried back, has a residual of {residual:.1e}; "
-                "let nothing depend on how a problem is stated."
+                "make the method independent of the statement of the problem."
             )
     return again
 

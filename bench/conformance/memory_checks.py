@@ -1,4 +1,4 @@
-"""The test that a solver solves each problem anew, instead of returning an earlier answer."""
+"""Check that a solver solves each problem anew, instead of returning an earlier answer."""
 
 import time
 
@@ -14,26 +14,26 @@ from .samples import random_contacts, supported
 from .trial import solution_of
 
 STOP = Stop(1e-9, max_iterations=5000, max_seconds=0.5)
-"""Limits of the solve of each problem."""
+"""Limits of each solve."""
 
 REPEATS = 5
-"""Solves that a first one is compared with."""
+"""Number of repeated solves that are compared with the first one."""
 
 N_CONTACTS = 20
 
 ATTEMPTS = 4
-"""Problems, each with numbers of its own, on which a solver must repeat answers before it is refused."""
+"""Number of different problems on which a solver must repeat answers to fail the check."""
 
 RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
-"""A first solve in this process, whose caches are cold, may take so many times as long, and so many seconds more."""
+"""Factor and time by which a first solve, with cold caches, may take longer than repeated ones."""
 
 
 def solves_each_time(solver: Solver) -> None:
-    """The first and later solves of a problem end in the same bits and take the same time, but for caches."""
+    """The first and later solves of a problem give identical results and take the same time, apart from caches."""
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
-    problem = supported(solver, problems, "it supports none of the problems that are large enough to be timed")[0]
+    problem = supported(solver, problems, "it supports none of the problems that are large enough for timing")[0]
     found: list[tuple[float, float]] = []
-    with threadpool_limits(1):  # threads of a library that wait for each other work too, most in a first solve
+    with threadpool_limits(1):  # busy waiting of library threads would count, mostly in a first solve
         solution_of(solver, perturbed_copy(problem), STOP)
         for _ in range(ATTEMPTS):
             first, repeated = _first_and_repeated(solver, problem)
@@ -42,16 +42,16 @@ def solves_each_time(solver: Solver) -> None:
             found.append((first, repeated))
     first, repeated = min(found)
     raise Violation(
-        f"a first solve of {problem.name} takes {first:.2g} s of processor time and the same again {repeated:.2g} s; "
-        "keep no answers of one solve for another."
+        f"a first solve of {problem.name} takes {first:.2g} s of processor time and a repeated one {repeated:.2g} s; "
+        "do not store answers between solves."
     )
 
 
 def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float, float]:
-    """Return the processor time of a first solve and the median of repeated ones [s], in units new to the solver.
+    """Return the processor times of a first solve and of repeated ones [s] (median), in new units.
 
     Raises:
-        Violation: if they do not end in the same bits.
+        Violation: if their results are not identical.
     """
     changed = in_other_units(perturbed_copy(problem)).problem.renamed(problem.name)
     first, first_seconds = _worked(solver, changed)
@@ -63,14 +63,14 @@ def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float,
         if not (draws_randomly(solver) or is_cut or np.array_equal(first.impulses, again.impulses, equal_nan=True)):
             difference = np.abs(first.impulses - again.impulses).max()
             raise Violation(
-                f"the first and a later solve of {problem.name} differ by {difference:.1e} N s; let none depend on "
-                "another, or say is_randomised = True."
+                f"the first and a later solve of {problem.name} differ by {difference:.1e} N s; keep no state between "
+                "solves, or set is_randomised = True."
             )
     return first_seconds, float(np.median(seconds))
 
 
 def _worked(solver: Solver, problem: ContactProblem) -> tuple[Solution, float]:
-    """Return a solution and the processor time that it took [s], which is the same on a busy machine."""
+    """Return a solution and its processor time [s], which does not depend on the load of the machine."""
     fresh = problem.fresh()
     began = time.process_time()
     solution = solution_of(solver, fresh, STOP)

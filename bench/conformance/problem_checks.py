@@ -1,4 +1,4 @@
-"""Tests of a problem of a plugin; each calls the function that makes the problem."""
+"""Tests of a problem of a plugin; each calls the function that creates the problem."""
 
 import io
 from collections.abc import Callable
@@ -9,42 +9,42 @@ from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from .checks import Check, NotApplicable, Violation, checks
 
 ANSWER_ACCURACY = 1e-6
-"""The judged residual that impulses given as the answer must have."""
+"""Largest judged residual of impulses that are given as the answer."""
 
 MakeProblem = Callable[[], ContactProblem]
 
 
 def is_made(make: MakeProblem) -> None:
-    """It can be made, and has contacts."""
+    """The problem can be created, and has contacts."""
     if make().n_rows == 0:
-        raise Violation("it has no contacts, so every solver is done at once.")
+        raise Violation("it has no contacts; add at least one.")
 
 
 def is_made_alike(make: MakeProblem) -> None:
-    """Made twice it has the same numbers, so that runs compare like with like."""
+    """Creating the problem twice gives the same numbers, so that runs are comparable."""
     if make().digest != make().digest:
-        raise Violation("made twice it has different numbers; draw chance from a fixed seed.")
+        raise Violation("creating it twice gives different numbers; use a fixed random seed.")
 
 
 def round_trips_through_file(make: MakeProblem) -> None:
-    """Written and read again it has the same numbers: so it travels to the processes that solve it."""
+    """Writing and reading the problem preserves its numbers, because solver processes receive it as a file."""
     problem = make()
     if read_problem(io.BytesIO(problem_bytes(problem)), "the written problem").digest != problem.digest:
-        raise Violation("written and read again it has different numbers.")
+        raise Violation("writing and reading it changes its numbers.")
 
 
 def answer_is_right(make: MakeProblem) -> None:
-    """What it says about its solution, the judge confirms."""
+    """The judge confirms the answer of the problem."""
     problem = make()
     answer = problem.answer
     if answer is None or (answer.solvable and not answer.impulses):
-        raise NotApplicable("it gives no impulses as its answer")
+        raise NotApplicable("it has no impulses as its answer")
     for index, impulses in enumerate(answer.impulses):
         residual = judge(problem, impulses).residual
         if answer.solvable and not residual <= ANSWER_ACCURACY:
             raise Violation(f"answer.impulses[{index}] is no solution: the judge reads {residual:.1e}.")
         if residual <= ANSWER_ACCURACY and not answer.solvable:
-            raise Violation("it is said to have no solution, and gives one.")
+            raise Violation("it is declared unsolvable, but has a solution.")
 
 
 PROBLEM_CHECKS: tuple[Check[MakeProblem], ...] = checks(

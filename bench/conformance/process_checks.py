@@ -1,4 +1,4 @@
-"""The test that a solver has no side effects on its process."""
+"""Test that a solver has no side effects on its process."""
 
 import _thread
 import os
@@ -11,14 +11,14 @@ from .checks import Violation
 from .samples import supported
 
 STOP = Stop(1e-4, max_iterations=200, max_seconds=0.5)
-"""Limits of the solve of each problem."""
+"""Limits of each solve."""
 
 PATIENCE_SECONDS = 1.0
-"""Time in which threads and processes may end [s]."""
+"""Time to wait for threads and processes to end [s]."""
 
 
 def has_no_side_effects(solver: Solver) -> None:
-    """The process stays as it was: nothing of others replaced, no setting changed, nothing left running."""
+    """The solver replaces no functions of other modules, changes no settings, and ends its threads and processes."""
     problems = supported(solver)
     before, others = ProcessState.now(), _n_running()
     for problem in problems:
@@ -26,7 +26,7 @@ def has_no_side_effects(solver: Solver) -> None:
     if fault := replaced_names(before):
         raise Violation(f"{fault}.")
     if changed := before.changed():
-        raise Violation(f"it changed {_listed(changed)}; put back what belongs to all before solve returns.")
+        raise Violation(f"it changed {_listed(changed)}; restore global state before solve returns.")
     deadline = time.monotonic() + PATIENCE_SECONDS
     while _n_running() > others and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -35,7 +35,7 @@ def has_no_side_effects(solver: Solver) -> None:
 
 
 def _n_running() -> int:
-    """Return the number of other threads of Python and of processes that come from this one."""
+    """Return the number of other Python threads and of descendant processes."""
     return _thread._count() + len(descendants(os.getpid()))
 
 

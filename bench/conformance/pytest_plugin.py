@@ -1,13 +1,13 @@
-"""The conformance tests in pytest: one test for each promise, for every solver that is marked.
+"""A pytest plugin with one test for each conformance check and each marked solver.
 
 Name this module in ``pytest_plugins`` of a ``conftest.py``, or load it with ``-p``, and mark a test with solvers or
-their names; it is run once for each of them and each promise::
+their names. The test runs once for each solver and each check::
 
     @pytest.mark.proxbench(MySolver(), "MySolver(relaxation=0.5)")
     def test_it_keeps_its_promises(proxbench_check):
         proxbench_check()
 
-A promise that does not concern a solver is skipped with the reason, a broken one fails with a sentence.
+A check that does not apply to a solver is skipped with its reason; a violated one fails with a sentence.
 """
 
 from collections.abc import Callable
@@ -22,12 +22,12 @@ FIXTURE = "proxbench_check"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the mark known."""
+    """Register the marker."""
     config.addinivalue_line("markers", "proxbench(*solvers): test solvers, or names of solvers, for conformance.")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Make a test of each solver and promise."""
+    """Parametrize the test over solvers and checks."""
     if FIXTURE not in metafunc.fixturenames:
         return
     solvers = [solver for mark in metafunc.definition.iter_markers("proxbench") for solver in mark.args]
@@ -42,7 +42,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def proxbench_check(request: pytest.FixtureRequest) -> Callable[[], None]:
-    """Return the test of one promise of one solver, to be called without arguments."""
+    """Return one check of one solver as a function without arguments."""
     given, check = request.param
 
     def hold() -> None:

@@ -1,4 +1,4 @@
-"""``proxbench check``: conformance tests of a plugin, in a process that it may crash or hang without harm."""
+"""``proxbench check``: run the conformance tests of a plugin in a child process."""
 
 import textwrap
 import time
@@ -22,30 +22,30 @@ CHECK_SECONDS = 60.0
 """Time limit of one check [s]."""
 
 MEMORY_BYTES = 2**31
-"""Memory that checks may take beyond what the framework itself needs."""
+"""Memory limit of checks, in addition to the memory that the framework needs [bytes]."""
 
 RESULTS = ("passed", "failed", "not applicable")
 
 OnCheck = Callable[[str, int, int], None]
-"""Called before every check: what is checked, how many checks of it are done, and of how many."""
+"""Called before every check with the name of the subject, the number of finished checks and of all its checks."""
 
 
 def checked(
     target: str, seconds: float = CHECK_SECONDS, on_check: OnCheck = lambda what, done, total: None
 ) -> list[dict[str, Any]]:
-    """Run all conformance tests on a solver or problem, or on all that a plugin file offers.
+    """Run all conformance tests on a solver or problem, or on all solvers and problems of a plugin file.
 
     Args:
-        target: a name, with options where it has some, or the path of a plugin file.
-        seconds: time limit of one test.
-        on_check: called before every check, to show how far it is.
+        target: a name, with or without options, or the path of a plugin file.
+        seconds: time limit of one test [s].
+        on_check: called before every check, to show the progress.
 
     Returns:
         For each solver or problem: kind, name, source, passed, and checks, each with check, promise, result ("passed",
         "failed", "not applicable"), sentence and seconds.
 
     Raises:
-        ProxbenchError: for an unknown name, or a plugin with nothing in it that could be checked.
+        ProxbenchError: for an unknown name, or a plugin without solvers and problems.
     """
     if not seconds > 0:
         raise BenchError(f"the time limit of a check must be positive, got {seconds:g} s.")
@@ -62,9 +62,9 @@ def checked(
 
 
 def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> None:
-    """Print a table of the checks of each subject, with a sentence to each failure, and a line that sums up.
+    """Print the checks of each subject, with a sentence for each failure, and a summary line.
 
-    ``failed_only`` leaves out subjects and checks that did not fail.
+    ``failed_only`` omits subjects and checks that did not fail.
     """
     columns = output_width()
     for subject in subjects:
@@ -91,11 +91,11 @@ def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> N
 
 
 def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
-    """Return kind, name and source of all that a plugin file offers, and let children find it."""
+    """Register a plugin file for child processes, and return kind, name and source of its solvers and problems."""
     use_plugin_files([file.path], seconds)
     offers = [offer for offer in (*plugin_solvers(), *plugin_problems()) if offer.file == file]
     if not offers:
-        raise BenchError(f"{file.source} offers scenes only, which are not checked; simulate them: proxbench simulate.")
+        raise BenchError(f"{file.source} provides only scenes, which are not checked; run: proxbench simulate.")
     return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers]
 
 
@@ -111,7 +111,7 @@ def _named(target: str) -> list[dict[str, str]]:
         )
     source = next((offer.source for offer in plugin_problems() if offer.name == target), "")
     if not source:
-        load(target)  # which says how to make a problem that is not generated yet
+        load(target)  # raises an error that tells how to generate a missing problem
     return [{"kind": "problem", "name": target, "source": source}]
 
 

@@ -1,4 +1,4 @@
-"""Small problems of every kind, built afresh each time, that conformance tests are run on."""
+"""Small problems of every kind for conformance tests, created anew each time."""
 
 from collections.abc import Iterable
 
@@ -34,7 +34,7 @@ _HARD = (
 
 
 def samples() -> list[ContactProblem]:
-    """Return problems of one, two, three and mixed rows a contact, in both forms, regular, redundant and asymmetric."""
+    """Return problems with 1, 2, 3 and mixed rows per contact, in both forms, regular, redundant and asymmetric."""
     made = [random_contacts(8, dim) for dim in (1, 2, 3)]
     made += [three_planar_contacts(), in_delassus_form(random_contacts(8, 3)), asymmetric()]
     return made + [hard_case(name) for name in _HARD]
@@ -45,10 +45,10 @@ def supported(
     problems: Iterable[ContactProblem] | None = None,
     none: str = "it supports none of the small problems",
 ) -> list[ContactProblem]:
-    """Return those of ``problems``, or of the samples, that ``solver`` supports.
+    """Return the problems, or samples, that ``solver`` supports.
 
     Raises:
-        NotApplicable: if there is none, with the sentence ``none``.
+        NotApplicable: if it supports none, with the sentence ``none``.
     """
     found = [problem for problem in (samples() if problems is None else problems) if solver.supports(problem) is None]
     if not found:
@@ -67,7 +67,7 @@ def random_contacts(n_contacts: int, dim: int) -> ContactProblem:
 
 
 def three_planar_contacts() -> ContactProblem:
-    """Return three uncoupled planar contacts, for methods that take few."""
+    """Return three uncoupled planar contacts, for methods that support few contacts."""
     c = np.linspace(-1.0, 1.0, 6)
     return ContactProblem.from_factors(np.eye(6), np.ones(6), c, 0.3, dim=2, name="3 planar contacts")
 
@@ -81,7 +81,7 @@ def in_delassus_form(problem: ContactProblem) -> ContactProblem:
 
 
 def asymmetric() -> ContactProblem:
-    """Return planar contacts whose G differs from its transpose, as public data sometimes has it."""
+    """Return planar contacts whose G is not symmetric, as in some public data."""
     delassus = sp.eye_array(6).toarray() + 0.1 * np.triu(np.ones((6, 6)), 1)
     c = np.linspace(-1.0, 1.0, 6)
     name = "3 contacts with asymmetric G"

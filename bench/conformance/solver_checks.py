@@ -1,7 +1,7 @@
-"""Tests of a solver on small problems, one for each promise.
+"""Tests of a solver on small problems, one for each requirement.
 
-A test uses the problems that the solver ``supports``. Tests on hard cases and on transformed problems have files of
-their own; the list at the end of this file includes them.
+A test uses the problems that the solver ``supports``. Tests on hard cases and on transformed problems are in other
+files; the list at the end of this file includes them.
 """
 
 import ctypes
@@ -32,16 +32,16 @@ from .samples import at_rest, empty, infeasible, random_contacts, samples, suppo
 from .trial import expect_finite, expect_unchanged, own_residual, solution_of, true_residual
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Tolerances at which claims are held to the judge."""
+"""Tolerances at which claims are compared with the judge."""
 
 MODEST = Stop(1e-6, max_iterations=2000, max_seconds=1.0)
 """Limits of solves in tests that are not about limits."""
 
 USEFUL_ACCURACY = 1e-3
-"""The judged residual, under its own model, that a solver must reach on some problem; Λ = 0 reaches it on none."""
+"""Judged residual, under its own model, that a solver must reach on at least one problem; Λ = 0 never reaches it."""
 
 SLACK_SECONDS = 1.0
-"""What a solve may take beyond its time limit [s]: an iteration may have to end first."""
+"""Time by which a solve may exceed its time limit to finish an iteration [s]."""
 
 
 def on_samples(test: Callable[[Solver, ContactProblem], None]) -> Callable[[Solver], None]:
@@ -56,25 +56,25 @@ def on_samples(test: Callable[[Solver, ContactProblem], None]) -> Callable[[Solv
 
 
 def keeps_to_interface(solver: Solver) -> None:
-    """Name, model, ``supports``, ``prepare`` and ``solve`` are what the interface says."""
+    """Name, model, ``supports``, ``prepare`` and ``solve`` conform to the interface."""
     fault = form_fault(solver) or prepared_fault(solver.prepare(_supported(solver)[0]))
     if fault:
         raise Violation(f"{fault}.")
 
 
 def travels(solver: Solver) -> None:
-    """It can be sent to another process, where every case runs."""
+    """The solver can be sent to another process, where every case runs."""
     try:
         name = pickle.loads(pickle.dumps(solver)).name
     except Exception as error:
-        remedy = "hold plain options only, and define its class in a module"
+        remedy = "store plain options only, and define its class in a module"
         raise Violation(f"it cannot be pickled: {error}; {remedy}.") from error
     if name != solver.name:
         raise Violation(f"pickled and unpickled, {solver.name!r} calls itself {name!r}; pickle all its options.")
 
 
 def refuses_through_supports(solver: Solver) -> None:
-    """``supports`` says None or a reason in words, always the same, and what it lets through is solved."""
+    """``supports`` is deterministic and returns None or a reason; supported problems do not end as unsupported."""
     for problem in samples():
         fault = reason_fault(solver.supports(problem))
         if fault:
@@ -85,20 +85,20 @@ def refuses_through_supports(solver: Solver) -> None:
     for problem in _supported(solver):
         if solution_of(solver, problem, MODEST).status is Status.UNSUPPORTED:
             raise Violation(
-                f"it ends {problem.name} as unsupported, though its supports returned None; let supports say why not."
+                f"it ends {problem.name} as unsupported, though its supports returned None; return a reason there."
             )
 
 
 @on_samples
 def returns_finite_impulses(solver: Solver, problem: ContactProblem) -> None:
-    """Whatever the status, the impulses are finite floats of shape (n_rows,)."""
+    """With every status, the impulses are finite floats of shape (n_rows,)."""
     for stop in (MODEST, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
         expect_finite(problem, solution_of(solver, problem, stop))
 
 
 @on_samples
 def leaves_inputs_untouched(solver: Solver, problem: ContactProblem) -> None:
-    """Neither the problem nor the start is written to."""
+    """A solve changes neither the problem nor the start."""
     digest, start = problem.fresh().digest, np.full(problem.n_rows, 0.1)
     solver.prepare(problem).solve(MODEST, start=start)
     expect_unchanged(problem, digest)
@@ -108,7 +108,7 @@ def leaves_inputs_untouched(solver: Solver, problem: ContactProblem) -> None:
 
 @on_samples
 def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
-    """Solving again, prepared again or not, ends in the same bits, and leaves earlier results alone."""
+    """Repeated solves, with or without preparing again, give identical results and do not change earlier ones."""
     prepared = solver.prepare(problem)
     first = prepared.solve(MODEST)
     kept = first.impulses.copy()
@@ -119,14 +119,14 @@ def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
         if not _end_alike(first, other):
             raise Violation(
                 f"two solves of {problem.name} differ by up to {np.abs(other.impulses - kept).max():.1e} N s "
-                f"({first.iterations} and {other.iterations} iterations), the second on {how}; let none depend on "
-                "another, on chance or on time."
+                f"({first.iterations} and {other.iterations} iterations), the second on {how}; keep no state "
+                "between solves, and depend neither on chance nor on time."
             )
 
 
 @on_samples
 def claims_truthfully(solver: Solver, problem: ContactProblem) -> None:
-    """SOLVED is said only where the judge of the solver's own model reads at most ten times the tolerance."""
+    """SOLVED is reported only if the judged residual in the solver's own model is at most ten times the tolerance."""
     for tolerance in ACCURACIES:
         solution = solution_of(solver, problem, replace(MODEST, tolerance=tolerance))
         true_residual(solver, problem, solution, tolerance)
@@ -150,7 +150,7 @@ def is_useful(solver: Solver) -> None:
 
 
 def reports_infeasibility(solver: Solver) -> None:
-    """A contact that nothing can move, closing all the same, ends INFEASIBLE, or is refused by ``supports``."""
+    """A closing contact without mobility ends INFEASIBLE, or is not supported."""
     problem = infeasible()
     if solver.supports(problem):
         return
@@ -158,12 +158,12 @@ def reports_infeasibility(solver: Solver) -> None:
     if status is not Status.INFEASIBLE:
         raise Violation(
             f"a contact with G_ii = 0 and c_i < 0 has no solution, and ends as {status}; return Status.INFEASIBLE, or "
-            "let supports refuse it."
+            "return a reason from supports."
         )
 
 
 def zero_velocity_at_rest(solver: Solver) -> None:
-    """Zero free velocity needs no impulse: Λ = 0 exactly, SOLVED."""
+    """With zero free velocity, the solution is exactly Λ = 0 with status SOLVED."""
     for problem in supported(solver, map(at_rest, (1, 2, 3)), "it supports none of the problems at rest"):
         solution = solution_of(solver, problem, MODEST)
         if solution.status is not Status.SOLVED or np.any(solution.impulses):
@@ -187,7 +187,7 @@ def solves_no_contacts(solver: Solver) -> None:
 @of_iterates
 @on_samples
 def ends_alike_when_observed(solver: Solver, problem: ContactProblem) -> None:
-    """An observed solve ends in the same bits as an unobserved one, and the observer is called once per iteration."""
+    """Observed and unobserved solves give identical results, and the observer is called once per iteration."""
     unseen = solution_of(solver, problem, MODEST)
     calls: list[tuple[int, FloatArray]] = []
     prepared = solver.prepare(problem)
@@ -205,12 +205,12 @@ def ends_alike_when_observed(solver: Solver, problem: ContactProblem) -> None:
                 f"on {problem.name} it showed its observer impulses of shape {shown.shape}, not a row each."
             )
     if not _end_alike(unseen, observed):
-        raise Violation(f"on {problem.name} the observed solve ends otherwise than the unobserved one.")
+        raise Violation(f"on {problem.name} the observed solve differs from the unobserved one; ignore the observer.")
 
 
 @of_iterates
 def stops_at_once_at_the_solution(solver: Solver) -> None:
-    """Started at its own solution it is done, within one iteration."""
+    """Started at its own solution, a solve ends within one iteration."""
     is_any_solved = False
     for problem in _supported(solver):
         prepared = solver.prepare(problem)
@@ -221,7 +221,7 @@ def stops_at_once_at_the_solution(solver: Solver) -> None:
         warm = prepared.solve(MODEST, start=solution.impulses.copy())
         if warm.status is not Status.SOLVED or warm.iterations > 1:
             raise Violation(
-                f"started at its own solution of {problem.name} it ends as {warm.status} after {warm.iterations} "
+                f"starting from its own solution of {problem.name} it ends as {warm.status} after {warm.iterations} "
                 "iterations; begin from start, and check the residual before the first iteration."
             )
     if not is_any_solved:
@@ -230,7 +230,7 @@ def stops_at_once_at_the_solution(solver: Solver) -> None:
 
 @on_samples
 def obeys_iteration_limit(solver: Solver, problem: ContactProblem) -> None:
-    """No more than max_iterations are done."""
+    """A solve takes at most max_iterations iterations."""
     for limit in (1, 5):
         done = solution_of(solver, problem, Stop(1e-300, limit, max_seconds=1.0)).iterations
         if done > limit:
@@ -238,12 +238,12 @@ def obeys_iteration_limit(solver: Solver, problem: ContactProblem) -> None:
 
 
 def obeys_time_limit(solver: Solver) -> None:
-    """A solve ends about max_seconds after it began, whatever the tolerance and the number of iterations."""
+    """A solve ends within about max_seconds, regardless of the tolerance and the number of iterations."""
     larger = random_contacts(60, 3)
     problem = _supported(solver)[0] if solver.supports(larger) else larger
     prepared, seconds = solver.prepare(problem), 0.1
     endless = Stop(1e-300, max_iterations=10**9, max_seconds=seconds)
-    prepared.solve(endless)  # whatever is compiled or loaded on the way is not meant
+    prepared.solve(endless)  # exclude compilation and loading
     began = time.perf_counter()
     solution = prepared.solve(endless)
     took = time.perf_counter() - began
@@ -255,10 +255,10 @@ def obeys_time_limit(solver: Solver) -> None:
 
 
 def is_silent(solver: Solver) -> None:
-    """Nothing is printed or warned of, by Python or by a library below it."""
+    """A solve prints nothing and issues no warnings, neither in Python nor in native libraries."""
     problem = _supported(solver)[0]
     with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")  # also those that were shown before, in other tests
+        warnings.simplefilter("always")  # also warnings that were shown in earlier tests
         printed = _printed(lambda: solution_of(solver, problem, MODEST)).strip()
     if warned:
         raise Violation(f"it warned of {str(warned[0].message)[:100]!r}; say it in Solution.message.")
@@ -297,7 +297,7 @@ Side effects on the process are checked early: a later test could not detect a s
 
 
 def _supported(solver: Solver) -> list[ContactProblem]:
-    """Return the samples that ``solver`` supports; refusing them all is a violation here."""
+    """Return the samples that ``solver`` supports; raise ``Violation`` if it supports none."""
     try:
         return supported(solver)
     except NotApplicable:
@@ -308,21 +308,21 @@ def _supported(solver: Solver) -> list[ContactProblem]:
 
 
 def _end_alike(one: Solution, other: Solution) -> bool:
-    """Whether two solves end in the same bits, as far as the clock ended neither."""
+    """Return whether two solves give identical results, unless one of them met the time limit."""
     if Status.TIME_LIMIT in (one.status, other.status):
         return True
     return one.impulses.tobytes() == other.impulses.tobytes() and one.iterations == other.iterations
 
 
 def _printed(act: Callable[[], object]) -> str:
-    """Return all that this process writes to standard output and standard error meanwhile, also below Python."""
+    """Capture all output of this process to standard output and standard error, including that of native code."""
     try:
         sys.stdout.flush()
         sys.stderr.flush()
         kept = {stream: os.dup(stream) for stream in (1, 2)}
     except (OSError, ValueError, AttributeError):
         raise Violation("it closed standard output or standard error; leave them open.") from None
-    printed = io.StringIO()  # Python's own streams need not lead to the descriptors 1 and 2
+    printed = io.StringIO()  # Python's streams need not use the descriptors 1 and 2
     with tempfile.TemporaryFile() as file, redirect_stdout(printed), redirect_stderr(printed):
         try:
             for stream in kept:

@@ -1,4 +1,4 @@
-"""The part of ``proxbench check`` that runs in a child process, the only one that runs code of a plugin."""
+"""The part of ``proxbench check`` that runs in a child process; only this part runs code of a plugin."""
 
 import traceback
 from dataclasses import dataclass
@@ -31,8 +31,8 @@ class CheckingTask:
         """Answer "check" (kind, name, name of the check).
 
         Raises:
-            MisbehaviourError: if the judge, or anything else of the framework, is no longer what it was: what a check
-                would say after that means nothing.
+            MisbehaviourError: if the judge, or another part of the framework, was replaced, which invalidates all
+                further checks.
         """
         self._before = self._before or ProcessState.now()
         answer = _carried_out(*arguments)
@@ -42,7 +42,7 @@ class CheckingTask:
 
 
 def _carried_out(kind: str, name: str, check_name: str) -> dict[str, str]:
-    """Run one check; return its result, "passed", "failed" or "not applicable", and the sentence to it."""
+    """Run one check; return its result, "passed", "failed" or "not applicable", and its sentence."""
     try:
         subject = create(name) if kind == "solver" else partial(load, name)
         next(check for check in CHECKS[kind] if check.name == check_name).run(subject)
@@ -58,7 +58,7 @@ def _carried_out(kind: str, name: str, check_name: str) -> dict[str, str]:
 
 
 def _place(error: BaseException) -> str:
-    """Return where an exception was raised, in the author's files rather than in a library's or in Proxbench's."""
+    """Return where an exception was raised in the author's files, not in libraries or Proxbench."""
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)

@@ -15,12 +15,12 @@ from ..store.outcome import WRONG_FACTOR
 from .checks import Violation
 
 ROUNDING = 8.0 * float(np.finfo(float).eps)
-"""Relative error of a known answer itself."""
+"""Relative rounding error of a known answer."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A problem, what a solver made of it, and the judge's residual under the solver's own model."""
+    """A problem, its solution by a solver, and the judged residual under the solver's own model."""
 
     problem: ContactProblem
     solution: Solution
@@ -36,8 +36,8 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
     """Solve ``problem``, which the solver supports.
 
     Raises:
-        Violation: if the problem is written to, or the result is none, is not finite, claims more than the judge of
-            the solver's model confirms, or contradicts what is known about the problem.
+        Violation: if the problem is changed, or the result is not a solution, is not finite, claims more than the judge
+            of the solver's model confirms, or contradicts the known answer.
     """
     digest = problem.fresh().digest
     solution = solution_of(solver, problem, stop, start)
@@ -48,13 +48,13 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
         raise Violation(f"{problem.name} has no solution, and ends as solved; stop on the judge's residual.")
     if answer is not None and answer.solvable and solution.status is Status.INFEASIBLE:
         raise Violation(
-            f"{problem.name} has a solution, and ends as infeasible; say so only where it is proved, else stalled."
+            f"{problem.name} has a solution, and ends as infeasible; report infeasible only with a proof, else stalled."
         )
     return Trial(problem, solution, true_residual(solver, problem, solution, stop.tolerance))
 
 
 def solution_of(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> Solution:
-    """Solve ``problem``; raise ``Violation`` if what is returned is no solution, or its impulses no array of floats."""
+    """Solve ``problem``; raise ``Violation`` unless the result is a ``Solution`` with a float array of impulses."""
     solution = solver.prepare(problem).solve(stop, start=start)
     fault = solution_fault(problem, solution)
     if fault:
@@ -63,13 +63,13 @@ def solution_of(solver: Solver, problem: ContactProblem, stop: Stop, start: Floa
 
 
 def expect_unchanged(problem: ContactProblem, digest: str) -> None:
-    """Raise ``Violation`` if the numbers of a problem are no longer those of ``digest``."""
+    """Raise ``Violation`` if the digest of a problem is not ``digest``."""
     if problem.fresh().digest != digest:
-        raise Violation(f"it changed the numbers of {problem.name}; copy what it writes to.")
+        raise Violation(f"it changed the numbers of {problem.name}; copy arrays before changing them.")
 
 
 def expect_finite(problem: ContactProblem, solution: Solution) -> None:
-    """Raise ``Violation`` if impulses are not finite, whatever the status."""
+    """Raise ``Violation`` if impulses are not finite."""
     if not np.isfinite(solution.impulses).all():
         raise Violation(
             f"on {problem.name} it returned impulses that are not finite, with status {solution.status}; "
@@ -78,7 +78,7 @@ def expect_finite(problem: ContactProblem, solution: Solution) -> None:
 
 
 def true_residual(solver: Solver, problem: ContactProblem, solution: Solution, tolerance: float) -> float:
-    """Return ``own_residual``; raise ``Violation`` if it is far from what the solver claims."""
+    """Return ``own_residual``; raise ``Violation`` if it contradicts the solver's claim."""
     residual = own_residual(solver, problem, solution.impulses)
     if solution.status is Status.SOLVED and not residual <= WRONG_FACTOR * tolerance:
         raise Violation(
@@ -97,11 +97,11 @@ def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) 
     try:
         return judge(problem, impulses, solver.model).residual
     except ProblemError as error:
-        raise Violation(f"its supports lets {problem.name} through, but {error}") from error
+        raise Violation(f"its supports accepts {problem.name}, but {error}") from error
 
 
 def meet_answer(problem: ContactProblem, impulses: FloatArray) -> None:
-    """Raise ``Violation`` if impulses that the judge confirms miss the known answer by more than that implies."""
+    """Raise ``Violation`` if the error of confirmed impulses is larger than their residual implies."""
     known = problem.answer
     if known is None:
         return

@@ -1,1 +1,1 @@
-"""Processes of their own for cases: started, limited, supervised and ended."""
+"""Child processes of cases: start, limit, supervise and end them."""

@@ -1,4 +1,4 @@
-"""The process of a case: it redirects output, sets limits, and answers requests."""
+"""The child process of a case: it redirects output, sets limits, and answers requests."""
 
 import contextlib
 import faulthandler
@@ -25,20 +25,20 @@ from .pipe import read_message, write_message
 from .process_tree import describe_exit, end_with_parent
 
 IN_A_COPY = "in a copy"
-"""Request to let a copy of the process answer another one, of which the process itself learns nothing."""
+"""Request that forks the process; the fork answers the request in its arguments."""
 
 MAX_FILE_BYTES = 2**24
-"""Bytes that a case may write to any file, its captured output included."""
+"""Largest size of a file that a case may write, including its captured output."""
 
 MAX_TRACEBACK_LENGTH = 20_000
-"""Characters of a traceback that are sent, its end."""
+"""Number of characters at the end of a traceback that are sent."""
 
 MAX_CAUSES = 100
-"""Exceptions that are followed along a chain of causes: a plugin may link them in a circle."""
+"""Largest number of causes of an exception to follow, because a plugin may link them in a circle."""
 
 
 class MisbehaviourError(Exception):
-    """A solver broke its contract; the text says how."""
+    """A solver violated its contract; the message tells how."""
 
 
 def refuse(fault: str | None) -> None:
@@ -49,15 +49,15 @@ def refuse(fault: str | None) -> None:
 
 @dataclass
 class Assignment:
-    """What a case's process needs.
+    """The task of a child process and its environment.
 
     Attributes:
         task: the pickled task.
-        module: where its class is defined.
-        plugin_files: the plugin files that it may refer to, with the names that they offer.
-        memory_bytes: memory it may take beyond what the framework itself needs.
-        folder: where its temporary files go; the supervisor makes and removes it.
-        setting: working folder and import path, as multiprocessing describes them.
+        module: module that defines its class.
+        plugin_files: plugin files that it may refer to, with the names that they provide.
+        memory_bytes: memory limit, in addition to the memory that the framework needs.
+        folder: folder of its temporary files, created and removed by the supervisor.
+        setting: working folder and import path, in the form that multiprocessing uses.
     """
 
     task: bytes
@@ -69,13 +69,13 @@ class Assignment:
 
 
 def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) -> None:
-    """Lead a session of its own and answer requests until none can come. Never returns.
+    """Start a new session and answer requests until the pipe is closed. Never returns.
 
     Args:
-        pipe: where requests come from and answers go.
-        output: where it prints.
-        assignment: what to do.
-        supervisor: process id of its parent.
+        pipe: file descriptor of requests and answers.
+        output: file descriptor of standard output and standard error.
+        assignment: the task and its environment.
+        supervisor: process id of the parent.
     """
     code = 1
     try:
@@ -120,11 +120,11 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
         except BaseException as error:
             reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MB of memory"
             if _is_caused_by_memory(error):
-                answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason}, having wanted more than {limit}")
+                answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason} when it requested more than {limit}")
             else:
                 answer = _fault(Outcome.CRASHED, reason)
         if os.getpid() != own:
-            return  # a process that the solver forked and left: the answer is its parent's
+            return  # a process that the solver forked: only its parent answers
         _flush()
         _answer(pipe, answer, numbers)
         if is_copy:
@@ -138,7 +138,7 @@ def _answer(pipe: int, answer: dict[str, Any], numbers: bytes = b"") -> None:
 
 
 def _fork_copy(pipe: int) -> bool:
-    """Fork; return at once in the copy, and in the process itself when that has ended, which says so if it failed."""
+    """Fork and return whether this is the copy; the original waits for the copy, and reports its failure."""
     own, copy = os.getpid(), os.fork()
     if copy == 0:
         end_with_parent(own)
@@ -160,7 +160,7 @@ def _is_caused_by_memory(error: BaseException) -> bool:
 
 
 def _one_line(error: BaseException) -> str:
-    """Return an exception in one line, whatever its __str__ does."""
+    """Return an exception in one line, even if its __str__ raises."""
     try:
         return first_line(error)
     except BaseException:
@@ -182,7 +182,7 @@ def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
 
 
 def _limit(memory_bytes: int) -> None:
-    """Limit files, and the address space to what is mapped now and ``memory_bytes`` more."""
+    """Limit the size of files, and the address space to its present size plus ``memory_bytes``."""
     _, allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
     largest = MAX_FILE_BYTES if allowed == resource.RLIM_INFINITY else min(MAX_FILE_BYTES, allowed)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))

@@ -1,6 +1,6 @@
-"""The server that supervisors and their cases are forked from: everything is loaded once, a case takes milliseconds.
+"""The fork server of supervisors and cases: it loads libraries once, so that a case starts within milliseconds.
 
-It has no file, no address and no other client than the process that started it, and ends with it.
+It has no file, no address and no client other than the process that started it, and ends with that process.
 """
 
 import atexit
@@ -23,33 +23,33 @@ from .supervisor import ENDING, NUMBER, keep
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
 _REQUEST = b"F"
-"""What a client sends with the open files of a request."""
+"""Message of a client that accompanies the open files of a request."""
 
 _N_DESCRIPTORS = 3
-"""Open files that every request brings: the case's pipe, its supervisor's orders, and the file for its output."""
+"""Number of open files in a request: the pipe of the case, the orders of its supervisor, and its output file."""
 
 _END_SECONDS = 5.0
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
-"""Environment that pins every numerical library to one thread."""
+"""Environment that limits every numerical library to one thread."""
 
 KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMAP")}
-"""Environment in which a process keeps what it frees, so that it does not get the same pages from the system again."""
+"""Environment in which a process keeps freed memory, instead of requesting the same pages again."""
 
 START_SECONDS = 120.0
-"""Wall time that a server may take to load everything, compile kernels that are in no cache yet, and fork [s]."""
+"""Wall time limit for loading libraries, compiling kernels that are not cached, and forking [s]."""
 
 _ATTEMPTS = 3
 
 
 @dataclass
 class SupervisorLink:
-    """A supervisor as the run sees it.
+    """The connection of the run to a supervisor.
 
     Attributes:
-        pipe: where requests to its case go and answers come from.
-        orders: for orders to it, and for its report of how the case ended.
-        process: its process id.
+        pipe: socket for requests to the case and its answers.
+        orders: socket for orders, and for the report about the end of the case.
+        process: process id of the supervisor.
         is_gone: whether it is known to have ended.
     """
 
@@ -60,15 +60,15 @@ class SupervisorLink:
     _report: bytes = b""
 
     def send(self, order: bytes) -> None:
-        """Give it an order, if it still lives."""
+        """Send an order, if the supervisor is alive."""
         with contextlib.suppress(OSError):
             self.orders.send(order)
 
     def ending(self, seconds: float) -> tuple[int | None, bool]:
-        """Wait up to ``seconds`` until it has ended.
+        """Wait up to ``seconds`` until the supervisor has ended.
 
         Returns:
-            The wait status of its case, None if it reported none, and whether a process of the case had nearly all its
+            The wait status of its case, None if it reported none, and whether a process of the case used nearly all its
             memory.
         """
         while not self.is_gone and is_readable(self.orders.fileno(), seconds):
@@ -80,18 +80,18 @@ class SupervisorLink:
         return ENDING.unpack(self._report) if len(self._report) == ENDING.size else (None, False)
 
     def kill(self) -> None:
-        """Kill it, if it has not gone by itself."""
+        """Kill the supervisor, unless it has ended."""
         if not self.is_gone:
             send(signal.SIGKILL, [self.process])
 
     def close(self) -> None:
-        """Close the connection to it."""
+        """Close the connection."""
         self.pipe.close()
         self.orders.close()
 
 
 class _Server:
-    """The server as its client sees it."""
+    """The client of the fork server."""
 
     def __init__(self) -> None:
         self.client = os.getpid()
@@ -107,7 +107,7 @@ class _Server:
             )
 
     def fork(self, content: bytes, output: int) -> SupervisorLink | None:
-        """Let it fork a supervisor; return None if it does not, because it is gone or stuck."""
+        """Fork a supervisor; return None if the server has ended or does not answer."""
         pipe, case_pipe = socket.socketpair()
         orders, supervisor_orders = socket.socketpair()
         report = b""
@@ -124,7 +124,7 @@ class _Server:
         return None
 
     def end(self) -> None:
-        """Let it end."""
+        """End the server."""
         self._socket.close()
         if self.client == os.getpid():
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -139,11 +139,11 @@ _lock = threading.Lock()
 
 
 def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
-    """Start a supervisor with its case; the server is started, or started again, where there is none.
+    """Start a supervisor with its case, and the server if it is not running.
 
     Args:
-        assignment: the case's.
-        output: the open file for what the case prints.
+        assignment: the assignment of the case.
+        output: the open file for the output of the case.
 
     Raises:
         OSError: if no process can be started.
@@ -159,7 +159,7 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
                 return link
             _server.end()
             _server = None
-    raise OSError("the server that starts processes ends at once")
+    raise OSError("the fork server ends immediately")
 
 
 @atexit.register
@@ -169,10 +169,10 @@ def _end() -> None:
 
 
 def serve(descriptor: int) -> None:
-    """Be the server. Never returns."""
+    """Run the server. Never returns."""
     from ...problems.compilation import silence_notice
 
-    silence_notice()  # standard error belongs to the cases that are forked from here
+    silence_notice()  # forked cases inherit standard error
     from . import preload  # noqa: F401
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
@@ -181,7 +181,7 @@ def serve(descriptor: int) -> None:
         _, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
         try:
             assignment: Assignment = pickle.loads(read_message(requests.fileno()))
-        except EOFError:  # the client is gone
+        except EOFError:  # the client has ended
             os._exit(0)
         if assignment.module.startswith(_FRAMEWORK):
             import_module(assignment.module)  # once here, not in each case

@@ -1,7 +1,7 @@
 """Messages between a run and the process of a case.
 
-The process may write anything, and stop in the middle of a message. Reading ends at a deadline, takes no more memory
-than has arrived, and creates no objects that could run code.
+The process may write arbitrary data, and stop in the middle of a message. Reading ends at a deadline, allocates only
+memory for data that have arrived, and creates no objects that could run code.
 """
 
 import json
@@ -18,14 +18,14 @@ _CHUNK = 2**20
 
 
 class NoMessageError(Exception):
-    """What was received is not a message; the text gives the reason."""
+    """The received data are not a message; the text gives the reason."""
 
 
 def write_message(descriptor: int, content: bytes) -> None:
-    """Write one message, as a whole.
+    """Write one message.
 
     Raises:
-        OSError: if there is no reader any more.
+        OSError: if the reader has ended.
     """
     waiting = memoryview(_HEADER.pack(len(content)) + content)
     while waiting:
@@ -38,20 +38,20 @@ def read_message(
     """Read one message.
 
     Args:
-        descriptor: where from.
-        largest: number of bytes it may have.
-        deadline: reading of ``time.monotonic`` at which waiting ends.
-        lifeline: a descriptor that becomes readable when the writer is gone for certain: the descriptor itself may be
-            held open by what the writer has started.
+        descriptor: descriptor to read from.
+        largest: largest number of bytes.
+        deadline: value of ``time.monotonic`` at which waiting ends.
+        lifeline: a descriptor that becomes readable when the writer has ended; processes that the writer has started
+            may keep ``descriptor`` itself open.
 
     Raises:
-        TimeoutError: if it is not complete by then.
-        EOFError: if the writer is gone before it is complete.
-        NoMessageError: if it would be larger.
+        TimeoutError: if the message is incomplete at the deadline.
+        EOFError: if the writer ends before the message is complete.
+        NoMessageError: if the message is larger than ``largest``.
     """
     (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline, lifeline))
     if length > largest:
-        raise NoMessageError(f"a message of {length} bytes where at most {largest} have a meaning")
+        raise NoMessageError(f"a message of {length} bytes exceeds the limit of {largest}")
     return _read(descriptor, length, deadline, lifeline)
 
 
@@ -61,14 +61,14 @@ def read_object(descriptor: int, largest: int, deadline: float, lifeline: int | 
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):
-        raise NoMessageError("a message that is no JSON") from None
+        raise NoMessageError("a message that is not JSON") from None
     if not isinstance(found, dict):
-        raise NoMessageError("a message that is no JSON object")
+        raise NoMessageError("a message that is not a JSON object")
     return found
 
 
 def is_readable(descriptor: int, seconds: float) -> bool:
-    """Wait up to ``seconds`` until there is something to read, or the writer is gone; return whether it is so."""
+    """Wait up to ``seconds`` until data have arrived or the writer has ended, and return whether they have."""
     return descriptor in _readable([descriptor], seconds)
 
 

@@ -1,4 +1,4 @@
-"""Imported once by the server that processes of cases are forked from: libraries loaded, built-in kernels compiled.
+"""Modules that the fork server imports once: they load libraries and compile built-in kernels.
 
 A forked case then starts in milliseconds instead of importing and compiling everything again.
 """
@@ -19,11 +19,11 @@ PROBLEMS = ("hard-no-motion", "hard-sticking-box", "woodpecker-beak-impact", "ha
 
 
 def _touch_kernels() -> None:
-    """Solve these problems, as cases read them, with each built-in solver, so that every kernel is in memory."""
+    """Solve these problems with each built-in solver, so that every kernel is in memory."""
     for name in PROBLEMS:
         problem = read_problem(io.BytesIO(problem_bytes(load(name).anonymous())), name)
         for solver_name, module in BUILT_IN.items():
-            if "cvxpy" in module:  # takes seconds to import, and few runs need it
+            if "cvxpy" in module:  # slow to import, and rarely needed
                 continue
             solver = create(solver_name)
             if not solver.supports(problem):
@@ -32,4 +32,4 @@ def _touch_kernels() -> None:
 
 _touch_kernels()
 gc.collect()
-gc.freeze()  # a case that collects garbage need not look through all of this, and copy its pages by doing so
+gc.freeze()  # a garbage collection in a case would copy all these pages

@@ -1,7 +1,7 @@
 """The global state of a process, and its changes.
 
-A plugin shares its process with the framework. If it replaces a function of the framework, the clock or numpy, or
-changes a setting of the interpreter, times and residuals would be wrong without notice.
+A plugin shares its process with the framework. If it replaced a function of the framework, of the clock or of numpy, or
+changed a setting of the interpreter, times and residuals could be wrong unnoticed.
 """
 
 import _thread
@@ -24,7 +24,7 @@ import numpy as np
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
 _BORROWED = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
-"""Modules of others that the framework leans on."""
+"""Modules that the framework relies on."""
 
 _CACHES = {
     "__slotnames__",
@@ -33,7 +33,7 @@ _CACHES = {
     "__annotations__",
     "_abc_impl",
 }
-"""What Python itself writes into classes as they are used."""
+"""Attributes that Python itself adds to classes."""
 
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
 """Resource limits that the system knows."""
@@ -44,10 +44,10 @@ class ProcessState:
     """The state of a process at one time.
 
     Attributes:
-        modules: the names of the modules that were loaded.
-        names: what stood behind each name of each module of the framework, and of those that it leans on.
-        state: what a process has one of, by what it is called.
-        n_threads: the number of threads of Python beside the main one, however they were started.
+        modules: names of the loaded modules.
+        names: objects by name, for each module of the framework and those that it relies on.
+        state: global settings of the process, by description.
+        n_threads: number of Python threads besides the main one, including those unknown to ``threading``.
     """
 
     modules: frozenset[str]
@@ -66,13 +66,13 @@ class ProcessState:
         )
 
     def after_imports(self) -> Self:
-        """Return this state with the present value of what libraries rightly change, if any has been imported since."""
+        """Return this state with present values of settings that libraries may change, if any was imported since."""
         if self.modules.issuperset(sys.modules):
             return self
         return replace(self, state=self.state | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
 
     def replaced(self) -> list[str]:
-        """Return the names that lead elsewhere now, and those added to modules and classes of the framework."""
+        """Return the replaced names, and those added to modules and classes of the framework."""
         found: list[str] = []
         for module, before in self.names.items():
             now = _names_of(module)
@@ -81,11 +81,11 @@ class ProcessState:
         return found
 
     def changed(self) -> list[str]:
-        """Return what of the state is another now."""
+        """Return the descriptions of changed settings."""
         return self._changed(_STATE)
 
     def changed_for_timing(self) -> list[str]:
-        """Return the same of what can make the clock, or the code between two solves, run differently."""
+        """Return the descriptions of changed settings that affect timing."""
         return self._changed(_FOR_TIMING)
 
     def _changed(self, names: Iterable[str]) -> list[str]:
@@ -96,7 +96,7 @@ _NOTHING = object()
 
 
 def _names_of(module_name: str) -> dict[str, object]:
-    """Return what stands behind the names of a module; members of classes and code of functions too, if it is ours."""
+    """Return the objects of a module by name, with members of classes and code of functions for our own modules."""
     module, found = sys.modules.get(module_name), dict[str, object]()
     for key, value in list(vars(module).items()) if module else ():
         if module_name in _BORROWED:
@@ -118,22 +118,22 @@ def _read(reading: Callable[[], Any]) -> Any:
     try:
         return reading()
     except (OSError, ValueError) as error:
-        return repr(error)  # a folder that is gone, a stream that is closed
+        return repr(error)  # a removed folder, a closed stream
 
 
 def _numpy_random() -> tuple[Any, ...]:
-    kind, key, *rest = np.random.get_state()  # noqa: NPY002 - whether it was touched is the question
+    kind, key, *rest = np.random.get_state()  # noqa: NPY002 - detects whether a solver used it
     return kind, np.asarray(key).tobytes(), *rest
 
 
 def _monitoring_tools() -> list[str | None]:
-    """Return the tools that monitor events of the interpreter, which Python 3.12 introduced."""
+    """Return the tools that monitor events of the interpreter (Python 3.12 and later)."""
     monitoring = getattr(sys, "monitoring", None)
     return [] if monitoring is None else [monitoring.get_tool(number) for number in range(6)]
 
 
 def _scheduling() -> tuple[int, int | None]:
-    """Return the priority of this process, and its scheduling policy where the system has several."""
+    """Return the priority of this process, and its scheduling policy if the system has several."""
     policy = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else None
     return os.getpriority(os.PRIO_PROCESS, 0), policy
 
@@ -146,14 +146,14 @@ def replaced_names(before: ProcessState) -> str:
     """Return a sentence about what has been replaced since ``before``, empty if nothing has."""
     replaced = before.replaced()
     more = " and more" if replaced[1:] else ""
-    return f"it replaced {replaced[0]}{more}; leave alone what belongs to others" if replaced else ""
+    return f"it replaced {replaced[0]}{more}; do not modify other modules" if replaced else ""
 
 
 _OF_LIBRARIES: dict[str, Callable[[], Any]] = {
     "the warning filters": lambda: list(warnings.filters),
     "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
 }
-"""What libraries change when they are imported."""
+"""Settings that libraries change when they are imported."""
 
 _FOR_TIMING: dict[str, Callable[[], Any]] = _OF_LIBRARIES | {
     "numpy's error state": np.geterr,
@@ -171,7 +171,7 @@ _FOR_TIMING: dict[str, Callable[[], Any]] = _OF_LIBRARIES | {
     "the scheduling of its process": _scheduling,
     "the resource limits of its process": lambda: [resource.getrlimit(number) for number in _LIMITS],
 }
-"""What a measurement depends on."""
+"""Settings that a measurement depends on."""
 
 _STATE: dict[str, Callable[[], Any]] = _FOR_TIMING | {
     "the working folder": os.getcwd,
@@ -181,4 +181,4 @@ _STATE: dict[str, Callable[[], Any]] = _FOR_TIMING | {
     "the import path": lambda: list(sys.path),
     "the standard streams": _streams,
 }
-"""What a process has one of, by what it is called."""
+"""Global settings of a process, by description."""

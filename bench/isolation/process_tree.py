@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 
 _PASSES = 100
-"""Attempts at stopping processes that go on starting others, before they are killed as they are."""
+"""Largest number of attempts to stop processes that start others, before they are killed."""
 
 _ALL_THREADS = 2
 """Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
@@ -22,19 +22,19 @@ _SET_CHILD_SUBREAPER = 36
 
 
 def adopt_orphans() -> None:
-    """Make this process the parent of all that its descendants leave behind, on Linux; elsewhere do nothing."""
+    """Make this process the parent of orphaned descendants on Linux; elsewhere do nothing."""
     _prctl(_SET_CHILD_SUBREAPER, 1)
 
 
 def end_with_parent(parent: int) -> None:
-    """Let this process be killed when its parent goes, on Linux; elsewhere do nothing."""
+    """Let the system kill this process when its parent ends, on Linux; elsewhere do nothing."""
     _prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
 
 
 def descendants(ancestor: int) -> list[int]:
-    """Return the process ids of all that come from ``ancestor``, parents before children."""
+    """Return the process ids of all descendants of ``ancestor``, parents before children."""
     found: list[int] = []
     waiting = [ancestor]
     while waiting:
@@ -45,7 +45,7 @@ def descendants(ancestor: int) -> list[int]:
 
 
 def threads(process: int) -> list[int]:
-    """Return the system's numbers of the threads of a process; none if it is gone."""
+    """Return the thread ids of a process; none if it has ended."""
     try:
         return [thread.id for thread in psutil.Process(process).threads()]
     except psutil.Error:
@@ -53,7 +53,7 @@ def threads(process: int) -> list[int]:
 
 
 def running(processes: Iterable[int]) -> list[int]:
-    """Return those of ``processes`` that have not ended; one that has, and was not waited for, has."""
+    """Return the running ones of ``processes``; zombies count as ended."""
     found = []
     for process in processes:
         with contextlib.suppress(psutil.Error):
@@ -63,16 +63,16 @@ def running(processes: Iterable[int]) -> list[int]:
 
 
 def processor_seconds(process: int) -> float:
-    """Return the processor time of a process and of those that it waited for [s]; 0 if gone.
+    """Return the processor time of a process and of children that it waited for [s]; 0 if it has ended.
 
-    Its own is that of its clock, on Linux; that of the others is counted in the system's ticks.
+    On Linux, its own time is that of its clock; that of children has the resolution of system ticks.
     """
     try:
         times = psutil.Process(process).cpu_times()
     except psutil.Error:
         return 0.0
     own = times.user + times.system
-    with contextlib.suppress(OSError):  # systems other than Linux have no such clock
+    with contextlib.suppress(OSError):  # not available on other systems than Linux
         own = time.clock_gettime(~process << 3 | _ALL_THREADS)
     return float(own + times.children_user + times.children_system)
 
@@ -80,7 +80,7 @@ def processor_seconds(process: int) -> float:
 def describe_exit(status: int) -> str:
     """Return a sentence about how a process ended, from its wait status."""
     if os.WIFEXITED(status):
-        return f"its process ended by itself with exit code {os.WEXITSTATUS(status)}"
+        return f"its process ended with exit code {os.WEXITSTATUS(status)}"
     try:
         return f"its process was killed by {signal.Signals(os.WTERMSIG(status)).name}"
     except ValueError:
@@ -88,24 +88,24 @@ def describe_exit(status: int) -> str:
 
 
 def send(number: signal.Signals, processes: Iterable[int]) -> None:
-    """Send a signal to processes, as far as they still live."""
+    """Send a signal to those processes that are alive."""
     for process in processes:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.kill(process, number)
 
 
 def kill_all(case: int, status: int) -> int:
-    """Kill all descendants of this process until there is none.
+    """Kill all descendants of this process until none is left.
 
     Args:
-        case: the child that matters.
-        status: its wait status if it has ended before.
+        case: process id of the case.
+        status: its wait status if it has already ended.
 
     Returns:
         The wait status of ``case``.
     """
     stopped: set[int] = set()
-    for _ in range(_PASSES):  # what is stopped cannot start others while it waits to be killed
+    for _ in range(_PASSES):  # stopped processes cannot start others
         left = set(descendants(os.getpid())) - stopped
         if not left:
             break

@@ -1,11 +1,10 @@
-"""The process that watches over a case, and ends whatever the case has started.
+"""The supervisor: a process that monitors a case, and ends all processes that the case has started.
 
     run ── fork server ── supervisor ── case ── (what the plugin starts)
 
-The supervisor never runs a line of a plugin. It adopts what its descendants leave behind, in whatever session they
-hide, and when the case ends, when the run says so or when the run itself is gone, it kills them all, removes the folder
-of their temporary files, and ends as the case did. It also stops the case while others are measured, so that threads
-and processes left running do not take the processor from them.
+The supervisor never runs code of a plugin. It adopts orphaned descendants in any session. When the case ends, the run
+requests it or the run itself ends, the supervisor kills all of them and removes their temporary files. It also stops
+the case while other cases are measured, so that remaining threads and processes do not use the processor.
 """
 
 import contextlib
@@ -22,36 +21,36 @@ from .child import Assignment, run_case
 from .process_tree import adopt_orphans, descendants, kill_all, send
 
 STOP, GO_ON, END = b"S", b"G", b"E"
-"""Orders: stop the case, let it go on, end it. The case is also ended when no order can come any more."""
+"""Orders: stop, continue or end the case. The case also ends when the connection is closed."""
 
 NUMBER = struct.Struct("!i")
 """The first report."""
 
 ENDING = struct.Struct("!i?")
-"""The last report: the wait status of the case, and whether one of its processes had nearly all its memory."""
+"""The last report: the wait status of the case, and whether one of its processes used nearly all its memory."""
 
 FULL_MEMORY_SHARE = 0.9
-"""Share of its memory limit above which a case that ends without an answer is reported as out of memory."""
+"""Share of the memory limit above which a case that ends without an answer is out of memory."""
 
 _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
-"""Signals that wake a supervisor: the first ends its case, the second says that a child may have ended."""
+"""Signals that wake a supervisor: the first ends its case, the second reports that a child may have ended."""
 
 
 def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
-    """Fork the case's process, watch over it, and report its end. Never returns.
+    """Fork the process of the case, monitor it, and report its end. Never returns.
 
     Args:
-        pipe: the case's, for requests and answers.
-        orders: for orders; the first report is the process id of the supervisor, the last one is ``ENDING``.
-        output: where the case prints.
-        assignment: the case's.
+        pipe: descriptor for requests to the case and its answers.
+        orders: descriptor for orders; the first report is the process id of the supervisor, the last is ``ENDING``.
+        output: descriptor for the output of the case.
+        assignment: the assignment of the case.
     """
     supervisor = os.getpid()
     os.setsid()
     os.write(orders, NUMBER.pack(supervisor))
     adopt_orphans()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with contextlib.suppress(OSError):  # a case without temporary files may do
+    with contextlib.suppress(OSError):  # the case may need no temporary files
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
     own, filled = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
@@ -69,12 +68,12 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
 
 
 def _peak_memory(of: int) -> int:
-    """Return the largest resident memory of this process, or of any that it has waited for [bytes]."""
+    """Return the largest resident memory of this process and of all children that it has waited for [bytes]."""
     return resource.getrusage(of).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _signal_pipe() -> tuple[int, int]:
-    """Return a pipe, (out, in), into which the system writes the number of every signal in ``_SIGNALS``."""
+    """Return a pipe (out, in) that receives the number of every signal in ``_SIGNALS``."""
     wakeup = os.pipe()
     for end in wakeup:
         os.set_blocking(end, False)
@@ -98,7 +97,7 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
 
 
 def _watched(case: int, orders: int, wakeup: int) -> int:
-    """Wait until the case has ended or shall end; end all that is left of it; return its wait status."""
+    """Wait until the case has ended or must end; kill its remaining processes; return its wait status."""
     stopped: list[int] = []
     while True:
         ready = wait([orders, wakeup])
@@ -125,7 +124,7 @@ def _received(orders: int) -> bytes:
 
 
 def _ended(case: int) -> int | None:
-    """Reap all children that have ended; return the wait status of the case if it is among them."""
+    """Reap all ended children; return the wait status of the case if it is among them."""
     status = None
     with contextlib.suppress(ChildProcessError):
         while (ended := os.waitpid(-1, os.WNOHANG))[0]:

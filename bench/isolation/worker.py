@@ -1,8 +1,8 @@
-"""Child processes that cases run in, and the conversation with them.
+"""Child processes of cases, and the communication with them.
 
-Cases are forked from a server that has everything loaded (``preload``), each under a supervisor that ends all it has
-started, also when this process is gone (``supervisor``). What a case sends back is JSON and raw numbers, never
-objects that could run code here, and is waited for no longer than the case's time (``pipe``).
+Cases are forked from a server with all libraries loaded (``preload``). Each has a supervisor that ends all its
+processes, even if this process has ended (``supervisor``). A case answers with JSON and raw numbers, never with objects
+that could run code here, within its time limit (``pipe``).
 """
 
 import contextlib
@@ -43,67 +43,67 @@ REQUEST_SECONDS = 60.0
 """Default limit of the wall time of a request [s]."""
 
 MEMORY_BYTES = 2**31
-"""Default limit of the memory that a process may take beyond what the framework itself needs [bytes]."""
+"""Default memory limit of a process, in addition to the memory that the framework needs [bytes]."""
 
 MAX_ANSWER_BYTES = 2**24
-"""Bytes that the JSON of an answer may have."""
+"""Largest size of the JSON of an answer [bytes]."""
 
 MAX_CONTENT_BYTES = 2**32
-"""Bytes that may come with it."""
+"""Largest size of the binary content of an answer [bytes]."""
 
 MAX_OUTPUT_LENGTH = 4000
-"""Characters of captured output that are kept with a failed case."""
+"""Number of characters of captured output that are kept with a failed case."""
 
 MAX_LIST_LENGTH = 16_000
-"""Bytes that the list of extension modules may take, with which Python ends what it says of a deadly signal."""
+"""Largest size of the list of extension modules that Python prints after a fatal signal [bytes]."""
 
 _MODULES = re.compile(r"\n*Extension modules: [^\n]*")
 
 END_SECONDS = 3.0
-"""Wall time that a supervisor has to end its case."""
+"""Wall time limit for a supervisor to end its case [s]."""
 
 
 @dataclass
-class Fault(Exception):  # noqa: N818 - the case is at fault, not the program
-    """The failure of a case that gives no answer."""
+class Fault(Exception):  # noqa: N818 - a failure of the case, not of the program
+    """The failure of a case that returns no answer."""
 
     outcome: Outcome
     reason: str
     traceback: str = ""
 
 
-NO_ANSWER = "its process sent something that is no answer"
+NO_ANSWER = "its process sent an invalid answer"
 """Reason reported for a process whose answer cannot be read."""
 
 
 def no_answer() -> Fault:
-    """Return the fault of such a process."""
+    """Return the fault of a process whose answer cannot be read."""
     return Fault(Outcome.MISBEHAVED, NO_ANSWER)
 
 
 class Task(Protocol):
-    """What a process does: answer requests. A task is pickled; plugin files are registered before it is unpickled."""
+    """The task of a process: answer requests. It is sent pickled; plugin files are registered before unpickling."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Return a JSON object, and bytes that go with it."""
+        """Return a JSON object and binary content."""
         ...
 
 
 class Worker:
-    """One case's process, seen from outside. Between requests it is stopped, with all its threads.
+    """The process of a case. Between requests, it is stopped with all its threads.
 
     Attributes:
-        case_seconds: limit of the wall time of all requests together [s].
-        busy_seconds: wall time that the case has used so far [s].
-        peak_memory_bytes: most memory that it says it had.
+        case_seconds: wall time limit of all requests together [s].
+        busy_seconds: wall time that the case has used [s].
+        peak_memory_bytes: peak memory that the process reports.
 
     Raises:
         Fault: if the task cannot be pickled, or no process can be started.
-        BenchError: if there is no room for temporary files.
+        BenchError: if temporary files cannot be created.
     """
 
     def __init__(self, task: Task, case_seconds: float, memory_bytes: int) -> None:
-        """Start the process, which may take ``memory_bytes`` beyond what the framework itself needs."""
+        """Start the process; ``memory_bytes`` limits its memory in addition to what the framework needs."""
         try:
             pickled = pickle.dumps(task)
         except Exception as error:
@@ -124,10 +124,10 @@ class Worker:
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
 
     def ask(self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES) -> tuple[dict[str, Any], bytes]:
-        """Send one request and wait for its answer: a JSON object, and what goes with it, ``largest`` bytes at most.
+        """Send one request and return its answer: a JSON object, and at most ``largest`` bytes of binary content.
 
         Raises:
-            Fault: if the case raises, misbehaves, dies, or its time is up.
+            Fault: if the case raises, misbehaves, ends, or exceeds its time limit.
         """
         began, pipe = time.monotonic(), self._supervisor.pipe.fileno()
         deadline = began + max(self.case_seconds - self.busy_seconds, 0.0)
@@ -157,12 +157,12 @@ class Worker:
         return answer, content
 
     def n_started(self) -> int:
-        """Return how many processes run beside that of the case, whoever is their parent now."""
+        """Return the number of processes that the case has started and that still run, orphaned ones included."""
         return max(len(running(descendants(self._supervisor.process))) - 1, 0)
 
     @property
     def process(self) -> int:
-        """Process id of the case, once it has answered a request; 0 if it is gone."""
+        """Process id of the case after its first answer; 0 if it has ended."""
         return next(iter(descendants(self._supervisor.process)), 0)
 
     def processor_seconds(self) -> float:
@@ -170,24 +170,24 @@ class Worker:
         return sum(map(processor_seconds, descendants(self._supervisor.process)))
 
     def waited_seconds(self) -> float:
-        """Return for how long the case was ready to run while others ran [s]; 0 where the system does not count it."""
+        """Return the time for which the case was ready but did not run [s]; 0 if the system does not count it."""
         try:
             return 1e-9 * float(Path(f"/proc/{self.process}/schedstat").read_text().split()[1])
         except (OSError, ValueError, IndexError):
             return 0.0
 
     def output(self) -> str:
-        """Return the end of what the case printed."""
+        """Return the end of the output of the case."""
         size, most = os.fstat(self._output).st_size, MAX_OUTPUT_LENGTH + MAX_LIST_LENGTH
         printed = os.pread(self._output, most, max(0, size - most)).decode(errors="replace")
         return _MODULES.sub("", printed)[-MAX_OUTPUT_LENGTH:]
 
     def dismiss(self) -> None:
-        """Let the process end, without waiting for it; it answers no more."""
+        """Ask the process to end without waiting for it; it answers no further requests."""
         self._supervisor.send(END)
 
     def close(self) -> None:
-        """End the process and all that it started."""
+        """End the process and all processes that it started."""
         self.dismiss()
         if self._supervisor.ending(END_SECONDS)[0] is None:
             self._supervisor.kill()
@@ -199,16 +199,16 @@ class Worker:
         os.close(self._output)
 
     def _timeout(self) -> Fault:
-        """End a case whose time is up, and return its fault, which is not its time where its memory is full."""
+        """End a case at its time limit, and return its fault: a timeout, or out of memory if its memory is full."""
         self.dismiss()
         _, has_filled_memory = self._supervisor.ending(END_SECONDS)
         if has_filled_memory:
-            reason = f"it filled its {self._megabytes} MB of memory and did not end in time"
+            reason = f"it used all its {self._megabytes} MB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
     def _death(self) -> Fault:
-        """Return the fault of a case that ended by itself, or that another program than the run has ended."""
+        """Return the fault of a case that exited or was killed by another program."""
         status, has_filled_memory = self._supervisor.ending(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
@@ -234,7 +234,7 @@ def numbers_of(content: bytes) -> FloatArray:
 
 
 def _reported_fault(answer: dict[str, Any]) -> Fault | None:
-    """Return the fault that an answer reports, if it does; raise an error if the report is none."""
+    """Return the fault that an answer reports, or None; raise an error if the report is invalid."""
     if "fault" not in answer:
         return None
     outcome, reason, trace = Outcome(answer["fault"]), answer["reason"], answer["traceback"]
@@ -244,45 +244,45 @@ def _reported_fault(answer: dict[str, Any]) -> Fault | None:
 
 
 def _has_input(pipe: socket.socket) -> bool:
-    """Return whether something has come before any request."""
+    """Return whether data have arrived without a request."""
     with contextlib.suppress(BlockingIOError):
         return bool(pipe.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT))
     return False
 
 
 def _output_file() -> int:
-    """Open a file without a name; the system removes it with the last process that has it open."""
+    """Open a file without a name, which the system removes when the last process closes it."""
     with tempfile.TemporaryFile() as file:
         return os.dup(file.fileno())
 
 
 def _setting() -> dict[str, Any]:
-    """Return what of this process's setting a case needs; its main script is not run again there."""
+    """Return the settings of this process that a case needs; the case does not run the main script again."""
     known = spawn.get_preparation_data("case")
     return {key: known[key] for key in ("sys_path", "dir") if key in known}
 
 
 class RenewedWorker:
-    """One process after the other for one task: the first starts with the first request, the next one after a fault.
+    """A process for one task that starts with the first request, and is replaced after a fault.
 
-    Use it as a context manager, or ``close`` it; the process ends with the object at the latest.
+    Use it as a context manager, or call ``close``; the process ends with the object at the latest.
 
     Attributes:
-        seconds: wall time that each request may take [s].
+        seconds: wall time limit of each request [s].
     """
 
     def __init__(self, task: Task, seconds: float = REQUEST_SECONDS, memory_bytes: int = MEMORY_BYTES) -> None:
-        """Note what to start; a process may take ``memory_bytes`` beyond what the framework itself needs."""
+        """Store the task; ``memory_bytes`` limits the memory in addition to what the framework needs."""
         self.seconds = seconds
         self._task, self._memory_bytes = task, memory_bytes
         self._running: list[Worker] = []
         weakref.finalize(self, _end, self._running)
 
     def ask(self, request: str, *arguments: Any, seconds: float | None = None) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to one request, which has the whole time limit to itself, or another one [s].
+        """Return the answer to one request, within its own time limit or another one [s].
 
         Raises:
-            Exception: what ``failure`` makes of the fault of a request that is not answered.
+            Exception: the result of ``failure`` for a request without an answer.
         """
         try:
             if not self._running:
@@ -295,7 +295,7 @@ class RenewedWorker:
             raise self.failure(fault) from None
 
     def failure(self, fault: Fault) -> Exception:
-        """Return what is raised for a fault: the fault, where nothing says more."""
+        """Return the exception to raise for a fault, by default the fault itself."""
         return fault
 
     def close(self) -> None:

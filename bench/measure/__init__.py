@@ -1,1 +1,1 @@
-"""Measuring: what a run plans, and how each case is measured and judged."""
+"""Plan runs, and measure and judge their cases."""

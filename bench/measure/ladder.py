@@ -1,8 +1,8 @@
-"""Cases measured level by level of their ladders, in rounds that alternate between them.
+"""Measure cases level by level of their ladders, in rounds that alternate between them.
 
-All cases of one problem live at the same time, each in its process. What is not timed, they do side by side; then they
-work one at a time, so that a drift of the machine hits all alike. A point of the ladder may be measured in several
-passes, each with processes of its own.
+All cases of one problem exist at the same time, each in its process. Untimed work runs in parallel. Timed work runs one
+case at a time, in alternation, so that a drift of the machine affects all cases equally. A point of the ladder may be
+measured in several passes, each with new processes.
 """
 
 import os
@@ -20,34 +20,34 @@ from .measuring_core import MeasuringCore
 from .points import joined
 
 MAX_REASON_LENGTH = 2000
-"""Characters that are kept of what a solver says in words."""
+"""Largest number of characters of a solver's message that are kept."""
 
 MAX_PARALLEL_STARTS = 4
-"""Cases that begin at the same time, on a machine with as many cores."""
+"""Largest number of cases that start at the same time."""
 
 INTERRUPT_SECONDS = 0.05
-"""Time after which cases that begin are told again to end [s]."""
+"""Time after which starting cases are asked again to end [s]."""
 
 Answer = TypeVar("Answer")
-"""What one round of a level gives."""
+"""The result of one round of a level."""
 
 
 class LadderCase(ABC, Generic[Answer]):
-    """A case as it is measured from outside: its process, its ladder, and the record it becomes.
+    """A case with its process, its ladder, and its record.
 
     Attributes:
-        core: where it is timed.
-        ladder: values to measure at, from coarse to fine.
-        limits: time, memory and iterations.
-        outcome: MEASURED, until something else comes of it.
-        points: the finished points of the ladder, as they are stored.
-        is_solvable: whether its problem has a solution under Coulomb's law, None where that is not known.
+        core: the measuring core.
+        ladder: values of the ladder, from coarse to fine.
+        limits: limits of time, memory and iterations.
+        outcome: MEASURED, or the fault of the case.
+        points: the finished points of the ladder.
+        is_solvable: whether its problem has a solution under Coulomb's law; None if unknown.
     """
 
     is_solvable: bool | None = None
 
     def __init__(self, ladder: Sequence[float], limits: Limits, stored: CaseRecord | None = None) -> None:
-        """Note what to measure, and what is measured already."""
+        """Store the plan of the case and its previous measurements."""
         self.core = MeasuringCore(None)
         self.ladder, self.limits = ladder, limits
         self.outcome = Outcome.MEASURED
@@ -64,19 +64,19 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def is_left(self, level: int) -> bool:
-        """Whether a level is to be measured, or to be noted as not attempted."""
+        """Return whether a level must be measured, or recorded as not attempted."""
 
     @abstractmethod
     def begin(self) -> None:
-        """Start the process, and do there what is done once."""
+        """Start the process, and do the work that is done once."""
 
     @abstractmethod
     def measure(self, value: float, number: int) -> Answer | None:
-        """Do one round by its number, from 0; return its answer, or None if the case failed."""
+        """Run round ``number``, from 0; return its answer, or None if the case failed."""
 
     @abstractmethod
     def needs_round(self, answers: Sequence[Answer]) -> bool:
-        """Whether another round of the same level follows those with these answers, at least one."""
+        """Return whether another round of the same level must follow these answers, of which there is at least one."""
 
     @abstractmethod
     def point(self, value: float, answers: list[Answer]) -> Point:
@@ -84,24 +84,24 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def end_after(self, point: Point) -> str:
-        """Return why nothing finer than a point is tried; empty if it is."""
+        """Return why finer points are not attempted after this one; empty if they are."""
 
     @abstractmethod
     def identity(self) -> dict[str, Any]:
-        """Return what its record says of problem and solver."""
+        """Return the fields of the record that identify problem and solver."""
 
     def occupy(self, core: MeasuringCore) -> None:
-        """Let the process run on a core alone from now on."""
+        """Pin the process to a core from now on."""
         self.core = core
         if self._worker is not None:
             core.pin(self._worker.process)
 
     def is_open(self, level: int) -> bool:
-        """Whether a level can be measured: the process lives, and no coarser point ends the ladder."""
+        """Return whether a level can be measured: the process is alive, and no coarser point ends the ladder."""
         return self._worker is not None and self.outcome is Outcome.MEASURED and not self._end_before(level)
 
     def add_point(self, level: int, answers: list[Answer]) -> None:
-        """Keep what was measured of one level."""
+        """Add the measurements of one level."""
         point = self.point(self.ladder[level], answers)
         if level < len(self.points):
             self.points[level] = joined(self.points[level], point)
@@ -109,16 +109,16 @@ class LadderCase(ABC, Generic[Answer]):
             self.points.append(point)
 
     def skip_point(self, level: int) -> None:
-        """Note a level that was not attempted, because a coarser one did not end solved."""
+        """Record a level as not attempted, because a coarser one was not solved."""
         if level == len(self.points) > 0:
             reason, value = self._end_before(level) or self._reason, self.ladder[level]
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
     def finish(self) -> None:
-        """Do what is done once after all levels."""
+        """Do the work that is done once after all levels."""
 
     def dismiss(self) -> None:
-        """Let the process end, without waiting for it: the case has not failed if it answers no more."""
+        """Ask the process to end without waiting for it; the case has not failed."""
         self._is_dismissed = True
         if self._worker is not None:
             self._worker.dismiss()
@@ -133,7 +133,7 @@ class LadderCase(ABC, Generic[Answer]):
             self._worker = None
 
     def record(self) -> CaseRecord:
-        """Return the case as it is stored."""
+        """Return the record of the case."""
         self._update_costs()
         return CaseRecord(
             **self.identity(),
@@ -159,7 +159,7 @@ class LadderCase(ABC, Generic[Answer]):
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
-        """Return the answer of the process; None, with the case failed, if there is none or the solver refuses."""
+        """Return the answer of the process; without one, or if the solver declines, fail the case and return None."""
         if self._worker is None:
             return None
         try:
@@ -194,12 +194,12 @@ def measure_ladder(
     keep: Keep = lambda case, value: None,
     core: MeasuringCore | None = None,
 ) -> None:
-    """Measure the levels that are left of each case, once.
+    """Measure the remaining levels of each case once.
 
     Args:
-        cases: of one problem.
-        keep: called with a case and the value of a level after each of them.
-        core: where they are timed; wherever the system puts them if None.
+        cases: cases of one problem.
+        keep: called with a case and the value of a level after each level.
+        core: the measuring core; no pinning if None.
     """
     core = MeasuringCore(None) if core is None else core
     levels = range(max((len(case.ladder) for case in cases), default=0))
@@ -221,7 +221,7 @@ def measure_ladder(
 
 
 def _begin(cases: Sequence[LadderCase[Any]]) -> None:
-    """Begin cases, as many at a time as there are cores; on an interrupt let them end at once, and raise it."""
+    """Start cases in parallel, at most one per core; on an interrupt, end them immediately and raise it."""
     at_once = min(MAX_PARALLEL_STARTS, os.cpu_count() or 1)
     with ThreadPoolExecutor(at_once) as pool:
         begun = [pool.submit(case.begin) for case in cases]
@@ -231,14 +231,14 @@ def _begin(cases: Sequence[LadderCase[Any]]) -> None:
         except BaseException:
             for one in begun:
                 one.cancel()
-            while wait(begun, timeout=INTERRUPT_SECONDS).not_done:  # one that is about to start has no process yet
+            while wait(begun, timeout=INTERRUPT_SECONDS).not_done:  # a case that is about to start has no process yet
                 for case in cases:
                     case.dismiss()
             raise
 
 
 def _measure_level(cases: Sequence[LadderCase[Any]], level: int, keep: Keep) -> None:
-    """Measure one level of all cases in turn, round after round, and keep each as soon as its rounds are over."""
+    """Measure one level of all cases, with alternating rounds, and store each case after its last round."""
     answers: list[list[Any]] = [[] for _ in cases]
     left = list(range(len(cases)))
     while left:
@@ -253,7 +253,7 @@ def _measure_level(cases: Sequence[LadderCase[Any]], level: int, keep: Keep) -> 
 
 
 def _keep_level(case: LadderCase[Any], level: int, answers: list[Any], keep: Keep) -> None:
-    """Keep what was measured of one level, or that it was not."""
+    """Store the measurements of one level, or that it was not attempted."""
     if case.is_open(level) and answers:
         case.add_point(level, answers)
     else:

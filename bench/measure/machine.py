@@ -1,4 +1,4 @@
-"""Describe the machine, the versions and the state of the source of a run."""
+"""Describe the machine, the versions and the source of a run."""
 
 import contextlib
 import hashlib
@@ -39,16 +39,16 @@ def describe_machine() -> dict[str, Any]:
     }
 
 
-def busy_seconds(but: int | None) -> float:
-    """Return for how long all cores but one have worked since the system started [s]; 0 where that one is unknown."""
-    if but is None:
+def busy_seconds(except_core: int | None) -> float:
+    """Return the busy time of all cores except one since the system started [s]; 0 if that core is unknown."""
+    if except_core is None:
         return 0.0
-    others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number != but]
+    others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number != except_core]
     return float(sum(sum(one[:8]) - one.idle - getattr(one, "iowait", 0.0) for one in others))
 
 
 def this_machine() -> Machine:
-    """Return the machine as it is stored."""
+    """Return the record of this machine."""
     return msgspec.convert(describe_machine(), Machine)
 
 
@@ -75,7 +75,7 @@ def _source() -> str:
 
 
 def _git(*words: str) -> str:
-    """Return the answer of git about the folder of this source, or nothing where it is not a checkout."""
+    """Return the output of a git command in the folder of this source; empty outside a checkout."""
     try:
         done = subprocess.run(
             ["git", "-C", str(Path(__file__).resolve().parent), *words],

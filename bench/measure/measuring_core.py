@@ -1,15 +1,15 @@
-"""The processor core on which solves are timed, and the evidence of what else works on the machine.
+"""The processor core on which solves are timed, and measurements of the load of the machine.
 
 A run claims one core. While solves are timed, the process of the case and this process are pinned to it, so that the
-system moves other programs elsewhere, and another run on the same machine claims another core. Three readings tell
-whether a round of solves had the core to itself:
+system moves other programs elsewhere, and another run on the same machine claims another core. Three measurements
+show whether other programs disturbed a round of solves:
 
-* the solves themselves count context switches and processor seconds (``Round`` in ``store/records.py``);
-* a *probe*, a fixed piece of work, is timed on the same core by this process, which runs no code of a plugin, before
-  and after each round: it is slower where another hardware thread shares the core, or where the clock rate drops;
-* the system counts how busy the *other* cores are, which are idle while this run alone works.
+* context switches and processor seconds of the solves (``Round`` in ``store/records.py``);
+* a *probe*: before and after each round this process, which runs no code of a plugin, times a fixed piece of work on
+  the same core. It is slower if another hardware thread shares the core, or if the clock rate drops;
+* the load of the *other* cores, which are idle if only this run works.
 
-A reading can exclude a round, which is then measured again. None of them ever changes a time.
+A disturbed round is excluded and measured again. Measured times are never corrected.
 """
 
 import contextlib
@@ -25,25 +25,25 @@ from ..isolation.process_tree import descendants, threads
 from .machine import busy_seconds
 
 PROBE_OBJECTS = 1000
-"""Objects in the part of a probe that makes and compares them."""
+"""Number of objects that a probe creates and compares."""
 
 PROBE_NUMBERS = 50_000
-"""Numbers in the part of a probe that streams over an array of 400 kB."""
+"""Number of values in the array of 400 kB that a probe sums."""
 
 FIRST_PROBES = 40
-"""Probes that give the reference before the first round."""
+"""Number of probes before the first round, which determine the reference."""
 
 CLAIM = "proxbench-core"
-"""What names of claims begin with."""
+"""Prefix of the names of claims."""
 
 REFERENCE_SHARE = 0.25
-"""Quantile of all probes so far that is the reference: a core that is shared for half of the time still has it."""
+"""Quantile of all probes that is the reference; it is unaffected if the core is shared for half of the time."""
 
 MAX_PROBE_RATIO = 1.25
 """Ratio of a probe to the reference above which a core is not steady."""
 
 MAX_PINNING = 10
-"""Times that the threads of a process are pinned: one that is not pinned yet may start others."""
+"""Largest number of attempts to pin all threads of a process, because unpinned threads may start others."""
 
 
 @dataclass
@@ -51,9 +51,9 @@ class MeasuringCore:
     """One core, claimed for this process until ``release``.
 
     Attributes:
-        number: number of the core; None where the system offers no affinity, or where other runs claim every core.
-        probes: seconds of all probes so far [s].
-        busy_cores: how many other cores were busy on average while this one was last occupied.
+        number: number of the core; None if the system has no affinity, or other runs have claimed every core.
+        probes: wall times of all probes [s].
+        busy_cores: mean number of other busy cores while this one was last occupied.
     """
 
     number: int | None
@@ -69,7 +69,7 @@ class MeasuringCore:
 
     @staticmethod
     def claim() -> "MeasuringCore":
-        """Return the highest core that this process may use and that no other run has claimed."""
+        """Claim the highest core that this process may use and no other run has claimed."""
         for number in sorted(_allowed_cores(), reverse=True):
             claim = _claim(number)
             if claim is not None:
@@ -77,14 +77,14 @@ class MeasuringCore:
         return MeasuringCore(None)
 
     def release(self) -> None:
-        """Let another run claim the core."""
+        """Release the claim, so that another run can claim the core."""
         if self._claim is not None:
             self._claim.close()
             self._claim = None
 
     @contextlib.contextmanager
     def occupied(self) -> Iterator[None]:
-        """Pin the calling thread to the core, and count how busy the other cores are meanwhile."""
+        """Pin the calling thread to the core, and measure the load of the other cores."""
         before = _allowed_cores()
         if self.number is not None:
             os.sched_setaffinity(0, {self.number})
@@ -119,18 +119,18 @@ class MeasuringCore:
             return True
 
     def probe(self) -> float:
-        """Return the seconds that a fixed piece of work takes now [s]; of two in a row the second, with warm caches."""
+        """Return the wall time of a fixed piece of work [s]: the second of two, with warm caches."""
         self._work()
         self.probes.append(self._work())
         return self.probes[-1]
 
     @property
     def reference(self) -> float:
-        """Seconds of a probe on a steady core, as far as this process has met one [s]."""
+        """Wall time of a probe on a steady core, estimated from all probes [s]."""
         return float(np.quantile(self.probes, REFERENCE_SHARE))
 
     def is_steady(self, *probes: float) -> bool:
-        """Return whether probes [s] took about as long as the reference; always True without a claimed core."""
+        """Return whether wall times of probes [s] are close to the reference; always True without a claimed core."""
         return self.number is None or max(probes) <= MAX_PROBE_RATIO * self.reference
 
     def _work(self) -> float:
@@ -141,14 +141,14 @@ class MeasuringCore:
 
 
 def _allowed_cores() -> set[int]:
-    """Return the cores that the calling thread may use; none where the system does not say."""
+    """Return the cores that the calling thread may use; an empty set if the system has no affinity."""
     return set(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else set()
 
 
 def _claim(number: int) -> socket.socket | None:
-    """Return what holds the claim to a core until it is closed or this process ends; None if another run has it.
+    """Return a socket that claims a core until it is closed or this process ends; None if another run has claimed it.
 
-    It is a socket with a name that exists in memory alone, so that no file is left behind.
+    Its abstract name leaves no file behind.
     """
     claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:

@@ -1,4 +1,4 @@
-"""What a run measures: problems, solvers and settings, all checked before anything starts."""
+"""The plan of a run: problems, solvers and settings, validated before the run starts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,15 +36,15 @@ DEFAULT_SOLVERS = (
 
 
 Measured = TypeVar("Measured", SolverSpec, Method)
-"""What is measured: a solver, or a stepper with a solver."""
+"""The subject of a measurement: a solver, or a stepper with a solver."""
 
 
 @dataclass(frozen=True)
 class Plan(Generic[Measured]):
-    """A plan, with the objects that its names stand for.
+    """A plan, with the objects of its names.
 
     Attributes:
-        record: the plan as it is stored.
+        record: the stored plan.
         problems: names of problems that are loaded later, and problems; empty in a study.
         solvers: the solvers; in a study, the steppers with solvers.
     """

@@ -1,4 +1,4 @@
-"""Join the measurements that several passes make of a point."""
+"""Combine the measurements of a point from several passes."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,11 +13,11 @@ from ..store.outcome import Outcome
 from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
-"""Outcomes from good to bad; the others stand between being relaxed and being wrong."""
+"""Ranks of outcomes from good to bad; other outcomes rank between RELAXED and WRONG."""
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
-    """Return the points of a case, of which only the finest measured one keeps its impulses."""
+    """Return the points of a case without impulses, except for the finest measured one."""
     finest = max((level for level, point in enumerate(points) if point.measured is not None), default=-1)
     return [
         point
@@ -28,9 +28,9 @@ def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
 
 
 def joined(before: Point, now: Point) -> Point:
-    """Return a point of the rounds of both; the worse outcome with its reason counts, and the worse answer.
+    """Return a point with the rounds of both, the worse outcome with its reason, and the worse answer.
 
-    A time limit that was reached in excluded rounds alone is forgotten once there is a round that is not excluded.
+    A time limit that was reached in excluded rounds alone is ignored if another round is not excluded.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
@@ -65,7 +65,7 @@ def _joined(before: Measured, now: Measured) -> Measured:
 
 
 def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
-    """Return times and repeats of a point from its rounds; excluded ones count only where there are no others."""
+    """Return times and repeats of a point from its rounds; excluded rounds count only if all are excluded."""
     kept = [one for one in rounds if not one.excluded] or rounds
     columns = {
         "prepare_seconds": [one.prepare_seconds for one in kept],
@@ -80,6 +80,6 @@ def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
 
 
 def quartiles(values: FloatArray) -> Quartiles:
-    """Return least, quartiles and median of times [s]."""
+    """Return minimum, quartiles and median of times [s]."""
     low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
     return Quartiles(min=low, q1=first, median=median, q3=third)

@@ -1,4 +1,4 @@
-"""Find false claims that a problem has no solution, by the solutions of a run."""
+"""Refute claims that a problem has no solution, with the solutions of a run."""
 
 from collections.abc import Sequence
 
@@ -9,17 +9,17 @@ from ..store.outcome import Outcome
 from ..store.records import CaseRecord, Point
 
 SOLUTION = 1e-8
-"""Judged residual of impulses that are taken for a solution."""
+"""Largest judged residual of impulses that count as a solution."""
 
 
 def find_refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
-    """Return the cases of one problem that claim falsely that it has no solution, with these claims marked as wrong.
+    """Return the cases of one problem that falsely claim that it has no solution, with these claims marked as wrong.
 
-    Such a claim falls where the judge of the same model has found a solution in any of the cases, or one is known.
+    A claim is false if any case contains a judged solution of the same model, or a solution is known.
 
     Args:
-        cases: all that are measured.
-        is_solvable: whether there is a solution under Coulomb's law, None where that is not known.
+        cases: all measured cases.
+        is_solvable: whether there is a solution under Coulomb's law; None if unknown.
     """
     solvable = {case.model for case in cases if any(map(_is_solution, case.points))}
     if is_solvable is not None:
@@ -39,4 +39,4 @@ def _is_solution(point: Point) -> bool:
 def _without_claim(point: Point) -> Point:
     if point.outcome is not Outcome.INFEASIBLE:
         return point
-    return replace(point, outcome=Outcome.WRONG, reason="claims that there is no solution, and one is known")
+    return replace(point, outcome=Outcome.WRONG, reason="claims that there is no solution, but one is known")

@@ -1,4 +1,4 @@
-"""Begin a run, or resume one: the plan is stored, then the missing cases are measured."""
+"""Start or resume a run: store the plan, then measure the missing cases."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -28,16 +28,16 @@ from .trajectories.methods import Method, stored_method
 def measure(
     plan: Plan[SolverSpec] | Plan[Method], folder: Path, on_event: OnEvent, executor: Executor | None = None
 ) -> None:
-    """Execute a plan, and store it with its results in a new folder, which is named like the run.
+    """Execute a plan, and store it with its results in a new folder with the name of the run.
 
     Args:
-        plan: what to measure.
-        folder: of the run.
-        on_event: called as the run goes on.
-        executor: measures its problems, each as a task; this process if None.
+        plan: the plan.
+        folder: folder of the run.
+        on_event: called with each event of the run.
+        executor: executor of the problems, each as a task; this process if None.
 
     Raises:
-        ProxbenchError: if the folder cannot be written or there is a run in it, before the start.
+        ProxbenchError: before the start, if the folder cannot be written or contains a run.
         InterruptedRunError: on Ctrl-C; finished cases are kept.
     """
     store = Store.create(folder)
@@ -69,16 +69,16 @@ def resume_measuring(
     """Measure the cases of a stored run that are missing, damaged, or of a problem with another digest.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
-        on_event: called as the run goes on.
-        plugins: the plugin files that it was begun with.
-        mix: go on also where machine, versions or source are others than those it was begun with.
-        executor: measures its problems, each as a task; this process if None. It need not be of the same machine then.
+        on_event: called with each event of the run.
+        plugins: the plugin files of the run.
+        mix: continue even if machine, versions or source differ from those of the run.
+        executor: executor of the problems, each as a task, on any machine; this process if None.
 
     Raises:
-        ProxbenchError: if the folder is no run, its run.json is damaged, a name in it is unknown, a plugin file of its
-            solvers is not named, is gone or has changed, or the machine is another one.
+        ProxbenchError: if the folder is not a run, its run.json is damaged, a name in it is unknown, a plugin file of
+            its solvers is not named, missing or changed, or the machine differs.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(folder)
@@ -92,8 +92,8 @@ def resume_measuring(
     changed = differing(record.machine, this_machine())
     if changed and not mix:
         raise BenchError(
-            f"{folder} was begun with another machine or source ({'; '.join(changed)}), whose times do not compare; "
-            f"begin a new run, or mix them with `mix=True`."
+            f"{folder} was started with another machine or source ({'; '.join(changed)}), whose times are not "
+            f"comparable; begin a new run, or mix them with `mix=True`."
         )
     use_plugin_files(plugins)
     check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
@@ -110,7 +110,7 @@ def resume_measuring(
 def _executor(
     solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor | None, mix: bool = False
 ) -> RunExecutor:
-    """Return what executes a plan: this process, or the workers of an executor."""
+    """Return the executor of a plan: this process, or the workers of ``executor``."""
     if executor is None:
         return LocalExecutor(solvers, store, record, on_event, mix)
     return DistributedExecutor(solvers, store, record, on_event, executor, mix)

@@ -1,6 +1,6 @@
 """Select the problems of a run from names, files, folders, suites and objects, each with its family.
 
-A problem that is named itself must be valid. Files of a folder that cannot be measured are skipped, with the reason.
+Problems that are named individually must be valid. Invalid files of a folder are skipped, with the reason.
 """
 
 import os
@@ -19,7 +19,7 @@ from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolved
 
 Given = str | Path | ContactProblem
-"""A problem: its name, its file, or itself; or a folder of files."""
+"""A problem, its name or file, or a folder of files."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class Selection:
     """The problems of a run.
 
     Attributes:
-        problems: names of problems that are loaded when their turn comes, and problems.
-        families: the family of each, by its name.
-        suite: name of the suite that they are; empty where they were named.
+        problems: names of problems that are loaded later, and problems.
+        families: family of each problem, by name.
+        suite: name of the suite; empty if the problems were named.
         left_out: a sentence for each file of a folder that cannot be measured.
     """
 
@@ -48,7 +48,7 @@ def select(
 ) -> Selection:
     """Return the given problems, or the members of a suite, or a sample of them.
 
-    Problems of plugins are built here and files are read; named problems are loaded when their turn comes.
+    Problems of plugins are built and files are read here; named problems are loaded later.
 
     Args:
         problems: names, files, folders and problems; the members of ``suite`` if None.
@@ -58,10 +58,10 @@ def select(
         sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
-        ProblemError: for an unknown problem or suite, with the nearest name, a file that holds none, a folder without
-            any that can be read, or a sample that is not positive.
+        ProblemError: for an unknown problem or suite, with the nearest name, a file without a problem, a folder without
+            readable problems, or a sample that is not positive.
         PluginError: if a plugin does not make the problem it offers.
-        BenchError: for a name given twice, or a problem with the name of one of the library and other numbers.
+        BenchError: for a name given twice, or a problem with the name of a library problem and other numbers.
     """
     given, name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
@@ -81,15 +81,15 @@ def select(
 
 
 def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:
-    """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``, and its usual spelling.
+    """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``, and its canonical spelling.
 
     Raises:
-        BenchError: if it is no shard, or has no problem.
+        BenchError: if ``shard`` is invalid, or has no problem.
     """
     number, count = parse_shard(shard)
     problems = selection.problems[number - 1 :: count]
     if not problems:
-        raise BenchError(f"`shard` {shard} has no problem, there are {len(selection.problems)}; divide less.")
+        raise BenchError(f"`shard` {shard} has no problem of {len(selection.problems)}; use fewer shards.")
     names = set(map(problem_name, problems))
     families = {name: family for name, family in selection.families.items() if name in names}
     return replace(selection, problems=problems, families=families), f"{number}/{count}"
@@ -99,7 +99,7 @@ def parse_shard(shard: str) -> tuple[int, int]:
     """Return i and n of a shard ``"i/n"``, which may have leading zeros.
 
     Raises:
-        BenchError: if it is no shard.
+        BenchError: if ``shard`` is invalid.
     """
     found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
     number, count = map(int, found.groups()) if found else (0, 0)
@@ -115,7 +115,7 @@ def problem_name(problem: str | ContactProblem) -> str:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A problem that may become one of the run's: its name again where it is loaded later."""
+    """A candidate problem of the run, or its name if it is loaded later."""
 
     name: str
     family: str
@@ -123,7 +123,7 @@ class _Candidate:
 
 
 def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
-    """Return all that is given, why files of folders cannot be, and the names of the folders."""
+    """Return all given problems, the reasons of skipped files, and the names of the folders."""
     known = set(problem_names())
     check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
@@ -146,7 +146,7 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
 
 
 def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:
-    """Return the members of a suite by its name, or the folder that is one, with its name."""
+    """Return the members of a suite, or the folder of a suite, with its name."""
     if isinstance(suite, str) and (suite in SUITES or not (os.path.isdir(suite) or "/" in suite)):
         return tuple(suite_members(suite)), suite
     if not os.path.isdir(suite):
@@ -155,14 +155,14 @@ def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:
 
 
 def _is_folder(given: Given, known: set[str]) -> bool:
-    """Whether problems are given as a folder; a problem's own name goes before that of a folder."""
+    """Return whether problems are given as a folder; the name of a problem takes precedence."""
     if isinstance(given, ContactProblem) or given in known:
         return False
     return os.path.isdir(given)
 
 
 def _read(member: Member) -> ContactProblem:
-    """Return a problem of a folder under the name of its file."""
+    """Return a problem of a folder, named like its file."""
     problem = load(member.path).renamed(member.name)
     try:
         check_numbers(problem)

@@ -1,7 +1,7 @@
 """Solve and judge frictional contact problems, and measure how well solvers solve them.
 
-This folder is the package ``proxbench`` itself. Its names are imported when they are first used, so that
-``import proxbench`` takes no time.
+This folder is the package ``proxbench`` itself. Its names are imported at their first use, so that
+``import proxbench`` is fast.
 
 ``solve``
     Solve a problem: ``proxbench.solve("funnel-100")``.

@@ -1,1 +1,1 @@
-"""Solvers, problems and scenes from elsewhere: known as data here, made and run in processes of their own."""
+"""Solvers, problems and scenes of plugins: described as data, created and run in child processes."""

@@ -1,4 +1,4 @@
-"""Balls of a plugin's scene as plain values: what recordings need to draw them without code of the plugin."""
+"""Balls of a plugin's scene as plain values, so that recordings can draw them without code of the plugin."""
 
 from dataclasses import fields
 from typing import Any, Literal, TypeVar
@@ -15,14 +15,14 @@ S = TypeVar("S", Plane, Segment)
 
 
 class BallsRecord(Record, frozen=True, kw_only=True):
-    """The balls of a scene, whose radii and masses are arrays beside.
+    """The balls of a scene, without the arrays of radii and masses.
 
     Attributes:
         dimension: 2 or 3.
-        has_rotation: whether the balls turn.
+        has_rotation: whether the balls rotate.
         inertia_factor: J/(m r²).
-        planes: its surfaces of this kind, as all surfaces that can be drawn.
-        segments: the others that can be drawn.
+        planes: the planes.
+        segments: the other surfaces that can be drawn.
     """
 
     dimension: Literal[2, 3]
@@ -44,13 +44,13 @@ def describe_balls(balls: BallSystem) -> BallsRecord:
 
 
 def _plain(surface: S, kind: type[S]) -> S:
-    """Return a surface with plain numbers; one of a class of the plugin is drawn as the surface that it extends."""
+    """Return a surface with plain numbers; a subclass in the plugin is replaced by its base class."""
     values: dict[str, Any] = {one.name: np.asarray(getattr(surface, one.name)).tolist() for one in fields(kind)}
     return kind(**values)
 
 
 def ball_arrays(scene: Scene) -> Arrays:
-    """Return radii [m] and masses [kg] of the balls of ``scene``, shape (n,); nothing if it has none."""
+    """Return radii [m] and masses [kg] of the balls of ``scene``, shape (n,); empty if it has no balls."""
     return {} if scene.balls is None else {"radii": scene.balls.radii, "masses": scene.balls.masses}
 
 
@@ -58,7 +58,7 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
     """Return the balls, without the forces that act on them.
 
     Raises:
-        KeyError, ValueError, ProblemError: if these are no balls of a scene with ``n_coordinates`` and ``n_dofs``.
+        KeyError, ValueError, ProblemError: if the balls do not fit a scene with ``n_coordinates`` and ``n_dofs``.
     """
     _check_surfaces(record)
     balls = BallSystem(
@@ -77,7 +77,7 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
 
 
 def _check_surfaces(record: BallsRecord) -> None:
-    """Raise ``ValueError`` if a surface has no extent, another dimension than the balls, or numbers that are none."""
+    """Raise ``ValueError`` if a surface has no extent, a wrong dimension, or numbers that are not finite."""
     for plane in record.planes:
         is_of_scene = len(plane.point) == len(plane.normal) == record.dimension
         if not is_of_scene or not any(plane.normal) or not np.isfinite([plane.point, plane.normal]).all():

@@ -1,4 +1,4 @@
-"""Descriptions of plugins and of the caller's solvers, which are imported and made in a process of their own.
+"""Descriptions of plugins and of the caller's solvers, which are imported and created in a child process.
 
 The process returns JSON, and problems as the content of problem files.
 """
@@ -30,7 +30,7 @@ from .solver_specs import SolverSpec, built_in, carried
 
 
 def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
-    """Return a solver, given by its name or as an object, as data.
+    """Return the specification of a solver, given by its name or as an object.
 
     Raises:
         SolverError: for an unknown solver or option, with the nearest name.
@@ -50,16 +50,16 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return the offers of plugins of every kind that are known without running them; solvers first."""
+    """Return the names that plugins provide, as far as they are known without running the plugins; solvers first."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 
 def offered(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
-    """Return what a plugin file offers, names by kind; each solver was made once, and keeps to the interface.
+    """Return the names that a plugin file provides, by kind, after creating and checking each solver.
 
     Args:
         file: the file.
-        seconds: wall time that its import and the making of its solvers may take [s].
+        seconds: wall time limit to import the file and create its solvers [s].
 
     Raises:
         PluginError: if the file fails to import, offers nothing, a name that is not free, or a solver that breaks the
@@ -79,13 +79,13 @@ def described_solver(name: str) -> dict[str, Any]:
 
 
 def option_texts(name: str) -> list[str]:
-    """Return the options of a solver with their defaults: ``"relaxation=1.0"``; a plugin's is imported for it."""
+    """Return the options of a solver with their defaults: ``"relaxation=1.0"``; the plugin is imported if necessary."""
     options = inspect.signature(registry.factory(name)).parameters.values()
     return [f"{option.name}={option.default!r}" for option in options if option.default is not option.empty]
 
 
 def described_scene(name: str) -> list[str]:
-    """Return the options of a scene of a plugin, each with its default.
+    """Return the options of a scene of a plugin with their defaults.
 
     Raises:
         PluginError: if the plugin fails to import, or an option has no default.
@@ -95,7 +95,7 @@ def described_scene(name: str) -> list[str]:
 
 
 def plugin_problem(name: str) -> ContactProblem:
-    """Return a problem that a plugin offers.
+    """Return a problem of a plugin.
 
     Raises:
         PluginError: if the plugin does not make it.
@@ -115,7 +115,7 @@ def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Solver
 def _ask(
     failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
 ) -> tuple[dict[str, Any], bytes]:
-    """Return the answer of a fresh process, or raise ``error``: ``failure`` with the reason, or why it is refused."""
+    """Return the answer of a new process, or raise ``error`` with ``failure`` and the reason, or with its refusal."""
     with RenewedWorker(Describing(), seconds) as worker:
         try:
             answer, content = worker.ask(request, *arguments)
@@ -129,10 +129,10 @@ def _ask(
 
 @dataclass
 class Describing:
-    """The child's half: answers "offers" (plugin file), "solver" (name, pickled object), "problem", "scene" (name)."""
+    """The task of the child: it answers "offers" (file), "solver" (name, pickled object), "problem", "scene" (name)."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; a mistake in words is answered as {"refused": sentence}."""
+        """Answer one request; an error that a user can cause is answered as {"refused": sentence}."""
         try:
             if request == "offers":
                 return {"offers": _offers(*arguments)}, b""
@@ -146,8 +146,8 @@ class Describing:
 
 
 def _offers(file: PluginFile) -> dict[str, list[str]]:
-    """Return the names that a plugin file offers by kind, each solver made once, or raise ``PluginError``."""
-    forget(file)  # what is known of its names came from a run of it, which this is
+    """Return the names that a plugin file provides, by kind, after creating each solver; or raise ``PluginError``."""
+    forget(file)  # the known names came from an earlier import of the file
     register(file)
     file.check_offers()
     found = [offer for offer in all_offers() if offer.file == file]

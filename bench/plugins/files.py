@@ -1,4 +1,4 @@
-"""Plugin files of a command: taken into use before it starts, stored with a run, and found again when it is resumed."""
+"""Plugin files of a command: register them before it starts, store them with a run, and check them on resuming."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -24,8 +24,8 @@ def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECON
         seconds: wall time that the import of each may take, with the making of its solvers [s].
 
     Raises:
-        PluginError: if a file is missing, fails to import, offers nothing, a name that is not free, or a solver that
-            breaks the contract; it is then not in use.
+        PluginError: if a file is missing, fails to import, provides nothing, a name that is taken, or a solver that
+            violates the contract; the file is then not registered.
     """
     for path in map(Path, paths):
         if is_native(path):
@@ -52,7 +52,7 @@ def _use(file: PluginFile, seconds: float) -> None:
 
 
 def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[str] = ()) -> list[PluginUse]:
-    """Return the names that a run takes from plugins, each with its package, or its file and SHA-256.
+    """Return the plugin names in a run, each with its package, or its file and SHA-256.
 
     Args:
         solvers: names of solvers, with or without options.
@@ -79,10 +79,10 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
 def check_again(recorded: Iterable[PluginUse]) -> None:
     """Check that the plugin files and the native files of a stored run are in use and unchanged.
 
-    They are not used only because a file names them: resuming a run from elsewhere would execute its code.
+    The files are not registered automatically, because resuming a run of someone else would execute its code.
 
     Raises:
-        BenchError: if one is not in use, is gone, or has changed since, so that two versions would share a name.
+        BenchError: if a file is not registered, missing, or changed, so that two versions would share a name.
     """
     used = {str(file.path): file.sha256 for file, _ in registered()}
     files = {(use.file, use.sha256, "file" if is_native_use(use) else "plugin file") for use in recorded if use.file}
@@ -99,7 +99,7 @@ def check_again(recorded: Iterable[PluginUse]) -> None:
 
 
 def _plain_names(solver: str) -> list[str]:
-    """Return the plain names of a solver and its parts, none where an object of the caller's has a name of its own."""
+    """Return the plain names of a solver and its parts; none for an object with an arbitrary name."""
     try:
         return registry.plain_names(solver)
     except SolverError:

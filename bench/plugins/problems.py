@@ -1,8 +1,8 @@
-"""The problems of a run: those that are stored with it, and where each is found.
+"""The problems of a run: find them, and store those that the package does not contain.
 
-The hard cases and the frozen library have the same numbers wherever that version of the package is installed. All other
-problems (of plugins, of the caller, generated ones) are stored with the run, so that it can be resumed, judged again
-and shown without their source.
+The hard cases and the frozen library have the same numbers in every installation of the version. All other problems (of
+plugins, of the caller, generated ones) are stored with the run, so that it can be resumed, judged again and shown
+without their source.
 """
 
 from collections.abc import Iterable
@@ -19,11 +19,11 @@ from .describing import plugin_problem
 
 
 def resolved(problem: str | Path | ContactProblem) -> ContactProblem:
-    """Return a problem by its name or from its file, or the one given; those of plugins are made in a child.
+    """Return a problem, given itself or by its name or file; problems of plugins are created in a child process.
 
     Raises:
         ProblemError: as ``load``.
-        PluginError: if a plugin does not make what it offers.
+        PluginError: if a plugin does not create the problem.
     """
     if isinstance(problem, ContactProblem):
         return problem
@@ -32,7 +32,7 @@ def resolved(problem: str | Path | ContactProblem) -> ContactProblem:
 
 
 def check_known(names: Iterable[str]) -> None:
-    """Raise ``ProblemError``, with the nearest name, if there is no problem of one of these names."""
+    """Raise ``ProblemError``, with the nearest name, if one of these names is unknown."""
     known = problem_names()
     for name in names:
         if name not in known:
@@ -40,7 +40,7 @@ def check_known(names: Iterable[str]) -> None:
 
 
 def check_numbers(problem: ContactProblem) -> None:
-    """Raise ``BenchError`` if a problem has the name of one that the package holds, and other numbers."""
+    """Raise ``BenchError`` if a problem has the name of a problem of the package, but other numbers."""
     if is_held(problem.name) and load(problem.name).digest != problem.digest:
         raise BenchError(
             f"the problem {problem.name!r} differs from the problem of that name in the library; rename it, as "
@@ -49,11 +49,11 @@ def check_numbers(problem: ContactProblem) -> None:
 
 
 def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, str]:
-    """Store the problems that the package does not hold, as far as they are there; return their digests by name.
+    """Store the available problems that the package does not contain, and return their digests by name.
 
     Raises:
-        BenchError: if one cannot be written.
-        ProblemError: if one cannot be read.
+        BenchError: if a problem cannot be written.
+        ProblemError: if a problem cannot be read.
     """
     carried = {}
     for given in problems:
@@ -66,11 +66,11 @@ def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, s
 
 
 def problem_of(store: Store | Bundle, run: RunRecord, name: str) -> ContactProblem:
-    """Return a problem of a run, as it is stored with it or as the package holds it.
+    """Return a problem of a run, from the run itself or from the package.
 
     Raises:
-        ProblemError: if there is none of that name, or its file is missing or damaged.
-        BenchError: if its file holds another problem.
+        ProblemError: if the run has no problem of that name, or its file is missing or damaged.
+        BenchError: if its file contains another problem.
     """
     if name not in run.plan.problems:
         raise ProblemError(f"the run has no problem {name!r}{suggestion(name, run.plan.problems)}")

@@ -1,9 +1,9 @@
-"""A scene in a process of its own, with the interface of any other.
+"""A scene in a separate process, with the ``Scene`` interface.
 
-The process describes the scene, and answers for single states: energies and observables, and the contacts that a
-recording draws. The steps of a simulation are taken as a whole in another process, see ``simulation.remote_steps``. The
-scene may raise, hang, crash or exhaust memory without harm to this process: a request without an answer raises
-``FailedSceneError``, and the next request starts a fresh process.
+The process describes the scene, and evaluates single states: energies and observables, and the contacts that a
+recording draws. Another process takes the steps of a simulation, see ``simulation.remote_steps``. The scene may raise,
+hang, crash or exhaust memory without harm to this process. A request without an answer raises ``FailedSceneError``, and
+the next request starts a new process.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,12 +45,12 @@ class FailedSceneError(BenchError):
 def local_or_remote_scene(
     name: str, options: Mapping[str, Any] | None = None, seconds: float = REQUEST_SECONDS
 ) -> Scene:
-    """Return a scene by its name: itself if Proxbench has it, else one that moves in a process of its own.
+    """Return a scene by its name: a built-in scene itself, a plugin's scene in a separate process.
 
     Args:
-        name: its name, with options or without.
+        name: name of the scene, with or without options.
         options: further options.
-        seconds: wall time that a plugin's scene may take for one answer [s].
+        seconds: wall time limit of one answer of a plugin's scene [s].
 
     Raises:
         ProblemError: for an unknown scene or option, with the nearest name, or a value out of range.
@@ -62,22 +62,22 @@ def local_or_remote_scene(
 
 
 class RemoteSystem(RenewedWorker):
-    """What is asked of the system of a scene between simulations; the process ends with the object."""
+    """The system of a scene in a separate process, for single states; the process ends with the object."""
 
     def __init__(self, name: str, options: Mapping[str, Any], seconds: float) -> None:
-        """Note what to start.
+        """Store the scene; the process starts with the first request.
 
         Args:
-            name: the scene, with options or without.
+            name: name of the scene, with or without options.
             options: further options.
-            seconds: wall time that a request may take [s].
+            seconds: wall time limit of a request [s].
         """
         super().__init__(SceneTask(name, dict(options)), seconds)
         self._name = read_scene(name)[0]
         self._sizes = (0, 0)
 
     def scene(self) -> Scene:
-        """Return the scene whose system this is.
+        """Return the scene of this system.
 
         Raises:
             BenchError: if it cannot be built.
@@ -97,7 +97,7 @@ class RemoteSystem(RenewedWorker):
         has = about.functions
         return Scene(
             self._name,
-            system=cast(System, self),  # all that is asked of it here
+            system=cast(System, self),  # the only methods that are called
             start=start,
             **{name: getattr(about, name) for name in SAME_FIELDS},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
@@ -126,12 +126,12 @@ class RemoteSystem(RenewedWorker):
         return self._arrays(read, "assemble", midpoint, velocity, seconds)
 
     def failure(self, fault: Fault) -> Exception:
-        """Return the error of a request that is not answered."""
+        """Return the error for a request without an answer."""
         late = f"it took longer than {self.seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
         return FailedSceneError(f"scene {self._name}: {late}.")
 
     def _arrays(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
-        """Return what ``read`` finds in the arrays of an answer."""
+        """Return the result of ``read`` on the arrays of an answer."""
         _, content = self.ask(request, *arguments)
         try:
             return read(unpacked(content))

@@ -1,8 +1,8 @@
-"""A solver in a process of its own, with the interface of any other.
+"""A solver in a separate process, with the ``Solver`` interface.
 
-It serves successive solves: of a matrix, a recording, the steps of a simulation. The solver of a plugin may raise,
-hang, crash or exhaust memory without harm to the process that judges: a request without an answer raises
-``FailedSolveError``, and the next one starts a fresh process.
+It is used for successive solves: of a solver matrix, a recording, the steps of a simulation. The solver of a plugin may
+raise, hang, crash or exhaust memory without harm to the process that judges. A request without an answer raises
+``FailedSolveError``, and the next request starts a new process.
 """
 
 import io
@@ -27,15 +27,15 @@ from .describing import solver_spec
 from .solver_specs import SolverSpec
 
 GRACE_SECONDS = 1.0
-"""Wall time that a solver may take beyond its time limit before its process is ended [s]."""
+"""Wall time by which a solver may exceed its time limit before its process is killed [s]."""
 
 
 class FailedSolveError(BenchError):
     """A solver did not return a solution.
 
     Attributes:
-        outcome: how it ended.
-        reason: the same in words, a sentence without its subject.
+        outcome: the outcome.
+        reason: the reason in words, a sentence without its subject.
     """
 
     def __init__(self, name: str, fault: Fault) -> None:
@@ -44,13 +44,13 @@ class FailedSolveError(BenchError):
 
 
 class RemoteSolver(RenewedWorker):
-    """A solver in a process of its own; use it as a context manager, or ``close`` it.
+    """A solver in a separate process; use it as a context manager, or call ``close``.
 
     Attributes:
-        spec: the solver as data.
-        name: its name, with options.
-        model: what it solves.
-        has_iterates: whether it shows iterates.
+        spec: the specification of the solver.
+        name: name of the solver, with options.
+        model: the model that it solves.
+        has_iterates: whether its iterates can be observed.
     """
 
     def __init__(
@@ -60,15 +60,15 @@ class RemoteSolver(RenewedWorker):
         memory_bytes: int = MEMORY_BYTES,
         limit_seconds: float = np.inf,
     ) -> None:
-        """Note what to start.
+        """Store the specification; the process starts with the first request.
 
         Args:
             solver: the solver.
-            seconds: wall time that a request may take beyond the time limit of its solve [s]: preparing, and ending an
-                iteration.
-            memory_bytes: memory that it may take beyond what the framework itself needs.
-            limit_seconds: wall time for preparing and solving together [s]; each is ended ``GRACE_SECONDS`` later. If
-                infinite, each is ended after ``seconds`` and the time limit of the solve.
+            seconds: wall time by which a request may exceed the time limit of its solve [s], to prepare and to finish
+                an iteration.
+            memory_bytes: memory limit, in addition to the memory that the framework needs.
+            limit_seconds: wall time for preparing and solving together [s]; each is stopped ``GRACE_SECONDS`` later. If
+                infinite, each is stopped after ``seconds`` and the time limit of the solve.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
         self.spec, self._limit_seconds = solver, limit_seconds
@@ -97,14 +97,14 @@ class RemoteSolver(RenewedWorker):
         return RemotePrepared(self, problem)
 
     def make_ready(self, problem: ContactProblem) -> None:
-        """Let the solver prepare ``problem``, unless that is what it did last, in a process that still runs."""
+        """Let the solver prepare ``problem``, unless it has just done so in the same process."""
         self._send(problem)
         if self._ready is not problem:
             self.ask_in_time("prepare")
             self._ready = problem
 
     def ask_in_time(self, request: str, *arguments: Any, max_seconds: float = np.inf) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to a request that runs the solver, which is ended after its time limit [s].
+        """Return the answer to a request that runs the solver, and kill its process after the time limit [s].
 
         Raises:
             FailedSolveError: if it does not answer.
@@ -127,7 +127,7 @@ class RemoteSolver(RenewedWorker):
         return bool(np.isfinite(self._limit_seconds))
 
     def failure(self, fault: Fault) -> Exception:
-        """Return the error of a request that is not answered."""
+        """Return the error for a request without an answer."""
         return FailedSolveError(self.name, fault)
 
     def close(self) -> None:
@@ -144,21 +144,21 @@ class RemoteSolver(RenewedWorker):
 
 @dataclass(frozen=True)
 class RemotePrepared:
-    """A solver made ready for one problem, in its process."""
+    """A solver that is prepared for one problem, in its process."""
 
     solver: RemoteSolver
     problem: ContactProblem
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve there; iterates are shown when the solve is over. See ``Prepared.solve``.
+        """Solve in the process; iterates are passed to the observer after the solve. See ``Prepared.solve``.
 
         Raises:
-            FailedSolveError: if the solver does not answer, or with what is no solution.
+            FailedSolveError: if the solver does not answer, or its answer is not a solution.
         """
-        self.solver.make_ready(self.problem)  # another one was prepared meanwhile, or the process is a fresh one
+        self.solver.make_ready(self.problem)  # another problem was prepared since, or the process is new
         arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
-        _, content = self.solver.ask("impulses")  # iterates may be many, and their transfer is no time of the solver
+        _, content = self.solver.ask("impulses")  # the time to transfer iterates is not charged to the solver
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
@@ -171,7 +171,7 @@ class RemotePrepared:
 
 
 def answer_fault(answer: dict[str, Any]) -> str | None:
-    """Return why an answer cannot be that to a solve, or None."""
+    """Return why an answer to a solve is invalid, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
     is_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):
@@ -180,13 +180,13 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
 
 
 def are_iterations(shown: Any) -> bool:
-    """Whether these are numbers of iterations as an observer is given them."""
+    """Return whether ``shown`` is a list of valid iteration numbers."""
     return isinstance(shown, list) and all(type(one) is int and 0 <= one <= MAX_ITERATIONS for one in shown)
 
 
 @dataclass
 class SolvingTask:
-    """The child's half: answers "problem" (bytes), "supports", "prepare", "solve", and "impulses" of the last solve."""
+    """The task of the child: it answers "problem", "supports", "prepare", "solve", and "impulses" of the last solve."""
 
     solver_spec: SolverSpec
     _solver: Solver | None = None
@@ -242,7 +242,7 @@ class SolvingTask:
             shown.append(int(iteration))
             shape = iterates[-1].shape
             if shape != (problem.n_rows,):
-                raise MisbehaviourError(f"it showed its observer impulses of shape {shape}, not a row each")
+                raise MisbehaviourError(f"it passed impulses of shape {shape} to its observer, not (n_rows,)")
 
         digest = problem.digest
         left, began = stop.max_seconds - (self._prepare_seconds if has_one_limit else 0.0), perf_counter()
@@ -268,21 +268,21 @@ class SolvingTask:
 
 
 def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
-    """Return a solver by its name: itself if it is built in, else one that works in a process of its own.
+    """Return a solver by its name: a built-in solver itself, a plugin's solver in a separate process.
 
     Args:
-        name: its name, with options or without.
-        seconds: wall time that a request to such a process may take beyond the time limit of its solve [s].
+        name: name of the solver, with or without options.
+        seconds: wall time by which a request to the process may exceed the time limit of its solve [s].
 
     Raises:
-        ProxbenchError: for an unknown name or option, or a plugin's solver that cannot be made.
+        ProxbenchError: for an unknown name or option, or if a plugin's solver cannot be created.
     """
     return _working(solver_spec(name), seconds)
 
 
 @contextmanager
 def working_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[Solver]:
-    """Yield a solver that can be used here; a process of its own, if it has one, ends with the block.
+    """Yield a solver, and end its process, if any, with the block.
 
     Args:
         solver: the solver.

@@ -1,4 +1,4 @@
-"""States, masses and contacts as named arrays: written in the process of a scene, checked where they are read."""
+"""States, masses and contacts as named arrays: written in the process of a scene, and validated by the reader."""
 
 import io
 from typing import Any
@@ -22,7 +22,7 @@ UNFIT = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeEr
 """Exceptions that reading a malformed answer raises."""
 
 LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
-"""Arrays that laws are sent as."""
+"""Names of the arrays that represent laws."""
 
 
 def state_arrays(state: State) -> Arrays:
@@ -58,7 +58,7 @@ def contact_arrays(contacts: ActiveContacts) -> Arrays:
 
 
 def packed(arrays: Arrays) -> bytes:
-    """Return arrays as bytes, none as no bytes."""
+    """Return arrays as bytes, empty without arrays."""
     if not arrays:
         return b""
     buffer = io.BytesIO()
@@ -72,21 +72,21 @@ def unpacked(content: bytes) -> Arrays:
 
 
 def checked_array(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    """Return an array, or raise ``ValueError`` if it has another shape or type."""
+    """Return an array, or raise ``ValueError`` if its shape or type is wrong."""
     if values.dtype != np.float64 or values.shape != shape:
         raise ValueError("no numbers of this shape")
     return values
 
 
 def finite_numbers(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    """Return an array as ``checked_array`` does, whose numbers must be finite."""
+    """Return a finite array, or raise ``ValueError``; see ``checked_array``."""
     if not np.isfinite(checked_array(values, shape)).all():
         raise ValueError("no finite numbers")
     return values
 
 
 def checked_keys(values: NDArray[Any]) -> IntArray:
-    """Return keys, or raise ``ValueError`` if they do not ascend."""
+    """Return keys, or raise ``ValueError`` if they are not ascending."""
     if values.dtype != np.int64 or values.ndim != 1 or (np.diff(values) <= 0).any():
         raise ValueError("no keys")
     return values
@@ -109,7 +109,7 @@ def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
 
 
 def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
-    """Return pieces whose indices are in range, as compiled code requires."""
+    """Return pieces after checking that their indices are in range, as compiled code requires."""
     starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
     if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
         raise ValueError("no pieces")
@@ -121,7 +121,7 @@ def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
 
 
 def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
-    """Return contacts and joints with indices in range, as compiled code requires; errors are those in ``UNFIT``."""
+    """Return contacts and joints after checking their indices for compiled code; errors are those in ``UNFIT``."""
     keys, laws = checked_keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
     count, (width,) = len(keys), arrays["width"].tolist()
     gap, restitution = finite_numbers(arrays["gap"], (count,)), finite_numbers(arrays["restitution"], (laws.n_rows,))

@@ -1,4 +1,4 @@
-"""The child's half of a scene of a plugin: it builds the scene, describes it, and answers for single states."""
+"""The task of the child process of a plugin's scene: build the scene, describe it, and evaluate single states."""
 
 import struct
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ from .ball_records import BallsRecord, ball_arrays, describe_balls
 from .scene_arrays import Arrays, contact_arrays, mass_arrays, packed, state_arrays
 
 NUMBER = struct.Struct("d")
-"""How a single number is sent."""
+"""Binary format of a single number."""
 
 
 class ObservableRecord(Record, frozen=True, kw_only=True):
@@ -33,11 +33,11 @@ class SceneRecord(Record, frozen=True, kw_only=True):
     """The description of a scene; see ``Scene`` for the fields that have the same names.
 
     Attributes:
-        time: when it begins [s].
-        functions: the optional functions that it has.
-        observables: what is recorded at each step.
-        ending_seconds: how far its rule of ending looks back [s], None if it has none.
-        balls: what recordings draw, None if there are no balls.
+        time: time of the start [s].
+        functions: names of its optional functions.
+        observables: quantities that are recorded at each step.
+        ending_seconds: length of the past that its rule of ending uses [s]; None without a rule.
+        balls: the balls for recordings; None without balls.
     """
 
     options: dict[str, Any]
@@ -64,12 +64,12 @@ _FUNCTIONS: tuple[Literal["potential_energy", "exact"], ...] = ("potential_energ
 _MADE_APART = {"balls", "observables"}
 
 SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_fields__) - _MADE_APART)
-"""Fields of the record that the scene has as they are."""
+"""Fields of the record that are equal to those of the scene."""
 
 
 @dataclass
 class SceneTask:
-    """The child's half: answers "describe", "move", "assemble", "number", "ending" and "exact"."""
+    """The task of the child: it answers "describe", "move", "assemble", "number", "ending" and "exact"."""
 
     name: str
     options: dict[str, Any]

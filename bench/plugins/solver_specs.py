@@ -1,7 +1,7 @@
-"""Solvers as data, from which each is made in the process where it runs.
+"""Solvers as data, from which the process of a solver creates it.
 
-Built-in solvers are made wherever they are needed. Solvers of plugins and of the caller are made and examined in child
-processes only: none of their code runs where results are judged.
+Built-in solvers are created in any process. Solvers of plugins and of the caller are created and examined in child
+processes only, so that none of their code runs where results are judged.
 """
 
 import sys
@@ -25,10 +25,10 @@ class SolverSpec:
 
     Attributes:
         name: its name, with options.
-        model: what it solves.
-        has_iterates: whether it shows its iterates to an observer.
-        source: the plugin it comes from, as messages call it; empty for a built-in solver and for an object.
-        carried: an object of the caller's, pickled; empty for a solver that its name makes.
+        model: the model that it solves.
+        has_iterates: whether its iterates can be observed.
+        source: its plugin, for messages; empty for a built-in solver and for an object.
+        carried: a pickled object of the caller; empty if the name suffices to create the solver.
         is_randomised: whether it declares that its answers differ between repeats.
         files: the files in other languages that it needs, with their digests.
     """
@@ -48,11 +48,11 @@ class SolverSpec:
 
     @property
     def is_built_in(self) -> bool:
-        """Whether Proxbench itself can make it."""
+        """Whether it is a built-in solver."""
         return not self.source and not self.carried
 
     def make(self) -> Solver:
-        """Return the solver; only for built-in ones in the process that judges.
+        """Return the solver; in the process that judges, only for built-in solvers.
 
         Raises:
             ProxbenchError: if its class or one of its files is not what it was.
@@ -74,9 +74,9 @@ def built_in(name: str) -> SolverSpec:
 
 
 def carried(solver: Any) -> bytes:
-    """Return an object of the caller's pickled, to be sent to the processes of its cases.
+    """Return a pickled object of the caller, for the processes of its cases.
 
-    A class that children cannot import (of a notebook, a script, or standard input) travels with it.
+    The pickle includes a class that children cannot import (of a notebook, a script, or standard input).
 
     Raises:
         BenchError: if the object or its class cannot be pickled.
@@ -90,8 +90,8 @@ def carried(solver: Any) -> bytes:
     except Exception as error:
         what = f"{type(error).__name__}: {error}"
         raise BenchError(
-            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({what:.200}); let it hold "
-            "plain options only, or offer its class from a plugin file."
+            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({what:.200}); store "
+            "plain options only, or provide its class in a plugin file."
         ) from None
     finally:
         if by_value:
@@ -99,7 +99,7 @@ def carried(solver: Any) -> bytes:
 
 
 def _is_importable(name: str) -> bool:
-    """Whether a fresh process finds a module; this one may have it from elsewhere."""
+    """Return whether a new process can import a module."""
     package = sys.modules.get(name.rpartition(".")[0])
     path = getattr(package, "__path__", None)
     try:

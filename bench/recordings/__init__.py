@@ -1,1 +1,1 @@
-"""Recordings that one can watch: solvers as they iterate, and simulations as they run, as rerun files."""
+"""Recordings of solver iterations and of simulations, as rerun files."""

@@ -1,4 +1,4 @@
-"""Recordings of balls: turning balls among surfaces, and the impulses between them."""
+"""Recordings of balls: rotating balls, surfaces, and the impulses at contacts."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,14 +21,14 @@ from .meshes import ball_mesh, in_space, surface_meshes, turned, upright
 from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 
 LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
-"""Of groups of balls by their height at the start, so that one sees them mix."""
+"""Colours of groups of balls by their initial height, to show how they mix."""
 
 GLASS = (150, 170, 200, 45)
 """Colour of surfaces, nearly transparent."""
 
 DISC_FLATNESS = 0.35
 ARROW_RADII = 3.0
-"""Length of the arrow of a ball's weight over ``REFERENCE_SECONDS``, in radii; longer impulses grow by their root."""
+"""Length of the arrow of a ball's weight over ``REFERENCE_SECONDS``, in radii; it grows with the impulse's root."""
 
 REFERENCE_SECONDS = 0.01
 
@@ -36,8 +36,8 @@ REFERENCE_SECONDS = 0.01
 class BallRecorder(SceneRecorder):
     """Records a scene of balls or discs; see ``SceneRecorder``.
 
-    A ball is drawn in two shades, so that one sees it turn. Its orientation, which the simulation does not keep, is
-    integrated from the mean angular velocity between two drawn states.
+    A ball has two shades, to show its rotation. Simulations do not store orientations, which are integrated from the
+    mean angular velocity between two drawn states.
     """
 
     bodies = (
@@ -60,7 +60,7 @@ class BallRecorder(SceneRecorder):
 
     @property
     def title(self) -> str:
-        """The scene, and how many balls or discs it has."""
+        """The scene and its number of balls or discs."""
         return f"{self.scene.name}, {counted(self.scene.n_balls, 'disc' if self._system.dimension == 2 else 'ball')}"
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
@@ -73,7 +73,7 @@ class BallRecorder(SceneRecorder):
     def _scenery(self) -> Entities:
         system, centres = self._system, self._in_space(self.scene.start)
         is_planar, radius = system.dimension == 2, float(system.radii.max())
-        # groups of similar height and equal number, or fewer of fewer balls
+        # groups of similar height and equal size
         order = np.argsort(centres[:, 2], kind="stable")
         self._layers = [members for members in np.array_split(order, len(LAYER_COLOURS)) if len(members)]
         top = float(centres[:, 2].max()) + 2.0 * radius
@@ -130,7 +130,7 @@ class BallRecorder(SceneRecorder):
         return in_space(self._system.centres(state.position))
 
     def _camera(self, centres: FloatArray) -> Camera:
-        """Return a view of the balls as they start, but for those far below, and of the room where they fall to."""
+        """Return a view of the balls at the start, without those far below, and of the space into which they fall."""
         low, high = np.quantile(centres, (0.05, 1.0), axis=0)
         if self._system.surfaces:
             low[2] = min(low[2], 0.0) - 0.3 * float(high[2] - min(low[2], 0.0))

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from ...problems.arrays import FloatArray
 
 BACKGROUND = (22, 25, 31)
-"""Of views in space, to go with the viewer's dark plots."""
+"""Colour of spatial views, similar to the viewer's dark plots."""
 
 ITERATION, STEP, TIME = "iteration", "step", "time"
 """Timelines."""
@@ -20,18 +20,18 @@ BODIES = "bodies"
 SOLVERS_IN_A_ROW = 4
 SECONDS_TO_PLAY = 12.0
 SLOWEST, FASTEST = 4.0, 120.0
-"""Iterations a second between which a recording of solves is played."""
+"""Range of iterations per second at which a recording of solves is played."""
 
 DRAWN_PER_SECOND = 60.0
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Where a view is seen from.
+    """The camera of a spatial view.
 
     Attributes:
-        position: of the eye [m], shape (3,).
-        target: what it looks at [m], shape (3,).
+        position: its position [m], shape (3,).
+        target: the point that it looks at [m], shape (3,).
     """
 
     position: FloatArray
@@ -39,13 +39,13 @@ class Camera:
 
     @classmethod
     def around(cls, low: FloatArray, high: FloatArray, distance: float, direction: Sequence[float]) -> "Camera":
-        """Return the view of a box, given by two corners [m], from so far away [m] in a direction, shape (3,)."""
+        """Return the view of a box, given by two corners [m], from a distance [m] in a direction, shape (3,)."""
         middle = (low + high) / 2.0
         return cls(middle + distance * np.array(direction), middle)
 
 
 def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str | None = None) -> rrb.Spatial3DView:
-    """Return a view in space, seen from ``camera``, of what stands under ``contents``."""
+    """Return a spatial view of the entities ``contents`` from ``camera``."""
     return rrb.Spatial3DView(
         origin="/",
         contents=list(contents),
@@ -59,9 +59,9 @@ def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str
 
 
 def plot(name: str, origin: str, legend: bool = True, heights: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
-    """Return a plot of the curves under ``origin``, with or without a legend, which hangs at the top on the right.
+    """Return a plot of the curves under ``origin``, optionally with a legend at the top right.
 
-    ``heights`` are the least and the largest value shown; what the curves need if None.
+    ``heights`` are the least and the largest value shown; if None, those of the curves.
     """
     axis = None if heights is None else rrb.ScalarAxis(range=heights)
     shown = rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend)
@@ -69,20 +69,20 @@ def plot(name: str, origin: str, legend: bool = True, heights: tuple[float, floa
 
 
 def set_axis_range(view: rrb.TimeSeriesView, heights: tuple[float, float]) -> None:
-    """Let a plot show the values between two ``heights``."""
+    """Limit the axis of a plot to the values between two ``heights``."""
     view.properties["ScalarAxis"] = rrb.ScalarAxis(range=heights)
 
 
 def solves_blueprint(
     solvers: Sequence[str], n_iterations: int, camera: Camera, heights: tuple[float, float] | None
 ) -> rrb.Blueprint:
-    """Return solvers side by side, each with the states of its contacts, over the curves of all.
+    """Return solvers side by side, each with the states of its contacts, above the curves of all solvers.
 
     Args:
-        solvers: their names; the entities of solver k stand under ``/solvers/k`` and ``/states/k``.
+        solvers: their names; the entities of solver k are ``/solvers/k`` and ``/states/k``.
         n_iterations: largest iteration, for the speed of playing.
-        camera: of all views in space.
-        heights: between which log₁₀ residuals are shown, None for what they need.
+        camera: camera of all spatial views.
+        heights: range of log₁₀ residuals; None for that of the curves.
     """
     columns = [
         rrb.Vertical(
@@ -110,9 +110,9 @@ def solves_blueprint(
 def simulation_blueprint(
     views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int
 ) -> rrb.Blueprint:
-    """Return views in space side by side, with curves and an explanation to their right.
+    """Return spatial views side by side, with curves and an explanation to their right.
 
-    ``every`` such step is drawn; sixty drawn steps are played in a second.
+    One of ``every`` steps is drawn; sixty drawn steps are played per second.
     """
     about = rrb.TextDocumentView(origin="/about", name="what this shows")
     column = rrb.Vertical(*plots, about, row_shares=[1.0] * len(plots) + [1.3])

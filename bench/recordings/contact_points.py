@@ -1,13 +1,12 @@
-"""Where contacts are, and which way their impulses point: a contact problem itself knows neither.
+"""Positions and directions of contacts, which a contact problem does not contain.
 
-Its factors know more than they seem to: the force directions of a rigid body hold the axes e of each contact and the
-moments a × e, hence the arm a from the body's centre to the contact. Two bodies in contact share a point,
-x_i + a_i = x_j + a_j, and these equations place the bodies of a connected heap relative to each other. Heaps that touch
-only fixed surfaces, or nothing, are set beside the largest. What does not come from rigid bodies is laid out
-on a grid, normals upwards.
+They are reconstructed from the factors. The force directions of a rigid body contain the axes e of each contact and the
+moments a × e, and thus the arm a from the body's centre to the contact. Two bodies in contact share a point,
+x_i + a_i = x_j + a_j. These equations determine the relative positions of the bodies of a connected heap. Separate
+heaps are drawn side by side. Contacts of other problems are drawn on a grid, with normals upwards.
 
-The same arms say what shape a body has: they are those of a ball if all have one length and lie along the normals, and
-the body turns no harder than a uniform ball of that radius. Of any other body the centre and the arms are known.
+A body is a ball if its arms have the same length and are parallel to the normals, and its moment of inertia is at most
+that of a uniform ball of that radius. Of other bodies only the centre and the arms are known.
 """
 
 from dataclasses import dataclass
@@ -27,7 +26,7 @@ from ..report.layout.text import counted
 from .meshes import in_space
 
 RIGID_TOLERANCE = 1e-9
-"""How exactly axes must be orthonormal, and moments fit an arm, to count as those of a rigid body."""
+"""Largest error of orthonormal axes, and relative error of the moments of an arm, of a rigid body."""
 
 KINDS = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
 """Dimension and rotations of rigid bodies, by the rows of a contact and the degrees of freedom of a body."""
@@ -36,17 +35,17 @@ SOLID = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
 """Moment of inertia over m r² of a uniform ball and a uniform disc, by the dimension."""
 
 BALL_TOLERANCE = 1e-6
-"""How exactly arms and moments of inertia must be those of a ball."""
+"""Largest relative error of the arms and moments of inertia of a ball."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """The bodies that have contacts, as far as the factors show them.
+    """The bodies that have contacts, as reconstructed from the factors.
 
     Attributes:
-        centres: [m], shape (n_bodies, 3).
-        radii: of those that are balls [m], NaN for the others, shape (n_bodies,).
-        arms: from the centres of the others to their contacts, pairs of points [m], shape (n_arms, 2, 3).
+        centres: centres [m], shape (n_bodies, 3).
+        radii: radii of balls [m], NaN for other bodies, shape (n_bodies,).
+        arms: pairs of points from the centre of another body to a contact [m], shape (n_arms, 2, 3).
     """
 
     centres: FloatArray
@@ -55,12 +54,12 @@ class Bodies:
 
     @property
     def is_ball(self) -> NDArray[np.bool_]:
-        """Which are balls or discs, shape (n_bodies,)."""
+        """Whether each body is a ball or a disc, shape (n_bodies,)."""
         return ~np.isnan(self.radii)
 
     @property
     def sentence(self) -> str:
-        """What is drawn of them."""
+        """A sentence that tells how the bodies are drawn."""
         balls = int(self.is_ball.sum())
         others = len(self.radii) - balls
         round_ones = counted(balls, "ball") + " of the radius that the force directions show"
@@ -73,14 +72,14 @@ class Places:
     """Places of the contacts of a problem, in space (x, y, z), z upwards; planar problems lie in the plane y = 0.
 
     Attributes:
-        positions: of the contacts [m], shape (n_contacts, 3).
-        frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for lanes it does not have.
-        size: length of one body or spacing [m], by which arrows are scaled.
-        origin: how these places were found, as a sentence.
-        bodies: what stands at the contacts; None where the problem does not say.
+        positions: positions of the contacts [m], shape (n_contacts, 3).
+        frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for missing directions.
+        size: length of one body, or spacing [m], which scales arrows.
+        origin: a sentence that tells how the places were determined.
+        bodies: the bodies in contact; None if they are unknown.
 
     Raises:
-        BenchError: if the shapes do not go together.
+        BenchError: if the shapes are inconsistent.
     """
 
     positions: FloatArray
@@ -104,7 +103,7 @@ class Places:
 
 
 def find_places(problem: ContactProblem) -> Places:
-    """Return the places of a problem's contacts, from its factors if they are those of rigid bodies, else a grid."""
+    """Return the places of a problem's contacts: from its factors if they describe rigid bodies, else on a grid."""
     return _from_factors(problem) or grid_places(problem.n_contacts)
 
 
@@ -115,8 +114,8 @@ def grid_places(n_contacts: int) -> Places:
     positions = np.column_stack([index % side, index // side, np.zeros(n_contacts)]).astype(np.float64)
     frame = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     text = (
-        "The problem does not say where its contacts are: they stand on a grid, in its order, normals upwards. Nor "
-        "does it say what its bodies look like: none are drawn."
+        "The problem does not contain the positions of its contacts: they are drawn on a grid, in the order of the "
+        "problem, normals upwards. Its bodies are unknown and not drawn."
     )
     return Places(positions, np.tile(frame, (n_contacts, 1, 1)), 1.0, text)
 
@@ -137,14 +136,14 @@ def _from_factors(problem: ContactProblem) -> Places | None:
     frames = np.pad(axes, ((0, 0), (0, 3 - pieces.width), (0, 0)))
     inertia = _turning_like_balls(problem, *KINDS[pieces.width, pieces.length])
     shown = _bodies(bodies, axes[:, 0], arms, centres, inertia)
-    text = "Places and directions come from the force directions; heaps that do not touch stand side by side."
+    text = "Places and directions are computed from the force directions; separate heaps are drawn side by side."
     return Places(positions, frames, size, f"{text} {shown.sentence}", shown)
 
 
 def _bodies(
     touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, inertia: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact: balls of a radius not below ``inertia`` where arms fit, else centres and arms."""
+    """Return the bodies in contact; a body whose arms fit a ball is one if its radius is at least ``inertia``."""
     n_bodies = len(centres)
     contact, side = np.nonzero(touching < n_bodies)
     body, arm = touching[contact, side], arms[contact, side]
@@ -160,10 +159,9 @@ def _bodies(
 
 
 def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> FloatArray:
-    """Return the least radius r [m] for which each body turns no harder than a uniform ball, θ <= 2/5 m r² in space.
+    """Return the least radius r [m] at which a uniform ball has the inertia of each body, θ <= 2/5 m r² in space.
 
-    It is infinite for bodies whose mass matrix is none of m 1 and θ 1, and for those that do not turn: their radius
-    shows nowhere.
+    It is infinite for bodies without rotations, and for those whose mass matrix does not consist of m 1 and θ 1.
     """
     assert problem.factors is not None
     inverse, length = problem.factors.inverse_mass.matrix, dimension + spins
@@ -181,7 +179,7 @@ def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> 
 
 
 def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
-    """Return the two bodies of each contact (n_chunks for none) and their pieces, None if one has more than two."""
+    """Return the two bodies of each contact (n_chunks for none) and their pieces; None if a contact has more bodies."""
     if pieces.in_pairs:
         bodies, values = pieces.chunks.reshape(-1, 2), pieces.values.reshape(-1, 2, pieces.width, pieces.length)
     elif (np.diff(pieces.starts) == 1).all():
@@ -207,7 +205,7 @@ def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatAr
     if max(np.abs(gram - np.eye(width)).max(), np.abs(opposed).max(initial=0.0)) > RIGID_TOLERANCE:
         return None
     spatial = in_space(linear)
-    if width == 1:  # no friction, no rotation: equal balls of unknown radius, which is taken for the unit
+    if width == 1:  # no friction, no rotation: equal balls of unknown radius, drawn with radius 1
         return spatial[:, 0], -spatial[:, :, 0] * seen[..., None]
     if not moments.size:
         return spatial[:, 0], np.zeros((len(values), 2, 3))
@@ -232,15 +230,15 @@ def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> 
     laplacian = sp.csc_array(incidence @ incidence.T)
     _, heap = connected_components(laplacian, directed=False)
     anchors = np.zeros(n_bodies)
-    anchors[np.unique(heap, return_index=True)[1]] = 1.0  # one body of each heap is held, or nothing would be fixed
+    anchors[np.unique(heap, return_index=True)[1]] = 1.0  # fix one body of each heap, or the matrix is singular
     solved = spsolve(sp.csc_array(laplacian + sp.diags_array(anchors)), incidence @ apart)
     return _side_by_side(np.asarray(solved).reshape(n_bodies, 3), heap.astype(np.int64), bodies[:, 0], size)
 
 
 def _side_by_side(centres: FloatArray, heap: IntArray, touched: IntArray, size: float) -> FloatArray:
-    """Return the centres with the largest heap about the origin and the other touched ones to its right.
+    """Return the centres with the largest heap at the origin and the other heaps in contact to its right.
 
-    They stand in columns as deep as the largest heap, one behind the other, all on its floor.
+    The other heaps form columns as deep as the largest heap, on the same floor.
     """
     in_contact = np.unique(heap[touched])
     order = in_contact[np.argsort(-np.bincount(heap)[in_contact], kind="stable")]

@@ -11,10 +11,10 @@ from ...problems.contact.blocks import BlockLayout
 from ..report.charts.palette import rgb
 
 OPEN_SHARE = 1e-6
-"""A contact with less than this share of the largest normal impulse counts as open; interior points leave dust."""
+"""Share of the largest normal impulse below which a contact is open, because interior points are never exactly zero."""
 
 SLIP_SHARE = 1.0 - 1e-4
-"""Friction above this share of its bound counts as slip."""
+"""Share of the bound of friction above which a contact slips."""
 
 States = NDArray[np.uint16]
 
@@ -33,11 +33,12 @@ STATE_COLOURS = {ContactState.OPEN: "#8a8f98", ContactState.STICK: "#2fb6a8", Co
 def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
     """Return the ``ContactState`` of every contact, shape (n_contacts,).
 
-    A friction law without a contact of its own is never open, and a joint sticks. Rolling has no part in it.
+    A friction law without a unilateral law is never open, and a joint sticks. Rolling is ignored.
 
     Args:
         layout: the contacts.
-        lanes: Λ [N s], padded to shape (n_contacts, width), rolling lanes or not; what is not finite counts as open.
+        lanes: Λ [N s], padded to shape (n_contacts, width), with or without rolling; contacts with infinite or NaN
+            values are open.
     """
     held = np.where(np.isfinite(lanes), lanes, 0.0)
     normal = held[:, 0]
@@ -51,7 +52,7 @@ def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
 
 
 def count_states(states: States) -> NDArray[np.int64]:
-    """Return how many contacts are open, stick and slip, shape (3,)."""
+    """Return the numbers of open, sticking and slipping contacts, shape (3,)."""
     return np.bincount(states, minlength=len(ContactState))
 
 

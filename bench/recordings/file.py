@@ -1,4 +1,4 @@
-"""One recording file: refused before any work, streamed beside its final name, and moved there when it is whole."""
+"""A recording file: validated before any work, streamed to a temporary file, and renamed when complete."""
 
 import os
 import uuid
@@ -17,11 +17,11 @@ SUFFIX = ".rrd"
 
 
 class RecordingFile:
-    """A recording under way; leaving its ``with`` block with an error, or without ``begin``, leaves nothing behind.
+    """A recording that is being written; its file is removed if the ``with`` block fails or never calls ``begin``.
 
     Args:
-        path: where the recording shall be; its folder is made if there is none.
-        force: replace a file of that name.
+        path: path of the recording; its folder is created if necessary.
+        force: replace an existing file.
 
     Raises:
         BenchError: if the path exists (without ``force``), does not end in ``.rrd``, or cannot be written.
@@ -40,12 +40,12 @@ class RecordingFile:
             raise UnwritableError(f"cannot write {path}: {error.strerror}; choose another place.") from None
 
     def begin(self, kind: str, title: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Return the stream to log to.
+        """Open the stream and return it.
 
         Args:
-            kind: what is recorded ("solve", "simulation"); the viewer keeps a person's own layout for each kind.
-            title: what the viewer calls the recording.
-            blueprint: how the file opens.
+            kind: "solve" or "simulation"; the viewer keeps the user's layout for each kind.
+            title: name of the recording in the viewer.
+            blueprint: initial layout of the viewer.
         """
         stream = rr.RecordingStream(f"proxbench {kind}")
         stream.save(self._temporary, default_blueprint=blueprint)
@@ -78,15 +78,15 @@ def write_curve(
     at: Sequence[rr.TimeColumn],
     values: ArrayLike,
 ) -> None:
-    """Log a curve with its look, ``values`` at the times ``at``."""
+    """Log a curve with its style: ``values`` at the times ``at``."""
     stream.log(path, rr.SeriesLines(colors=[colour], names=[label], widths=[2.0]), static=True)
     stream.send_columns(path, at, rr.Scalars.columns(scalars=values))
 
 
 def refuse_bad_path(path: Path, force: bool) -> None:
-    """Raise ``BenchError`` if a recording cannot go there: another ending, a folder, a file, or a link out.
+    """Raise ``BenchError`` if a recording cannot be written to ``path``.
 
-    A file may be there with ``force``, a link only if it stays in its folder.
+    The path must end in ``.rrd``. It may exist only with ``force``, and must not link out of its folder.
     """
     refuse_links_out(path, path.parent)
     if path.suffix != SUFFIX:

@@ -1,4 +1,4 @@
-"""Shapes in space: triangle meshes of balls and surfaces, orientations as quaternions (x, y, z, w), planar scenes."""
+"""Shapes in space: triangle meshes of balls and surfaces, and orientations as quaternions (x, y, z, w)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from ...problems.arrays import FloatArray, IntArray
 from ...problems.motion.bodies.surfaces import Plane, Segment, Surface
 
 LATITUDES, LONGITUDES = 6, 12
-"""Faces of a ball from pole to pole and around; a thousand balls must stay light."""
+"""Numbers of faces of a ball from pole to pole and around the axis; small for scenes of a thousand balls."""
 
 AROUND = 64
-"""Faces around a surface of revolution."""
+"""Number of faces around a surface of revolution."""
 
 WHITE = (236, 240, 245)
 
@@ -37,11 +37,11 @@ class Mesh:
 
 
 def ball_mesh(radius: float, colour: tuple[int, int, int], flatness: float = 1.0) -> Mesh:
-    """Return a ball in two shades, an octant each, so that one sees it turn.
+    """Return a ball with octants in two alternating shades, to show its rotation.
 
     Args:
-        radius: [m].
-        colour: of every other octant; the others are nearly white.
+        radius: radius [m].
+        colour: colour of every other octant; the others are nearly white.
         flatness: extent along y relative to that along x and z, below 1 for discs.
     """
     row, column = np.divmod(np.arange(LATITUDES * LONGITUDES), LONGITUDES)
@@ -55,12 +55,12 @@ def ball_mesh(radius: float, colour: tuple[int, int, int], flatness: float = 1.0
 
 
 def surface_meshes(surfaces: Sequence[Surface], top: float, width: float, dimension: int) -> list[Mesh]:
-    """Return meshes of the surfaces that have an area, cut at the height ``top`` [m].
+    """Return meshes of the surfaces, cut at the height ``top`` [m].
 
     Args:
-        surfaces: of a scene; rims, which end other surfaces, and kinds unknown here are left out.
+        surfaces: surfaces of a scene; rims, which end other surfaces, and unknown kinds are omitted.
         top: height above which nothing is drawn [m].
-        width: half the extent of planes, and of planar walls across the plane [m].
+        width: half the extent of planes, and of planar walls perpendicular to the plane [m].
         dimension: 2 for a scene in the plane (x, z), 3 for one in space.
     """
     meshes = []
@@ -102,14 +102,14 @@ def _plane_mesh(plane: Plane, width: float, dimension: int) -> Mesh:
 
 
 def upright(count: int) -> FloatArray:
-    """Return ``count`` unturned orientations, shape (count, 4)."""
+    """Return ``count`` identity orientations, shape (count, 4)."""
     return np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
 
 
 def turned(orientations: FloatArray, spins: FloatArray, seconds: float) -> FloatArray:
-    """Return orientations turned by constant angular velocities for some time, exactly.
+    """Rotate orientations exactly with constant angular velocities for a time.
 
-    q⁺ = exp(ω Δt / 2) q with ω in the axes of space.
+    q⁺ = exp(ω Δt / 2) q with ω in spatial axes.
 
     Args:
         orientations: unit quaternions (x, y, z, w), shape (n, 4).
@@ -121,13 +121,13 @@ def turned(orientations: FloatArray, spins: FloatArray, seconds: float) -> Float
 
 
 def about_depth(angle: float) -> tuple[float, float, float, float]:
-    """Return the orientation of a body of the plane (x, z) that is turned by ``angle`` [rad] from x to z."""
+    """Return the orientation of a body in the plane (x, z), rotated by ``angle`` [rad] from x to z."""
     return 0.0, -float(np.sin(angle / 2.0)), 0.0, float(np.cos(angle / 2.0))
 
 
 def in_space(vectors: FloatArray) -> FloatArray:
-    """Return vectors over (x, z), shape (…, 2), as vectors over (x, 0, z), shape (…, 3); spatial ones as they are.
+    """Return planar vectors (x, z), shape (…, 2), as vectors (x, 0, z), shape (…, 3); spatial vectors are unchanged.
 
-    Planar scenes stand in space on the plane y = 0.
+    Planar scenes are drawn in the plane y = 0.
     """
     return vectors if vectors.shape[-1] == 3 else np.insert(vectors, 1, 0.0, axis=-1)

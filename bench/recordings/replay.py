@@ -1,4 +1,4 @@
-"""Recordings of stored simulations: bodies and impulses at the kept states, curves of all steps."""
+"""Recordings of stored simulations: bodies and impulses at the stored states, curves of all steps."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from .simulation import CoordinateRecorder, SceneRecorder
 from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000
-"""Pictures of one recording: half a minute of film, and less than 100 MB with a thousand balls."""
+"""Number of frames of a recording: half a minute, and less than 100 MB with a thousand balls."""
 
 
 VIEWS: dict[str, type[SceneRecorder]] = {"woodpecker": WoodpeckerRecorder}
@@ -27,10 +27,10 @@ VIEWS: dict[str, type[SceneRecorder]] = {"woodpecker": WoodpeckerRecorder}
 
 
 def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) -> SceneRecorder:
-    """Return the recorder of a scene, of which about ``FRAMES`` of ``n_steps`` steps are drawn.
+    """Return the recorder of a scene, which draws about ``FRAMES`` of ``n_steps`` steps.
 
     Raises:
-        BenchError: if there is no recorder of the name of its view.
+        BenchError: if the view of the scene is unknown.
     """
     if scene.view is not None and scene.view not in VIEWS:
         raise BenchError(f"the scene {scene.name!r} has no view {scene.view!r}{suggestion(scene.view, VIEWS)}")
@@ -51,12 +51,12 @@ def record_stored(
     """Write the recording of a simulation.
 
     Args:
-        scene: what was simulated.
-        steps: one row a step, as ``SceneRecorder.record`` takes them.
-        states: some of the states between them, the first one the start.
+        scene: the simulated scene.
+        steps: one row per step, as in ``SceneRecorder.record``.
+        states: stored states, beginning with the start.
         file: the recording, ending in ``.rrd``.
-        impulse_seconds: where states hold forces, over which time impulses are drawn [s].
-        force: replace a file that exists.
+        impulse_seconds: time that converts forces of states to impulses [s].
+        force: replace an existing file.
 
     Raises:
         BenchError: if no step was taken, or the file exists or cannot be written.
@@ -73,10 +73,10 @@ def record_stored(
 
 
 def step_ending_at(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
-    """Return the step of ``length`` [s] that led to ``state``, with the contacts and impulses that the state holds.
+    """Return the step of ``length`` [s] that ended at ``state``, with the contacts and impulses of the state.
 
-    The contacts are those at its midpoint, q_E − u_E Δt/2. States of a variable step hold forces in place of impulses,
-    which become impulses over ``impulse_seconds`` [s].
+    The contacts are those at its midpoint, q_E − u_E Δt/2. States of a variable step contain forces; they are
+    converted to impulses over ``impulse_seconds`` [s].
     """
     midpoint = system.move(state.position, state.velocity, -0.5 * length)
     assembly = system.assemble(midpoint, state.velocity, length)

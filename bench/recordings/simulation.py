@@ -1,6 +1,6 @@
-"""Recordings of simulations: the timelines ``step`` and ``time``, the curves of all steps, and what scenes draw.
+"""Recordings of simulations: the timelines ``step`` and ``time``, the curves of all steps, and the drawings of scenes.
 
-A scene whose bodies cannot be drawn is recorded by its coordinates.
+If the bodies of a scene are unknown, its coordinates are recorded.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ from .contact_states import STATE_COLOURS, ContactState, States, contact_states,
 from .file import RecordingFile, write_curve
 
 MIN_RESIDUAL = 1e-16
-"""Residuals below are drawn here: the curve is a logarithm."""
+"""Lower bound of residuals on logarithmic curves."""
 
 BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
@@ -29,10 +29,10 @@ BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 NO_IMPULSES = rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3)))
 
 MAX_COORDINATES = 12
-"""Number of coordinates that are drawn of a scene that names none."""
+"""Largest number of curves of a scene without named coordinates."""
 
 COORDINATES = "coordinates"
-"""The group of curves of coordinates that have no body to be drawn on."""
+"""Group of curves of the coordinates of a scene without known bodies."""
 
 COLOURS = {
     **{f"contacts/{state.name.lower()}": colour for state, colour in STATE_COLOURS.items()},
@@ -41,32 +41,32 @@ COLOURS = {
     "energy/total": PALETTE[3],
     "angles/sleeve": PALETTE[1],
 }
-"""Of curves; others have ``PALETTE[5]``."""
+"""Colours of curves; other curves have ``PALETTE[5]``."""
 
 MIN_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
 """Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade of logarithms."""
 
 MIN_SPAN_RATIO = 1e-6
-"""Least span of an axis over its largest value: what varies less is drawn as a level line, not as its rounding."""
+"""Least span of an axis relative to its largest value, so that constant curves do not show rounding."""
 
 Entities = Iterable[tuple[str, rr.AsComponents]]
-"""What is logged, and where."""
+"""Entity paths with their components."""
 
 
 class SceneRecorder:
-    """Records a simulation that is over: curves of all steps, and the bodies and impulses of some.
+    """Record a finished simulation: curves of all steps, and the bodies and impulses of some.
 
-    Subclasses draw the bodies. A recording that fails leaves no file behind, and one that was there as it was.
+    Subclasses draw the bodies. A failed recording leaves no file behind, and does not change an existing one.
 
     Args:
-        scene: what was simulated.
+        scene: the simulated scene.
         file: the recording, ending in ``.rrd``.
         force: replace an existing file.
-        every: number of steps from one drawn step to the next, by which the speed of playing is chosen.
+        every: number of steps between drawn steps, which determines the speed of playing.
     """
 
     bodies = "The bodies of this scene are not known; its coordinates are drawn over time."
-    """What is seen, in Markdown."""
+    """The explanation, in Markdown."""
 
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         self.scene, self._file, self._force, self._every = scene, file, force, every
@@ -76,15 +76,15 @@ class SceneRecorder:
 
     @property
     def title(self) -> str:
-        """What the viewer calls the recording."""
+        """Name of the recording in the viewer."""
         return self.scene.name
 
     def record(self, steps: NDArray[np.void], drawn: Iterable[tuple[int, Step]]) -> None:
         """Write the recording.
 
         Args:
-            steps: one row a step: time, iterations, residual, kinetic_energy, potential_energy, observables.
-            drawn: the steps that are drawn, in order, with their numbers from 1.
+            steps: one row per step: time, iterations, residual, kinetic_energy, potential_energy, observables.
+            drawn: the steps to draw, in order, with their numbers from 1.
 
         Raises:
             BenchError: if the file exists, does not end in ``.rrd``, or cannot be written.
@@ -109,7 +109,7 @@ class SceneRecorder:
                 stream.send_blueprint(simulation_blueprint(self._views(), plots, self._every), make_active=False)
 
     def _take(self, stream: rr.RecordingStream, number: int, step: Step) -> None:
-        """Draw a step, and note what is known of its contacts and its state."""
+        """Draw a step, and store the curves of its contacts and its state."""
         states = None
         if step.problem is not None:
             states = contact_states(step.problem.layout, step.problem.layout.pad(step.impulses))
@@ -129,7 +129,7 @@ class SceneRecorder:
             write_curve(stream, f"curves/{name}", label, colour, at, [points[step] for step in kept])
 
     def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
-        """Widen the axes of level curves, over which the viewer spreads rounding; return whether there are any."""
+        """Widen the axes of constant curves, to avoid magnified rounding; return whether there are any."""
         is_framed = False
         for view in plots:
             group = str(view.origin).rpartition("/")[2]
@@ -140,16 +140,16 @@ class SceneRecorder:
         return is_framed
 
     def _values(self, group: str) -> list[float]:
-        """Return all values of a group of curves that are known."""
+        """Return all known values of a group of curves."""
         curves = (points for name, points in self._curves.items() if name.partition("/")[0] == group)
         return [value for points in curves for value in points.values() if np.isfinite(value)]
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
-        """Return the views in space."""
+        """Return the spatial views."""
         return ()
 
     def _plots(self) -> list[rrb.TimeSeriesView]:
-        """Return the plots beside them."""
+        """Return the plots."""
         return [
             *(plot(one.label, f"/curves/{one.name}", legend=False) for one in self._observables),
             plot("active contacts", "/curves/contacts"),
@@ -159,11 +159,11 @@ class SceneRecorder:
         ]
 
     def _scenery(self) -> Entities:
-        """Return what does not change."""
+        """Return the static entities."""
         return ()
 
     def _bodies(self, state: State) -> Entities:
-        """Return the bodies; ``_last`` is the state that was drawn before."""
+        """Return the bodies; ``_last`` is the previously drawn state."""
         return ()
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
@@ -175,16 +175,16 @@ class SceneRecorder:
         return {}
 
     def _summary(self) -> Entities:
-        """Return what is known only at the end."""
+        """Return the entities that are known only at the end."""
         return ()
 
 
 def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dict[str, FloatArray]:
-    """Return what is known of all steps, by the name of the curve; nan where nothing is drawn.
+    """Return the values of all steps by the name of the curve; NaN is not drawn.
 
     Args:
-        scene: what was simulated.
-        steps: one row a step.
+        scene: the simulated scene.
+        steps: one row per step.
         times: the start and the ends of all steps [s], shape (n_steps + 1,).
     """
     start = scene.start
@@ -203,7 +203,7 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
 
 
 def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
-    """Return between what to plot values that hardly vary; None where they need no more than what they span."""
+    """Return the range of the axis for nearly constant values; None if their own range suffices."""
     if not values:
         return None
     low, high = min(values), max(values)
@@ -213,21 +213,21 @@ def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, fl
 
 
 def step_size_plot() -> rrb.TimeSeriesView:
-    """Return the plot of the step size, for scenes that variable steps go through."""
+    """Return the plot of the step size, for scenes with variable steps."""
     return plot("log₁₀ step size [s]", "/curves/step_size", legend=False)
 
 
 def arrows(
     vectors: FloatArray, points: FloatArray, states: States, lengths: FloatArray | float, reference: float
 ) -> rr.Arrows3D:
-    """Return impulses as arrows at the contacts, which grow with their root.
+    """Return impulses as arrows at the contacts, with lengths that grow with the root of the impulses.
 
     Args:
         vectors: Λ in space [N s], shape (n, 3).
-        points: of the contacts [m], shape (n, 3).
-        states: of the contacts, shape (n,).
-        lengths: of the arrow of an impulse ``reference`` [m], one or shape (n,).
-        reference: [N s].
+        points: positions of the contacts [m], shape (n, 3).
+        states: states of the contacts, shape (n,).
+        lengths: lengths of the arrow of an impulse ``reference`` [m], one or shape (n,).
+        reference: reference impulse [N s].
     """
     size = np.linalg.norm(vectors, axis=1)
     stretch = lengths * np.sqrt(size / reference) / np.maximum(size, 1e-300)
@@ -240,7 +240,7 @@ def _log(stream: rr.RecordingStream, entities: Entities, static: bool = False) -
 
 
 def _counts(states: States | None) -> dict[str, float]:
-    """Return how many contacts do what, by the name of the curve."""
+    """Return the number of contacts in each state, by the name of the curve."""
     counts = [0] * len(ContactState) if states is None else count_states(states)
     return {f"contacts/{state.name.lower()}": float(counts[state]) for state in ContactState}
 
@@ -253,7 +253,7 @@ def _colour_of(curve: str) -> tuple[int, int, int]:
 
 
 class CoordinateRecorder(SceneRecorder):
-    """Records the coordinates of a scene; see ``SceneRecorder``."""
+    """Record the coordinates of a scene; see ``SceneRecorder``."""
 
     @property
     def _names(self) -> Mapping[str, int]:

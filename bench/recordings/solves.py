@@ -31,19 +31,19 @@ MIN_RESIDUAL = 1e-16
 """Lower bound of curves, which are logarithms."""
 
 MAX_GROWTH = 1e2
-"""Curves of a solver that diverges stay at this multiple of the largest value that any solver begins with."""
+"""Bound of the curves of diverging solvers, relative to the largest initial value of any solver."""
 
 FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
-"""First point of each curve: at zeros there is a residual, but no product of Λ and ξ, and no change."""
+"""First point of each curve; at Λ = 0 only the residual is meaningful."""
 
 ARROW_SIZES = 3.0
-"""Length of a large arrow in body sizes; it stands for the impulse that one closed contact in ten exceeds."""
+"""Length of the arrow, in body sizes, of the 90 % quantile of the impulses of closed contacts."""
 
 MAX_ARROW_LENGTH = 3.0
-"""Arrows are cut at this multiple of it, so that a solver that diverges does not hide the others."""
+"""Bound of the length of arrows relative to this length, so that diverging solvers do not hide others."""
 
 GLASS = (150, 170, 200, 60)
-"""Colour of balls, transparent, so that the impulses between them are seen."""
+"""Colour of balls, transparent to show the impulses between them."""
 
 LINES = (150, 170, 200)
 """Colour of other bodies."""
@@ -54,7 +54,7 @@ TOLERANCE = 1e-8
 MAX_ITERATIONS = 1000
 
 FOLDER = "recordings"
-"""Where they are, in the folder of the run."""
+"""Name of the folder of recordings in the folder of a run."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,9 @@ class RecordedSolves:
     """A finished recording of solves.
 
     Attributes:
-        file: where it is.
-        traces: what was seen of each solver, in the order given.
-        places: where the contacts were drawn.
+        file: path of the recording.
+        traces: traces of the solvers, in the given order.
+        places: places of the contacts.
     """
 
     file: Path
@@ -72,7 +72,7 @@ class RecordedSolves:
     places: Places
 
     def summary(self) -> list[dict[str, Any]]:
-        """Return solver, iterations, residual and end of each solve; None for what there is not, or is not finite."""
+        """Return solver, iterations, residual and ending of each solve; None for missing and infinite values."""
         return [
             {
                 "solver": trace.solver,
@@ -92,32 +92,32 @@ def record_solves(
     force: bool = False,
     places: Places | None = None,
 ) -> RecordedSolves:
-    """Solve ``problem`` with each solver from zeros, and write what happens in each iteration as a recording.
+    """Solve ``problem`` with each solver from zero, and write the iterations as a recording.
 
-    Curves hold all iterations up to the thousandth and a geometric sequence after it, arrows all up to the twentieth
-    and a geometric sequence after it; the last iterate is always there. A solver that raises, or that does not support
-    the problem, is named in the recording and in its trace; the others are recorded all the same.
+    Curves contain the first thousand iterations, arrows the first twenty, followed by a geometric sequence and the last
+    iterate. If a solver raises, or does not support the problem, the recording and its trace tell so; the other solvers
+    are still recorded.
 
     Args:
         problem: the contact problem.
-        solvers: at least one, or their names.
-        stop: when each ends; its seconds do not count the time that watching takes.
+        solvers: at least one solver, or names of solvers.
+        stop: stop criterion of each solve; observing does not count towards its time limit.
         file: the recording, ending in ``.rrd``.
         force: replace an existing file.
-        places: where the contacts are; found by ``find_places`` if None.
+        places: places of the contacts; computed by ``find_places`` if None.
 
     Raises:
-        BenchError: without solvers or contacts, for places of other contacts, or if the file exists, is no ``.rrd``, or
-            cannot be written; before any solving.
+        BenchError: before solving, without solvers or contacts, for places of other contacts, or if the file exists,
+            does not end in ``.rrd``, or cannot be written.
     """
     if not solvers:
         raise BenchError("name at least one solver to record.")
     if not problem.n_contacts:
-        raise BenchError(f"the problem {problem.name!r} has no contacts, so there is nothing to record.")
+        raise BenchError(f"the problem {problem.name!r} has no contacts; record another problem.")
     where = places if places is not None else find_places(problem)
     if len(where.positions) != problem.n_contacts:
         raise BenchError(
-            f"places hold {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
+            f"places have {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
         )
     specs = [solver_spec(solver) for solver in solvers]
     traces: list[Trace] = []
@@ -143,15 +143,14 @@ def record_solves(
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
-    """Solve the problems of a run once more, observed, and write what happens as recordings into its folder.
+    """Solve the problems of a run once more, observed, and write recordings into its folder.
 
-    Cases that timed out, crashed or misbehaved when they were measured are left out. Recordings of an earlier call are
-    replaced.
+    Cases that timed out, crashed or misbehaved in the run are omitted. Recordings of an earlier call are replaced.
 
     Raises:
-        BenchError: if the folder is no run, cannot be written, or has a link for recordings that leads out of it.
-        SolverError: for a solver object that no name makes again.
-        ProblemError: for a problem that is stored with the run and damaged.
+        BenchError: if the folder is not a run, cannot be written, or its recordings are a link out of it.
+        SolverError: for a solver object that cannot be created from its name.
+        ProblemError: for a damaged problem of the run.
     """
     store, folder = open_run(Path(run_dir)), output_folder(Path(run_dir))
     run = store.read_run()
@@ -186,7 +185,7 @@ def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings
 
 
 def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:
-    """Return where each curve is cut off."""
+    """Return the upper bound of each curve."""
     ceilings = {}
     for name, first in FIRST_POINTS.items():
         heads = [value for trace in traces for value in getattr(trace, name)[first : first + 2]]
@@ -196,7 +195,7 @@ def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:
 
 
 def _residual_heights(traces: Sequence[Trace], ceiling: float) -> tuple[float, float] | None:
-    """Return the log₁₀ residuals between which to plot, with room above for a legend."""
+    """Return the range of log₁₀ residuals, with room above for a legend."""
     seen = [value for trace in traces for value in trace.residual if np.isfinite(value)]
     if not seen:
         return None
@@ -229,7 +228,7 @@ def _write_contacts(
 
 
 def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> None:
-    """Write balls as translucent spheres, other bodies as dots joined to their contacts; ``size`` is a body's [m]."""
+    """Write balls as translucent spheres, other bodies of ``size`` [m] as dots joined to their contacts."""
     balls = bodies.is_ball
     if balls.any():
         shape = rr.Ellipsoids3D(
@@ -248,7 +247,7 @@ def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> No
 
 
 def _arrows(places: Places, lanes: FloatArray, scale: float) -> FloatArray:
-    """Return arrows in space, shape (n_contacts, 3), cut at ``MAX_ARROW_LENGTH``; nothing for what is not finite."""
+    """Return arrows, shape (n_contacts, 3), limited by ``MAX_ARROW_LENGTH``; zero for infinite and NaN values."""
     vectors = scale * places.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
     lengths = np.linalg.norm(vectors, axis=1)
     longest = MAX_ARROW_LENGTH * ARROW_SIZES * places.size
@@ -267,7 +266,7 @@ def _reference_impulse(traces: Sequence[Trace]) -> float:
 
 
 def _camera(places: Places) -> Camera:
-    """Return a view of most contacts, with room for arrows; the few that stand apart do not push the eye away."""
+    """Return a view of most contacts, with room for arrows; distant outliers are ignored."""
     low, high = np.quantile(places.positions, (0.03, 0.97), axis=0)
     distance = 0.85 * float(np.linalg.norm(high - low)) + 8.0 * places.size
     return Camera.around(low, high, distance, (0.0, -0.93, 0.37))

@@ -1,7 +1,7 @@
-"""Stills: what a recording shows at the end of its timeline, as a PNG, drawn by the viewer without a screen.
+"""Stills: the end of the timeline of a recording as a PNG, drawn by the viewer without a screen.
 
-Each panel of a still keeps its title bar, and in it the viewer's three buttons: a blueprint hides the whole bar or
-nothing of it (``ViewBlueprint.titlebar``), and without their titles curves and solvers could not be told apart.
+Each panel keeps its title bar with the viewer's three buttons, because a blueprint can only hide the whole bar
+(``ViewBlueprint.titlebar``), and curves and solvers need their titles.
 """
 
 import os
@@ -29,10 +29,10 @@ SIZE = (1600, 1000)
 """Width and height of the picture [pixels]."""
 
 SECONDS = 60.0
-"""How long each part of drawing may take: starting, loading, settling."""
+"""Time limit for each phase of drawing: starting, loading, settling [s]."""
 
 PAUSE = 0.5
-"""Between two looks at the viewer [s]."""
+"""Time between two checks of the viewer [s]."""
 
 PANELS = {
     "/top_panel": "PanelBlueprint",
@@ -46,7 +46,7 @@ T = TypeVar("T")
 
 
 def refuse_still(path: Path, force: bool) -> None:
-    """Find out whether a still can be written at ``path``, and leave everything as it is.
+    """Check that a still can be written at ``path``, without changing anything.
 
     Raises:
         BenchError: if it does not end in ``.png``, cannot be written, or exists and ``force`` is not given.
@@ -57,20 +57,20 @@ def refuse_still(path: Path, force: bool) -> None:
 
 
 def write_still(recording: Path, still: Path, timeline: str) -> None:
-    """Draw the end of a recording; the picture is taken when all is loaded and two in a row are the same.
+    """Draw the end of a recording, when all data are loaded and two successive pictures are equal.
 
     Args:
         recording: file, ending in ``.rrd``.
-        still: file, ending in ``.png``; one of that name is replaced.
-        timeline: at whose last time the picture is taken.
+        still: file, ending in ``.png``; an existing file is replaced.
+        timeline: timeline whose last time is drawn.
 
     Raises:
-        BenchError: if the viewer cannot draw on this machine, or the still cannot be written; the recording stays.
+        BenchError: if the viewer cannot draw on this machine, or the still cannot be written; the recording is kept.
     """
     with tempfile.TemporaryDirectory() as folder:
         try:
             picture = _drawn(recording.absolute(), timeline, Path(folder))
-        except Exception as error:  # whatever the viewer and its experimental interface raise
+        except Exception as error:  # any exception of the viewer and its experimental interface
             raise BenchError(
                 f"{recording} is kept, but the viewer cannot draw {still} here ({error_text(error)}); it needs a "
                 "Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)."
@@ -97,10 +97,10 @@ def _drawn(recording: Path, timeline: str, folder: Path) -> bytes:
 
 
 def without_panels(blueprint: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a blueprint without the viewer's own panels, whose buttons and badges are no part of the recording.
+    """Return a blueprint without the viewer's own panels, whose buttons and badges do not belong to the recording.
 
     Args:
-        blueprint: fields by archetype by entity, as the viewer gives them.
+        blueprint: fields by archetype by entity, as in the viewer.
     """
     hidden = {
         panel: {archetype: {**blueprint.get(panel, {}).get(archetype, {}), "state": "Hidden"}}
@@ -110,7 +110,7 @@ def without_panels(blueprint: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _end(client: ViewerClient, timeline: str) -> int | None:
-    """Return the last time of the timeline, None while anything is being loaded."""
+    """Return the last time of the timeline; None while data are being loaded."""
     state = client.get_state()
     if state.loading:
         return None
@@ -120,12 +120,12 @@ def _end(client: ViewerClient, timeline: str) -> int | None:
 
 @contextmanager
 def _viewer(folder: Path) -> Iterator[ViewerClient]:
-    """Run a viewer of our own without a window, and end it."""
+    """Run a separate viewer without a window, and end it."""
     program = shutil.which(
         "rerun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     )
     if program is None:
-        raise BenchError("there is no program rerun")
+        raise BenchError("the program rerun is not installed")
     port = _free_port()
     width, height = SIZE
     line = [program, "--headless", "--hide-welcome-screen", "--port", str(port), "--window-size", f"{width}x{height}"]
@@ -153,7 +153,7 @@ def _viewer(folder: Path) -> Iterator[ViewerClient]:
 
 
 def _waited(look: Callable[[], T | None], late: str) -> T:
-    """Look again and again until there is something."""
+    """Poll until there is a result."""
     end = time.monotonic() + SECONDS
     while time.monotonic() < end:
         found = look()

@@ -1,4 +1,4 @@
-"""Traces of solves: curves over all iterations, and the iterates of some."""
+"""Traces of solves: curves over all iterations, and selected iterates."""
 
 from dataclasses import dataclass, field
 
@@ -15,11 +15,11 @@ from .contact_states import contact_states, count_states
 
 @dataclass
 class Thinning:
-    """Chooses iterations: all of the first ones, then a geometric sequence, so that any number of them stays small.
+    """Select iterations: all of the first ones, then a geometric sequence, to limit their number.
 
     Attributes:
-        first: so many iterations are all chosen.
-        ratio: of successive chosen iterations after them.
+        first: number of first iterations, which are all selected.
+        ratio: ratio of successive selected iterations after them.
     """
 
     first: int
@@ -27,7 +27,7 @@ class Thinning:
     _next: float = 0.0
 
     def takes(self, iteration: int) -> bool:
-        """Whether to keep this iteration; call it in ascending order."""
+        """Return whether to keep this iteration; call it in ascending order."""
         if iteration < self._next:
             return False
         self._next = iteration + 1.0 if iteration < self.first else iteration * self.ratio
@@ -40,16 +40,16 @@ class Trace:
 
     Attributes:
         solver: its name.
-        model: what it solves, in words.
-        ended: how it ended, as a sentence.
+        model: the model that it solves, in words.
+        ended: a sentence about the ending.
         failed: whether it raised an error.
         iterations: iterations of the curves, ascending from 0 (the start).
-        residual: the judge's residual, one for each.
+        residual: judged residual of each iteration.
         complementarity: largest |Λ_N ξ_N| [J].
-        step_change: ‖Λ − Λ of the iteration before‖ [N s], 0 at the start.
-        state_counts: how many contacts are open, stick and slip.
+        step_change: norm of the change of Λ since the previous iteration [N s], 0 at the start.
+        state_counts: numbers of open, sticking and slipping contacts.
         shown: iterations whose impulses are kept.
-        impulses: the forces of those Λ [N s], N and T padded to (n_contacts, lanes), one for each.
+        impulses: N and T components of these Λ [N s], each padded to (n_contacts, lanes).
     """
 
     solver: str
@@ -66,7 +66,7 @@ class Trace:
 
     @property
     def sentence(self) -> str:
-        """Number of iterations, last residual, and how the solve ended."""
+        """Number of iterations, last residual, and the ending."""
         if not self.iterations:
             return self.ended
         return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ended}"
@@ -91,7 +91,7 @@ class _Watcher:
             self._add_frame()
 
     def finish(self) -> None:
-        """Keep the last iterate, whatever the thinning says."""
+        """Keep the last iterate in any case."""
         if self._trace.iterations[-1] != self._iteration:
             self._add_point()
         if self._trace.shown[-1] != self._iteration:
@@ -113,13 +113,15 @@ class _Watcher:
     def _add_frame(self) -> None:
         self._trace.shown.append(self._iteration)
         layout = self._problem.layout
-        self._trace.impulses.append(layout.pad(self._last)[:, : 1 + layout.sliding])  # forces are drawn, no moments
+        self._trace.impulses.append(
+            layout.pad(self._last)[:, : 1 + layout.sliding]
+        )  # forces are drawn, moments are not
 
 
 def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
-    """Solve once from zeros and return the trace, which an error of the solver ends.
+    """Solve once from zero and return the trace, which ends at an error of the solver.
 
-    Of a solver without meaningful iterates the trace has the start and the end.
+    The trace of a solver without observable iterates contains only the start and the end.
     """
     trace = Trace(solver.name, str(solver.model))
     try:

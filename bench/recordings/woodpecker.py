@@ -19,19 +19,19 @@ from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
 CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")
 POLE_BEYOND = 0.06
-"""Length of the pole above and below what the bird passes [m]."""
+"""Length of the pole above and below the path of the bird [m]."""
 
 ARROW_LENGTH = 0.012
-"""Length of an arrow [m] that stands for the toy's weight over ``REFERENCE_SECONDS``; others grow by their root."""
+"""Length of the arrow of the toy's weight over ``REFERENCE_SECONDS`` [m]; lengths grow with the root of impulses."""
 
 REFERENCE_SECONDS = 0.001
 
 FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""Axes N and T of every contact; without friction there is N alone."""
+"""Axes N and T of every contact; only N without friction."""
 
 
 class WoodpeckerRecorder(SceneRecorder):
-    """Records the woodpecker; see ``SceneRecorder``."""
+    """Record the woodpecker; see ``SceneRecorder``."""
 
     bodies = (
         "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are the impulses of beak "
@@ -103,7 +103,7 @@ def _bird_centre(position: FloatArray) -> FloatArray:
 
 
 def _contact_points(position: FloatArray) -> FloatArray:
-    """Return where beak, lower and upper edge of the sleeve meet the pole [m], shape (3, 3)."""
+    """Return the contact points of beak, lower and upper edge of the sleeve on the pole [m], shape (3, 3)."""
     height, sleeve, bird = position
     beak = height + toy.SPRING_ARM * sleeve + (toy.BIRD_ARM - toy.BEAK_ARM) * bird + toy.BEAK_HEIGHT
     middle, edge = height + toy.SLEEVE_RADIUS * sleeve, toy.SLEEVE_HALF_HEIGHT

@@ -1,1 +1,1 @@
-"""How results are shown: tables, charts, and the files that they are written to."""
+"""Reports of results: tables, charts, and their files."""

@@ -1,4 +1,4 @@
-"""How fast and how often solvers reach an accuracy, on one problem and over all problems of a run."""
+"""Time and number of problems to reach an accuracy, on one problem and over all problems of a run."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,20 +12,20 @@ from ..store.outcome import Outcome
 from ..store.ratios import EXCLUDED, STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Judged residuals that tables give the time to, if the run has more tolerances than these."""
+"""Judged residuals for which tables give times, if the run has more tolerances."""
 
 SUMMARY_ACCURACIES = (1e-4, 1e-6)
-"""Those of them that the summary is about."""
+"""Judged residuals of the summary."""
 
 SHIFT_SECONDS = 1e-3
-"""Shift of the geometric mean, so that microseconds on tiny problems do not outweigh seconds on large ones."""
+"""Shift of the geometric mean, which limits the weight of tiny problems."""
 
 
 def accuracies(frames: RunFrames) -> tuple[float, ...]:
-    """Return the judged residuals that the tables of a run give the time to, from coarse to fine.
+    """Return the judged residuals for which the tables of a run give times, from coarse to fine.
 
-    They are the tolerances of the run where these are as few as ``ACCURACIES``, else those of ``ACCURACIES`` that its
-    tolerances reach: finer ones would be counted as failures.
+    These are the tolerances of the run if they are at most as many as ``ACCURACIES``. Otherwise they are those of
+    ``ACCURACIES`` that its tolerances reach, because finer ones would count as failures.
     """
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
@@ -46,25 +46,25 @@ def _ladder(frames: RunFrames) -> tuple[float, ...]:
 
 
 def within(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
-    """Return the accuracies that are no finer than all tolerances."""
+    """Return the accuracies that are not finer than the finest tolerance."""
     return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - 1e-9))
 
 
 def accuracy_tag(accuracy: float) -> str:
-    """Return how columns call an accuracy, with the digits that it has: ``"1e-04"``, ``"2.5e-04"``."""
+    """Return an accuracy as in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
     written = (f"{accuracy:.{digits}e}" for digits in range(16))
     return next((text for text in written if np.isclose(float(text), accuracy, rtol=1e-9, atol=0.0)), f"{accuracy:e}")
 
 
 def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: float = np.inf) -> pd.DataFrame:
-    """Return the least median time [s] of the points of a case that are ``reaching`` an accuracy; NaN if none is.
+    """Return the least median time [s] of the points of a case that reach an accuracy; NaN if none does.
 
-    Rows are cases that reach any, by problem and solver, and columns accuracies.
+    Rows are cases that reach any accuracy, by problem and solver; columns are accuracies.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
         levels: the accuracies.
-        limit: of the time of one solve [s].
+        limit: time limit of one solve [s].
     """
     counted = reaching(points, max(levels, default=np.inf), limit)
     counted = counted[counted["total_seconds"].notna()]
@@ -76,12 +76,12 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
 
 
 def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases whose time to an accuracy is of excluded rounds alone.
+    """Return problem and solver of the cases whose time to an accuracy has only excluded rounds.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
         accuracy: judged residual.
-        limit: of the time of one solve [s].
+        limit: time limit of one solve [s].
     """
     reached = reaching(points, accuracy, limit).dropna(subset="total_seconds")
     least = reached.sort_values("total_seconds", kind="stable").drop_duplicates(["problem", "solver"])
@@ -107,7 +107,7 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:
-    """Return the times that are of excluded rounds alone, with the columns problem, solver, accuracy and standing."""
+    """Return the times with only excluded rounds: problem, solver, accuracy and standing."""
     limit = frames.info.plan.limits.solve_seconds
     rows = [
         (problem, solver, accuracy, EXCLUDED)
@@ -118,9 +118,9 @@ def excluded_times(frames: RunFrames) -> pd.DataFrame:
 
 
 def mean_time(times: FloatArray, limit: float) -> float:
-    """Return the shifted geometric mean of times [s], those that are missing (NaN) or longer at ``limit`` [s].
+    """Return the shifted geometric mean of times [s], with missing (NaN) and longer ones replaced by ``limit`` [s].
 
-    NaN without any time.
+    It is NaN without times.
     """
     if not len(times):
         return float("nan")
@@ -129,23 +129,23 @@ def mean_time(times: FloatArray, limit: float) -> float:
 
 
 def counted_cases(frames: RunFrames) -> pd.DataFrame:
-    """Return the cases that tables count: supported ones that were tried to the end of their ladder."""
+    """Return the cases that tables count: supported ones with a complete ladder."""
     cases: pd.DataFrame = frames.cases[(frames.cases["outcome"] != Outcome.UNSUPPORTED) & frames.cases["is_tried"]]
     return cases
 
 
 def common_problems(cases: pd.DataFrame) -> set[str]:
-    """Return the problems of ``counted_cases`` that all solvers support which support any of them."""
+    """Return the problems of ``counted_cases`` that all solvers support, ignoring solvers that support none."""
     counts = cases.groupby("problem")["solver"].nunique()
     return set(counts.index[counts == cases["solver"].nunique()])
 
 
 def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
-    """Return one row a solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
+    """Return one row per solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
     Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
-    solver says that it is), common (whether all solvers of the table support the problem), excluded (whether the time
-    is of excluded rounds alone), compared (whether the problem is common, and no solver's time excluded).
+    solver claims it), common (whether all solvers of the table support the problem), excluded (whether the time has
+    only excluded rounds), compared (whether the problem is common, and no solver's time is excluded).
     """
     cases = counted_cases(frames)
     common = common_problems(cases)
@@ -172,18 +172,18 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
 
 
 OF_ACCURACIES = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
-"""Columns that a summary has for each accuracy, whose tag follows."""
+"""Prefixes of the columns of a summary for each accuracy."""
 
 
 def summary_table(frames: RunFrames) -> pd.DataFrame:
-    """Return one row a solver over all problems of the run.
+    """Return one row per solver over all problems of the run.
 
-    Columns: solver, model, problems (its ``counted_cases``), common (those that all solvers of the table have), and for
-    each of ``summary_accuracies`` the share of its problems that the solver says it solved (success), the share that
-    the judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a
-    solve: over the common problems (mean_time), NaN without any, and over all its own (own_mean_time), which compares
-    with that of no other solver; the number of problems in either mean (mean_problems, own_problems); then the number
-    of wrong claims. Excluded times enter no mean: a common problem of which a solver has one is left out for all.
+    Columns: solver, model, problems (its ``counted_cases``), common (those of all solvers), and for each of
+    ``summary_accuracies``: the share of its problems that the solver claims to solve (success), the share that the
+    judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a solve.
+    The means are over the common problems (mean_time; NaN without any), and over all its own (own_mean_time), which is
+    not comparable between solvers. The numbers of problems in both means (mean_problems, own_problems) and of wrong
+    claims follow. Means ignore excluded times; a common problem with one is omitted for all solvers.
     """
     shown = summary_accuracies(frames)
     tried = attempts(frames, shown)
@@ -206,7 +206,7 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def families(frames: RunFrames) -> list[str]:
-    """Return the families of the problems of a run, in its order; none where they say no more than the problems do."""
+    """Return the families of the problems of a run, in order; none if each problem is its own family."""
     found = list(dict.fromkeys(frames.cases["family"]))
     return found if 1 < len(found) < frames.cases["problem"].nunique() else []
 
@@ -214,7 +214,7 @@ def families(frames: RunFrames) -> list[str]:
 def families_table(frames: RunFrames) -> pd.DataFrame:
     """Return the summary of each family of problems: its name, and the columns of ``summary_table``.
 
-    Common are those problems of the family that all solvers support which support any of it.
+    Common problems of a family are those that all solvers support, ignoring solvers that support none.
     """
     parts = [
         summary_table(frames.only(own)).assign(family=str(family))
@@ -225,11 +225,11 @@ def families_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def problems_table(frames: RunFrames) -> pd.DataFrame:
-    """Return one row a problem: how many solvers solve it to each of ``accuracies``, and which first.
+    """Return one row per problem: the number of solvers that reach each accuracy, and the fastest one.
 
-    Columns: problem, family, n_contacts, n_rows, solvers (with a counted case), for each accuracy how many reach it
-    (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded), its time [s]
-    (``time_1e-04``), and the least judged residual of any, wrong claims left out, with its solver (best).
+    Columns: problem, family, n_contacts, n_rows, solvers (with a counted case); for each accuracy the number of solvers
+    that reach it (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded)
+    and its time [s] (``time_1e-04``); the least judged residual without wrong claims, and its solver (best).
     """
     table = frames.cases.drop_duplicates("problem")[["problem", "family", "n_contacts", "n_rows"]].reset_index(
         drop=True
@@ -251,7 +251,7 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def _counts(names: "pd.Series[str]", found: "pd.Series[str]") -> "pd.Series[int]":
-    """Return how often each name is found."""
+    """Return the number of occurrences of each name."""
     return names.map(found.value_counts()).fillna(0).astype(int)
 
 
@@ -261,12 +261,12 @@ def _least(rows: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def compares_all(summary: pd.DataFrame) -> bool:
-    """Return whether all problems of a summary are common, so that the mean over these is that over a solver's own."""
+    """Return whether all problems of a summary are common, so that both means are equal."""
     return bool((summary["common"] == summary["problems"]).all())
 
 
 def shown_means(summary: pd.DataFrame) -> dict[str, str]:
-    """Return the heads of the means that say something in a summary, each with what their keys begin with."""
+    """Return the heads of the informative means of a summary, with the prefixes of their keys."""
     if compares_all(summary):
         return {"mean": "mean_time"}
     common = int(summary["common"].max())

@@ -52,15 +52,14 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
     """Write tables, charts and page of a run, and return them; see ``Run.report``.
 
     Args:
-        frames: the run, with the residual that tables go by.
+        frames: the run, with the residual that tables use.
         charts: draw charts.
-        baseline: the solver that charts give speed-ups against; the one that solves most if empty.
-        page: write the page; a run without cases and one over trajectories have none.
-        profiles: problems that charts of profiles are over, one of ``VIEWS``.
+        baseline: reference solver of speed-ups; the one that solves most problems if empty.
+        page: write the page; studies and runs without cases have none.
+        profiles: problems that charts of profiles cover, one of ``VIEWS``.
 
     Raises:
-        BenchError: if a link in the folder of the run leads out of it, or the run has no such solver, or there is no
-            such view of profiles.
+        BenchError: if a link in the folder of the run leads out of it, or solver or view are unknown.
     """
     check_view(profiles)
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual

@@ -11,7 +11,7 @@ from ..store.ratios import EXCLUDED
 from .accuracy import accuracy_tag, shown_means
 
 TIME = "time_to_"
-"""What the keys of the time columns begin with; an accuracy follows."""
+"""Prefix of the keys of the time columns, before the accuracy."""
 
 
 def duration(seconds: float) -> str:
@@ -25,7 +25,7 @@ def duration(seconds: float) -> str:
 
 
 def exponent(tolerance: float) -> str:
-    """Return a tolerance with the digits that it has: ``"1e-4"``, ``"2.5e-4"``."""
+    """Return a tolerance with its significant digits: ``"1e-4"``, ``"2.5e-4"``."""
     return np.format_float_scientific(tolerance, precision=3, trim="-", exp_digits=1)
 
 
@@ -63,7 +63,7 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
 def shown_results(
     results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results as texts: times that tie with the least have a mark, and the fastest ones the form ``bold``."""
+    """Return results as texts: times that tie with the least have a mark, and the fastest ones are ``bold``."""
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     both = zip(results["reason"], results["notes"], strict=True)
@@ -94,7 +94,7 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
-    """Return the summary as texts, of the accuracy with this tag, else of all with their tags in the heads."""
+    """Return the summary as texts, of one accuracy by its tag, or of all with their tags in the heads."""
     shown = summary[["solver", "model"]].copy()
     for one in [tag] if tag else summary_tags(summary):
         of = "" if tag else f" {one}"
@@ -107,7 +107,7 @@ def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
 
 
 def _means(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
-    """Return mean times as texts, each with the number of its problems where excluded times leave fewer."""
+    """Return mean times as texts, with the number of problems if excluded times reduce it."""
     number, most = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
     columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[most]
     return [
@@ -117,7 +117,7 @@ def _means(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
 
 
 def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
-    """Return problems as texts: how many solvers reach each accuracy, the least time, and the fastest solver."""
+    """Return problems as texts: number of solvers that reach each accuracy, least time, and fastest solver."""
     shown = problems[["problem", "family"]].assign(contacts=problems["n_contacts"].astype(str))
     fastest = pd.Series("–", index=problems.index)
     for key in problems.columns[problems.columns.str.startswith("solved_")]:

@@ -1,4 +1,4 @@
-"""How cases ended, in words."""
+"""Endings of cases, in words."""
 
 from typing import Any
 
@@ -19,10 +19,10 @@ def attempted_points(frames: RunFrames) -> pd.DataFrame:
 
 
 def case_endings(frames: RunFrames) -> pd.DataFrame:
-    """Return how each case ended, in the order of the cases.
+    """Return the ending of each case, in the order of the cases.
 
-    Columns: outcome (the fault of the case, else the worst of its ladder), reason, and notes, those of the finest point
-    that has any.
+    Columns: outcome (the fault of the case, else the worst of its ladder), reason, and notes (of the finest point with
+    notes).
     """
     attempted = attempted_points(frames)
     ladders = dict(iter(attempted.groupby(CASE, sort=False)))

@@ -1,4 +1,4 @@
-"""The matrix of solvers and problems as a page and as a table: what each solver solves, and reasons of failures."""
+"""The matrix of solvers and problems as a page and as a table, with the reasons of failures."""
 
 import math
 from collections.abc import Sequence
@@ -25,15 +25,15 @@ MARKS = {
     Outcome.ITERATION_LIMIT: "I",
     Outcome.TIME_LIMIT: "T",
 }
-"""One character for each ending; what has none is a fault and spelled out."""
+"""One character for each ending; faults have none and are spelled out."""
 
 _GROUP_OF = {name: group for group, members in CASE_GROUPS.items() for name in members}
 
 MAX_NAMED_SOLVERS = 4
-"""Solvers that the table of reasons names; of more it names one fewer and counts the others."""
+"""Largest number of solvers that the table of reasons names; of more, it names one fewer and counts the others."""
 
 MAX_REASON_LENGTH = 160
-"""Characters of a reason; of a longer one the first and the last two clauses are shown."""
+"""Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""
 
 _PAGE = """\
 # What each solver can solve
@@ -110,7 +110,7 @@ def matrix_table(cells: Sequence[Cell]) -> pd.DataFrame:
 
 
 def count_bad(cells: Sequence[Cell]) -> int:
-    """Return how many cells end in what no cell may: wrong claims, faults, numbers that are not finite."""
+    """Return the number of cells with wrong claims, faults, or numbers that are not finite."""
     return sum(cell.outcome in BAD_OUTCOMES or not cell.is_finite for cell in cells)
 
 
@@ -171,7 +171,7 @@ def _outcome_text(cell: Cell) -> str:
 
 
 def _residual_order(outcome: Outcome, residual: float) -> int | None:
-    """Return the power of ten of a failure's residual, None for other endings and where there is no residual."""
+    """Return the power of ten of a failure's residual; None for other endings and without a residual."""
     is_plain = outcome in (Outcome.SOLVED, Outcome.UNSUPPORTED, Outcome.INFEASIBLE)
     return None if is_plain or not 0.0 < residual < math.inf else math.floor(math.log10(residual))
 
@@ -190,7 +190,7 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
     nearest = f"{best['solver']} comes nearest, to {best['residual']:.1e}: {best['reason']}."
     try:
         problem = load(name)
-    except ProxbenchError:  # a run may hold problems that no catalogue knows
+    except ProxbenchError:  # a run may contain problems that are in no catalogue
         return nearest
     answer = problem.answer
     if answer is not None and not answer.solvable:

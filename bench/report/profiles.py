@@ -1,4 +1,4 @@
-"""Profiles of solvers over many problems: by ratios of times, by accuracies, by budgets of time, and speed-ups.
+"""Profiles of solvers over many problems: performance, data and accuracy profiles, time budgets, and speed-ups.
 
 Each profile covers the problems and solvers of one table, so it changes with the table: the least time of a problem is
 that of the solvers shown. Shares count every problem of the view, solved or not. The view ``COMMON`` contains the
@@ -30,13 +30,13 @@ RESIDUALS = tuple(float(f"1e-{power}") for power in range(2, 13))
 """Judged residuals ε of an accuracy profile."""
 
 BUDGETS = (1e-3, 1e-2, 1e-1, 1.0)
-"""Times [s] that a data profile is tabulated at."""
+"""Times of the table of a data profile [s]."""
 
 ROOM = 1.1
-"""Ratio of the last corner of a profile to the largest value, so that the last step is seen."""
+"""Ratio of the last corner of a profile to the largest value, so that the last step is visible."""
 
 ALL = "all problems"
-"""What the column of families has for all of them together."""
+"""Value of the family column for all problems together."""
 
 COMMON, EVERY = VIEWS = ("common", "all")
 """Problems that profiles cover: those that all solvers support, or all. Solvers that support none do not count."""
@@ -55,9 +55,9 @@ _COLUMNS = {
 
 
 def check_view(name: str) -> None:
-    """Raise ``BenchError`` if profiles have no view of that name."""
+    """Raise ``BenchError`` if the view of profiles is unknown."""
     if name not in VIEWS:
-        raise BenchError(f"there are no profiles over {name!r} problems{suggestion(name, VIEWS)}")
+        raise BenchError(f"there is no view {name!r} of profiles{suggestion(name, VIEWS)}")
 
 
 def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
@@ -76,7 +76,7 @@ def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
 
 
 def residual_matrix(frames: RunFrames) -> pd.DataFrame:
-    """Return the least judged residual of any point that counts, problems down and solvers across; NaN without one."""
+    """Return the least judged residual of the counted points, problems down and solvers across; NaN without points."""
     counted = reaching(frames.points, np.inf, frames.info.plan.limits.solve_seconds)
     return _matrix(frames, counted[counted["total_seconds"].notna()], "residual")
 
@@ -94,7 +94,7 @@ def performance_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         seconds: as ``seconds_matrix`` returns it.
 
     Returns:
-        The corners of the steps: solver, ratio (from 1 to a little beyond the largest of any solver), share.
+        The corners of the steps: solver, ratio (from 1 to slightly beyond the largest), share.
     """
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     return _steps(ratios, "ratio", 1.0, ROOM * np.fmax(_largest(ratios), 1.0))
@@ -107,8 +107,8 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         seconds: as ``seconds_matrix`` returns it.
 
     Returns:
-        The corners of the steps: solver, seconds (from the least of any solver to the last of ``BUDGETS``, or a little
-        beyond the largest), share.
+        The corners of the steps: solver, seconds (from the least to the last of ``BUDGETS``, or slightly beyond the
+        largest), share.
     """
     least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
     first = least if np.isfinite(least) else BUDGETS[0]
@@ -116,7 +116,7 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
 
 
 def budget_table(seconds: pd.DataFrame) -> pd.DataFrame:
-    """Return what is solved within each of ``BUDGETS``: solver, budget [s], solved, problems, share."""
+    """Return the problems solved within each of ``BUDGETS``: solver, budget [s], solved, problems, share."""
     rows = [
         (solver, budget, int((times <= budget).sum()), len(times))
         for solver, times in seconds.items()
@@ -127,7 +127,7 @@ def budget_table(seconds: pd.DataFrame) -> pd.DataFrame:
 
 
 def accuracy_profile(residuals: pd.DataFrame) -> pd.DataFrame:
-    """Return the share of problems that each solver brings to a judged residual of at most each of ``RESIDUALS``.
+    """Return the share of problems that each solver solves to a judged residual of at most each of ``RESIDUALS``.
 
     Args:
         residuals: as ``residual_matrix`` returns it.
@@ -140,7 +140,7 @@ def accuracy_profile(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
-    """Return how much faster than a baseline each solver is, on the problems that both solve.
+    """Return the speed-up of each solver over a baseline, on the problems that both solve.
 
     Args:
         seconds: as ``seconds_matrix`` returns it.
@@ -156,7 +156,7 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
 
 
 def baseline_of(frames: RunFrames, wanted: str = "") -> str:
-    """Return the solver that speed-ups are against: ``wanted``, else that which solves most to the finest accuracy.
+    """Return the reference solver of speed-ups: ``wanted``, or the one that solves most to the finest accuracy.
 
     Raises:
         BenchError: if the run has no case of ``wanted``, or no case at all.
@@ -173,18 +173,17 @@ def baseline_of(frames: RunFrames, wanted: str = "") -> str:
 def require_cases(frames: RunFrames) -> None:
     """Raise ``BenchError`` if a run has no case."""
     if frames.cases.empty:
-        raise BenchError(f"{frames.folder} has no finished case, so there is nothing to show; measure it to its end.")
+        raise BenchError(f"{frames.folder} has no finished case; resume the run first.")
 
 
 def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
     """Return the numbers of all profiles of a run, over all problems and by family, in both views.
 
-    A view without a problem, as the common one may be, has no rows.
+    A view without problems has no rows.
 
     Returns:
-        By name: "performance", "data" and "budgets" with the columns accuracy, family and view before their own,
-        "accuracy" with family and view, all four with problems, the number that shares are of; "speedup" with accuracy,
-        family and baseline.
+        By name: "performance", "data" and "budgets" with the additional columns accuracy, family and view, "accuracy"
+        with family and view, all four with the number of problems; "speedup" with accuracy, family and baseline.
     """
     kinds: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
         "performance": performance_profile,
@@ -217,7 +216,7 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
 
 
 def _views(frames: RunFrames, values: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield the part of a matrix of problems and solvers that each of ``VIEWS`` shows, unless it is empty."""
+    """Yield the part of a matrix of problems and solvers in each of ``VIEWS``, unless it is empty."""
     if values.empty:
         return
     cases = counted_cases(frames)
@@ -229,7 +228,7 @@ def _views(frames: RunFrames, values: pd.DataFrame) -> Iterator[tuple[str, pd.Da
 
 
 def _parts(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
-    """Yield the problems of a run: all, and those of each family where families say more than problems do."""
+    """Yield the problems of a run: all, and those of each family, unless each problem is its own family."""
     problems = frames.cases.drop_duplicates("problem").set_index("problem")["family"]
     yield ALL, problems.index
     for family in families(frames):
@@ -242,7 +241,7 @@ def _largest(values: pd.DataFrame) -> float:
 
 
 def _steps(values: pd.DataFrame, column: str, first: float, last: float) -> pd.DataFrame:
-    """Return how the share of rows with at most a value grows with it: the corners of a staircase for each column."""
+    """Return the empirical distribution function of each column, as corners of a staircase."""
     parts = [pd.DataFrame({"solver": pd.Series([], dtype=str), column: pd.Series([], dtype=float), "share": 0.0})]
     for solver, own in values.items() if len(values) else ():
         solved = np.sort(own.dropna().to_numpy())

@@ -1,4 +1,4 @@
-"""The points of a run over trajectories: what each step or tolerance costs, and its error in each quantity."""
+"""The points of a study: the cost of each step or tolerance, and its error in each quantity."""
 
 import numpy as np
 import pandas as pd
@@ -26,11 +26,11 @@ _COSTS = (
 )
 
 STILL = 1e-6
-"""Path of a coordinate, relative to the scale of errors, below which nothing moves."""
+"""Path of a coordinate relative to the scale of errors below which it counts as constant."""
 
 WORDS = {
     "limit cycle": "error after one period of the limit cycle, of the range of each coordinate",
-    "end position": "error of the last position, over the longest way of a coordinate",
+    "end position": "error of the last position, over the longest path of a coordinate",
     "aggregates": "deviation of means over the second half from those of the reference, relative",
 }
 """The meaning of errors, by their kind."""
@@ -40,7 +40,7 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row for each point and quantity, or for each point without a result.
 
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
-    and its high end, total_seconds (median wall time [s]), is_excluded (whether it is of excluded rounds alone),
+    and its high end, total_seconds (median wall time [s]), is_excluded (whether it has only excluded rounds),
     iterations (median of one-step solves), repeats (members that finished), failed_members, unsolved_steps,
     outcome, reason.
     """
@@ -50,23 +50,23 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def headline(plan: PlanRecord, problem: str) -> str:
-    """Return one line about a trajectory: its duration, how steps start, and what errors mean."""
+    """Return one line about a trajectory: its duration, the start of steps, and the meaning of errors."""
     trajectory, starts = plan.trajectory(problem), ", ".join(dict.fromkeys(one.start for one in plan.methods))
     return f"{trajectory.name} · {trajectory.duration:g} s · {starts} starts · {WORDS[trajectory.error]}"
 
 
 def motion_warning(trajectory: TrajectoryRecord) -> str:
-    """Return a sentence if nothing moves from the start to the known end, else an empty text."""
+    """Return a warning if all coordinates are constant up to the known end, else an empty text."""
     if trajectory.way is None or trajectory.way > STILL * trajectory.scale:
         return ""
     return (
-        f"nothing of {trajectory.name} moves in {trajectory.duration:g} s: errors have no motion to be related to; "
+        f"nothing of {trajectory.name} moves in {trajectory.duration:g} s, so that errors have no scale; "
         "choose options of the scene or a duration in which it moves."
     )
 
 
 def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Console) -> None:
-    """Print a table of the points of a problem, the spread of its reference, and why members failed."""
+    """Print the points of a problem, the standard errors of its reference, and the reasons of failed members."""
     table = points_table(frames)
     table = table[table["problem"] == trajectory.name]
     of_one = trajectory.error != "aggregates"
@@ -98,7 +98,7 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
 
 
 def spreads(trajectory: TrajectoryRecord) -> dict[str, tuple[float, float]]:
-    """Return mean and relative standard error of every aggregate of the reference; empty where there is none."""
+    """Return mean and relative standard error of every aggregate of the reference; empty without aggregates."""
     if trajectory.error != "aggregates":
         return {}
     return Aggregates({one.member: one.values for one in trajectory.known if not one.failure}).spreads()

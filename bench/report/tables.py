@@ -1,4 +1,4 @@
-"""Tables of a run: the time to each accuracy on each problem, and how often each solver got there over all."""
+"""Tables of a run: the time to each accuracy on each problem, and the summary of each solver."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -58,14 +58,14 @@ _FAMILIES = (
 """Legend of the table by family."""
 
 MOST_TABLES = 20
-"""Problems up to which each has a table of its own in what is printed."""
+"""Largest number of problems for which each has its own printed table."""
 
 
 def results_table(frames: RunFrames) -> pd.DataFrame:
-    """Return one row a case: time to each accuracy [s], the best judged residual, its iterations, how it ended and why.
+    """Return one row per case: time to each accuracy [s], the best judged residual, its iterations, outcome and reason.
 
     Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
-    outcome, reason, notes (of the finest point that has any).
+    outcome, reason, notes (of the finest point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]
@@ -84,8 +84,8 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     """Write all tables as CSV, Parquet, Markdown and LaTeX, and the matrix of solvers and problems; return the files.
 
-    A run over trajectories has results and a table of its points. The matrix shows claims, which are about judged
-    residuals, so it is written with judged residuals only.
+    A study has results and a table of its points. The matrix shows claims about judged residuals, so it is written
+    only with these.
 
     Raises:
         UnwritableError: if they cannot be written.
@@ -109,7 +109,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 
 
 def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
-    """Return the tables of a run: name, numbers, how they are shown, and a note below."""
+    """Return the tables of a run: name, numbers, displayed texts, and a note below."""
     ratios, table = _standings(frames), results_table(frames)
     standings = standings_of_cells(table, ratios)
     shown = partial(shown_results, standings=standings, is_study=frames.is_study, bold="**{}**")
@@ -140,8 +140,8 @@ def matrix_of_run(frames: RunFrames) -> str:
 def print_tables(frames: RunFrames, console: Console) -> None:
     """Print the state of the run, a table of each problem, the families and the summary.
 
-    Below the table of a problem every failure is spelled out. With more than ``MOST_TABLES`` problems one table has a
-    row for each, and faults alone are spelled out.
+    Below the table of a problem, every failure is explained. With more than ``MOST_TABLES`` problems, one table has a
+    row per problem, and only faults are explained.
     """
     for warning in warnings(frames):
         console.print(Text(warning, style="bold yellow"))
@@ -172,12 +172,12 @@ def print_first_look(frames: RunFrames, console: Console) -> None:
 
 
 def _standings(frames: RunFrames) -> pd.DataFrame:
-    """Return the standings of times; in a study, whose times have no ratios, only those of excluded times."""
+    """Return the standings of times; in a study, only those of excluded times."""
     return excluded_times(frames) if frames.is_study else ratios_table(frames)
 
 
 def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Console, noted: Sequence[Outcome]) -> None:
-    """Print a table of each problem, and below it the cases that ended as one of ``noted`` and the notes of others."""
+    """Print a table of each problem, and below it the cases with an outcome in ``noted`` and the notes of others."""
     ratios = _standings(frames)
     for problem, rows in results.groupby("problem", sort=False):
         standings = standings_of_cells(rows, ratios)
@@ -199,7 +199,7 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
 
 
 def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
-    """Print one row a problem, by families, and below them the faults."""
+    """Print one row per problem, by families, and below them the faults."""
     title = "problems: how many of the supporting solvers reach each accuracy, the least time, and the fastest solver"
     console.print(Text(title, style="bold"))
     shown = shown_problems(problems_table(frames))
@@ -210,12 +210,12 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     noted = int((results["notes"] != "").sum())
     if noted:
         console.print(Text(f"{counted(noted, 'case')} with notes: see tables/results", style="dim"))
-    console.print(Text(f"one of them: proxbench report {frames.folder} --problem NAME", style="dim"))
+    console.print(Text(f"a single problem: proxbench report {frames.folder} --problem NAME", style="dim"))
     console.print()
 
 
 def _print_families(frames: RunFrames, console: Console) -> None:
-    """Print one table an accuracy: solvers down, families across, as many side by side as there is room for."""
+    """Print one table per accuracy: solvers down, families across, split to fit the width."""
     table = families_table(frames)
     for tag in summary_tags(table):
         cells = shown_families(frames.info.plan.solvers, table, [tag])
@@ -228,7 +228,7 @@ def _print_families(frames: RunFrames, console: Console) -> None:
 
 
 def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Console) -> None:
-    """Print the summary over so many problems, a table for each accuracy."""
+    """Print the summary over a number of problems, one table per accuracy."""
     of_suite = f" of {suite}" if suite else ""
     title = f"all {count} problems{of_suite}" if count > 1 else "summary"
     for tag in summary_tags(summary):
@@ -275,7 +275,7 @@ def _markdown_head(frames: RunFrames) -> str:
 
 
 def _has_fewer(summary: pd.DataFrame) -> bool:
-    """Return whether excluded times leave problems out of a mean."""
+    """Return whether excluded times reduce the problems of a mean."""
     return any(
         (summary[f"{number}_{tag}"] < summary[most]).any()
         for tag in summary_tags(summary)

@@ -1,1 +1,1 @@
-"""Whole simulations: a scene, a stepper and a solver, step by step, judged, stored and shown."""
+"""Simulations: take the steps of a scene, judge, store and show them."""

@@ -1,12 +1,12 @@
 """Result files of simulations: uncompressed arrays without pickle, and JSON that describes them.
 
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
-steps            one row an accepted step, see ``step_row.StepRow``
-switches         one row a switching point, see ``trajectory.SWITCH``
-state_…          states, the last of which a resumed simulation starts from, see ``kept_states``
-closed, sticking keys of such contacts after the last step, where the stepper determines them
+steps            one row per accepted step, see ``step_row.StepRow``
+switches         one row per switching point, see ``trajectory.SWITCH``
+state_…          states, see ``kept_states``; a resumed simulation starts from the last one
+closed, sticking keys of such contacts after the last step, if the stepper determines them
 
-Every write replaces the whole file at once, so that there is always a complete one.
+Every write replaces the file atomically, so that a complete file always exists.
 """
 
 import json
@@ -33,10 +33,10 @@ from ..store.records import PluginUse
 from ..store.store import refuse_links_out
 from .history import Failure, Segment, check_segments
 from .kept_states import kept_arrays, restore_kept
-from .outputs import read_outputs
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
 from .step_row import step_columns
 from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
+from .view.outputs import read_outputs
 
 SUFFIX = ".npz"
 
@@ -50,22 +50,22 @@ FORMAT = 6
 """Version of the content."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
-"""Exceptions that reading content raises which Proxbench did not write."""
+"""Exceptions that reading foreign content raises."""
 
 
 class SimulationRecord(Record, frozen=True, kw_only=True):
-    """The description of a simulation in its result file, beside kind and format.
+    """The description of a simulation in its result file, in addition to kind and format.
 
     Attributes:
-        version: of the framework.
-        plan: what is simulated, and how.
-        plugins: the names that it has from plugins.
-        segments: the settings that made the steps.
+        version: version of Proxbench.
+        plan: the plan.
+        plugins: the names from plugins.
+        segments: the settings of the steps.
         statuses: texts by the stored status of a step.
-        wall_seconds: wall time of everything [s].
-        failure: why a step failed, None if none did.
+        wall_seconds: total wall time [s].
+        failure: the failed step; None if no step failed.
         outputs: chart and recording, relative to the folder of the file.
-        doublings: of the spacing of states, see ``kept_states``.
+        doublings: number of doublings of the spacing of states, see ``kept_states``.
     """
 
     version: str
@@ -85,7 +85,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     Raises:
         BenchError: if the file cannot be written, or is a link out of its folder.
     """
-    simulation.kept_states.offer(simulation.state)  # an interruption may have come between a step and this
+    simulation.kept_states.offer(simulation.state)  # an interruption may have occurred between a step and this line
     plan = simulation.plan
     record = SimulationRecord(
         version=metadata.version("proxbench"),
@@ -124,7 +124,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         solver: the solver of the plan, if ``create`` does not know it by its name.
 
     Raises:
-        BenchError: if the file is missing, damaged, of another format, or no result file of a simulation.
+        BenchError: if the file is missing, damaged, of another format, or not a result file of a simulation.
     """
     content = _stored_arrays(path)
     about = _about(content, path)
@@ -152,7 +152,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
 
 
 def is_result(path: Path) -> bool:
-    """Whether a .npz file holds a simulation, by the names of its arrays, or else a problem.
+    """Return whether a .npz file contains a simulation, by the names of its arrays, or else a problem.
 
     Raises:
         BenchError: if it is missing or damaged.
@@ -185,7 +185,7 @@ def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -
 
 
 def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of any .npz file; zip holds a checksum of each, which reading compares."""
+    """Return the arrays of any .npz file; reading verifies the checksum of each."""
     try:
         with path.open("rb") as file:
             if file.read(2) != b"PK":
@@ -203,7 +203,7 @@ def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
-    """Return the description in a file, if it is of the kind and format that this version reads."""
+    """Return the description in a file; raise an error if this version cannot read its kind or format."""
     try:
         about = json.loads(content[ABOUT].tobytes().decode())
     except _UNREADABLE:

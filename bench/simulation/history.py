@@ -1,4 +1,4 @@
-"""Records of how steps were made: segments of steps under the same settings, and the step that failed."""
+"""Records of the settings of steps (segments), and of a failed step."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -12,15 +12,15 @@ from .plan import SimulationPlan
 
 
 class Segment(Record, frozen=True, kw_only=True):
-    """Consecutive steps that were made under the same settings.
+    """Consecutive steps with the same settings.
 
     Attributes:
         first: index of its first step, from 0; it ends where the next segment begins.
         stepper: the stepper with its step size.
         solver: the solver.
-        tolerance: residual, as judged, that each step must reach.
-        max_iterations: limit of the solver in one step.
-        start: what each solve started from.
+        tolerance: judged residual that each step must reach.
+        max_iterations: iteration limit of the solver in one step.
+        start: initial impulses of each solve.
     """
 
     first: Count
@@ -58,7 +58,7 @@ def check_segments(segments: Sequence[Segment], n_steps: int) -> None:
     firsts = [segment.first for segment in segments]
     begins = firsts[:1] == [0] if n_steps else not firsts
     if not begins or any(after <= before for before, after in pairwise([*firsts, n_steps])):
-        raise ValueError("these are no segments of the steps")
+        raise ValueError("the segments do not cover the steps")
 
 
 class Failure(Record, frozen=True, kw_only=True):
@@ -66,9 +66,9 @@ class Failure(Record, frozen=True, kw_only=True):
 
     Attributes:
         step: its number, from 1.
-        time: when it began [s].
-        solver: what solved the steps.
-        reason: what happened, without a full stop.
+        time: simulated time at its beginning [s].
+        solver: the solver.
+        reason: reason of the failure, without a full stop.
     """
 
     step: Count

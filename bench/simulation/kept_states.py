@@ -1,16 +1,16 @@
-"""The states of a simulation that are kept: evenly over simulated time, before its length is known.
+"""Selection of the states of a simulation to keep, evenly over simulated time of unknown length.
 
-Time is divided into cells of 2^k base spacings, and the first state in each cell is kept. When there are more than 2N
-states, k grows by one: two cells become one, of which the first state stays. What is kept depends on the states alone,
-not on where the simulation was interrupted. Marked states are kept in addition.
+Time is divided into cells of 2^k base spacings, and the first state in each cell is kept. If there are more than 2N
+states, k grows by one: pairs of cells are merged, and the first state of each pair is kept. The selection depends only
+on the states, not on interruptions of the simulation. Marked states are kept in addition.
 
-As arrays of a result file they are
+The arrays of a result file are
 
-state_times              of n states [s], shape (n,)
+state_times              times of n states [s], shape (n,)
 state_marks              whether each is marked, shape (n,)
 state_positions, state_velocities    q and u of each, shapes (n, n_coordinates) and (n, n_dofs)
 state_contacts           number of contacts of each, shape (n,)
-state_keys, state_impulses           of all contacts, one state after the other
+state_keys, state_impulses           keys and impulses of all contacts, one state after the other
 """
 
 import math
@@ -34,8 +34,8 @@ class KeptState:
 
     Attributes:
         state: the state.
-        cell: which base spacing it lies in, from 0.
-        is_marked: whether it stays where another one of its cell came before.
+        cell: index of its base spacing, from 0.
+        is_marked: whether it is kept even if it is not the first state of its cell.
     """
 
     state: State
@@ -44,15 +44,15 @@ class KeptState:
 
 
 class KeptStates:
-    """Keeps states that are offered one after the other in the order of time.
+    """Select from states that are offered in the order of time.
 
-    Steps as long as the base spacing leave every 2^k-th state; of steps up to a third of the present spacing, the
-    distances of those that are kept differ by at most a factor of two.
+    With steps as long as the base spacing, every 2^k-th state is kept. With steps of at most a third of the present
+    spacing, the distances of kept states differ by at most a factor of two.
 
     Args:
-        number: N, at least 1; at most 2N states are held, the last one that was offered included and marked ones not
-            counted, and N at least where there were more in cells of their own.
-        start: the first state, which stays.
+        number: N, at least 1. At most 2N states are kept, including the last one and excluding marked ones. At least N
+            are kept if states were offered in more than N cells.
+        start: the first state, which is always kept.
         spacing: base spacing [s].
     """
 
@@ -64,12 +64,12 @@ class KeptStates:
 
     @property
     def doublings(self) -> int:
-        """k, how often the spacing was doubled."""
+        """k, the number of doublings of the spacing."""
         return self._held[0]
 
     @property
     def kept(self) -> list[KeptState]:
-        """The states that are held and the last one offered, in the order of time."""
+        """The kept states and the last offered one, in the order of time."""
         held = self._held[1]
         if held[-1].state.time >= self._last.time:
             return list(held)
@@ -77,11 +77,11 @@ class KeptStates:
 
     @property
     def states(self) -> list[State]:
-        """The same as mere states."""
+        """The kept states without cells and marks."""
         return [kept.state for kept in self.kept]
 
     def offer(self, state: State, is_marked: bool = False) -> None:
-        """Look at the next state; the last one may be offered once more, to mark it."""
+        """Offer the next state; the last one may be offered again to mark it."""
         doublings, held = self._held
         self._last = state
         if state.time <= held[-1].state.time:
@@ -98,7 +98,7 @@ class KeptStates:
             self._hold(doublings, held)
 
     def restore(self, states: Sequence[State], marks: Sequence[bool], doublings: int) -> None:
-        """Put what another one of the same arguments has kept in place of everything."""
+        """Replace all kept states by those of another object with the same arguments."""
         self._last = states[-1]
         kept = [self._in_cell(state, is_marked) for state, is_marked in zip(states, marks, strict=True)]
         self._hold(doublings, _kept(kept, doublings))
@@ -118,11 +118,11 @@ def _kept(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
 
 
 def kept_arrays(kept_states: KeptStates) -> dict[str, NDArray[Any]]:
-    """Return what ``restore_kept`` reads."""
+    """Return the arrays for ``restore_kept``."""
     kept = kept_states.kept
     states = [one.state for one in kept]
     width = max(state.impulses.shape[1] for state in states)
-    # states without contacts may have impulses of another width, and no number in them
+    # states without contacts may have empty impulses of another width
     impulses = [state.impulses if len(state.keys) else np.zeros((0, width)) for state in states]
     return {
         "state_times": np.array([state.time for state in states]),
@@ -141,13 +141,13 @@ def restore_kept(
     """Put stored states into ``kept_states``, which is new.
 
     Args:
-        kept_states: made of what the stored one was made of.
+        kept_states: a new object with the arguments of the stored one.
         content: the arrays of ``kept_arrays``.
-        doublings: of the stored one.
-        times: of all states that were offered after the first [s].
+        doublings: number of doublings of the stored object.
+        times: times of all states that were offered after the first [s].
 
     Raises:
-        KeyError, ValueError: if these are no states of the motion.
+        KeyError, ValueError: if the arrays are not states of the motion.
     """
     names = ("times", "marks", "positions", "velocities", "contacts", "keys", "impulses")
     time, marks, positions, velocities, contacts, keys, impulses = (content[f"state_{name}"] for name in names)

@@ -1,4 +1,4 @@
-"""The plan of a simulation: scene, stepper, duration and solver, checked before anything starts."""
+"""The plan of a simulation: scene, stepper, duration and solver, validated before it starts."""
 
 import math
 from collections.abc import Mapping
@@ -32,23 +32,23 @@ class _Default(NamedTuple):
 
 
 _MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
-"""The fastest solver to the usual accuracy on hundreds of contacts and more; a rare step needs many sweeps."""
+"""The fastest solver to the usual accuracy on hundreds of contacts and more; few steps need many sweeps."""
 
 _FEW_CONTACTS = _Default("Fallback(SORprox, Robust)", 1e-10, 5000)
-"""A few contacts allow more accuracy and need no relaxation above 1; other methods solve what sweeps cannot."""
+"""A few contacts allow a finer tolerance without relaxation above 1; `Robust` solves the steps on which sweeps fail."""
 
 _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
-"""Switching points are located from forces, which lose as many digits as a step is shorter than the others."""
+"""Switching points are located from forces, whose accuracy decreases with the step size."""
 
 _EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
 """The laws at events are solved exactly."""
 
 REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "start", "step_seconds")
-"""Settings that a resumed simulation may change: how steps are taken and solved, not what is simulated."""
+"""Settings that a resumed simulation may change: those of stepper and solver, not of the scene."""
 
 
 class PlanRecord(Record, frozen=True, kw_only=True):
-    """A plan as it is stored, and as ``make_simulation_plan`` takes it."""
+    """A stored plan, with the arguments of ``make_simulation_plan``."""
 
     scene: str
     options: dict[str, Any]
@@ -64,19 +64,19 @@ class PlanRecord(Record, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class SimulationPlan:
-    """A simulation to be carried out.
+    """A simulation to run.
 
     Attributes:
         scene: the scene with its options.
-        stepper: takes the steps.
+        stepper: the stepper.
         duration: simulated time [s].
-        solver: solves the contact problem of each one-step inclusion.
-        tolerance: residual, as judged, that each of these solves must reach.
-        max_iterations: limit of the solver in one of them.
-        start: what a solve starts from: "warm", "cold" or "warm-then-cold", see ``starts``.
-        states: least number of states that are kept of a longer simulation, and half the largest; those at switching
-            points are not counted.
-        step_seconds: limit of the wall time that a plugin's scene or solver takes for one step [s].
+        solver: solver of the contact problem of each one-step inclusion.
+        tolerance: judged residual that each solve must reach.
+        max_iterations: iteration limit of each solve.
+        start: initial impulses of each solve: "warm", "cold" or "warm-then-cold", see ``starts``.
+        states: least number of states to keep of a longer simulation, at most twice as many; states at switching points
+            are kept in addition.
+        step_seconds: wall time limit of a plugin's scene or solver for one step [s].
     """
 
     scene: Scene
@@ -105,17 +105,17 @@ class SimulationPlan:
 
     @property
     def stop(self) -> Stop:
-        """The stop criterion of each step; a limit of time would make the motion depend on how busy the machine is."""
+        """The stop criterion of each step; with a time limit, the motion would depend on the load of the machine."""
         return Stop(self.tolerance, self.max_iterations, math.inf)
 
     @property
     def step_solver(self) -> ContactSolver:
-        """The solver as steppers take it."""
+        """The solver in the form that steppers require."""
         return StepSolver(self.solver, self.start)
 
     @property
     def record(self) -> PlanRecord:
-        """The plan as plain values, from which ``make_simulation_plan`` makes it again."""
+        """The plan as plain values, the arguments of ``make_simulation_plan``."""
         values: dict[str, Any] = {"scene": self.scene.name, "options": dict(self.scene.options), "start": self.start}
         values |= {name: getattr(self, name).name for name in ("stepper", "solver")}
         values |= {name: float(getattr(self, name)) for name in ("duration", "tolerance", "step_seconds")}
@@ -138,9 +138,9 @@ def make_simulation_plan(
 ) -> SimulationPlan:
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
-    Scene, stepper and solver are named with their options, and ``options`` are further ones of the scene; for the
-    numbers see ``SimulationPlan``. By default, stepper and duration are the scene's, and solver, tolerance and
-    iterations suit the two.
+    Names of scene, stepper and solver may include options; ``options`` are further options of the scene. See
+    ``SimulationPlan`` for the other arguments. By default, stepper and duration are those of the scene, and solver,
+    tolerance and iterations suit scene and stepper.
 
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
@@ -178,10 +178,10 @@ def _default(scene: Scene, stepper: Stepper) -> _Default:
 
 
 def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
-    """Return ``plan`` with other values, by the names of ``make_simulation_plan``, which has the errors."""
+    """Return a copy of ``plan`` with other arguments of ``make_simulation_plan``, which raises the same errors."""
     if not changes:
         return plan
-    # a solver of a plugin is given its seconds when it is made
+    # a plugin's solver gets its time limit when it is created
     solver = plan.solver.name if "step_seconds" in changes else plan.solver
     kept = {**msgspec.structs.asdict(plan.record), "stepper": plan.stepper, "solver": solver}
     return make_simulation_plan(**{**kept, **changes})
@@ -192,9 +192,9 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
 
     Args:
         plan: the plan as it was stored.
-        given: values by the names of ``PlanRecord``. A scene, with options or without, and ``states`` must be as
-            stored; a variable stepper may be replaced by another variable one; the rest may differ.
-        source: what messages call the stored simulation.
+        given: values by the names of ``PlanRecord``. The scene, with or without options, and ``states`` must equal the
+            stored ones. A variable stepper may be replaced by another variable stepper. Other values may differ.
+        source: name of the stored simulation in messages.
 
     Raises:
         BenchError: for the first value that contradicts the plan.
@@ -208,7 +208,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
 
 
 def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return names and values that must be as they are stored."""
+    """Return names and values that must equal the stored ones."""
     values: list[tuple[str, Any]] = []
     if "scene" in given:
         name, options = read_scene(given["scene"])
@@ -244,7 +244,7 @@ def _check_numbers(plan: SimulationPlan) -> None:
     check_start(plan.start)
     if not plan.stepper.uses_last_impulses and plan.start != default_start(plan.stepper):
         raise BenchError(
-            f"{plan.stepper.name} starts each solve from zero and cannot start {plan.start}; name the start cold."
+            f"{plan.stepper.name} starts each solve from zero and does not support start={plan.start}; use start=cold."
         )
     if not plan.states >= 1:
         raise BenchError(f"states must be at least 1, got {plan.states}.")

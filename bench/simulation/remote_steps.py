@@ -1,6 +1,6 @@
 """The steps of a plugin's scene, taken in one process with one request per step.
 
-Scene, stepper and solver run there. The solved problems come back with each step, so that they are judged here.
+Scene, stepper and solver run there. Each step returns its solved problems, which are judged here.
 """
 
 import time
@@ -52,9 +52,9 @@ class SolvedRecord(Record, frozen=True, kw_only=True):
 
     Attributes:
         length: Δt [s].
-        time: at its end [s].
-        status: how the solver ended, None if no contact was active.
-        iterations: of the solver.
+        time: time at its end [s].
+        status: status of the solver; None if no contact was active.
+        iterations: number of iterations.
     """
 
     length: Number
@@ -80,7 +80,7 @@ class StepRecord(Record, frozen=True, kw_only=True):
 
 
 class RemoteSteps(RenewedWorker):
-    """The steps of a plan, taken in a process of their own, which ends with the object."""
+    """The steps of a plan, taken in a separate process, which ends with the object."""
 
     def __init__(self, plan: SimulationPlan) -> None:
         solver = plan.solver.spec if isinstance(plan.solver, RemoteSolver) else solver_spec(plan.solver)
@@ -93,7 +93,7 @@ class RemoteSteps(RenewedWorker):
         """Yield the accepted steps from ``start``, with energies and observables at their ends.
 
         Raises:
-            BenchError: if a step fails, or is not answered.
+            BenchError: if a step fails, or the process does not answer.
         """
         allowed = max(self.seconds, REQUEST_SECONDS)  # the process imports and compiles first
         self._answer("begin", start, states, seconds=allowed)
@@ -107,7 +107,7 @@ class RemoteSteps(RenewedWorker):
                     msgspec.convert(answer["step"], StepRecord, str_keys=True), unpacked(content), begin, self._scene
                 )
                 charged += taken.seconds
-                # a step may be held back until the next one is tried, so only the sum is bounded
+                # a stepper may try the next step before it yields one, so only the sum is bounded
                 if taken.seconds < 0.0 or charged > time.monotonic() - began:
                     raise ValueError("no time of a step")
             except UNFIT:
@@ -117,7 +117,7 @@ class RemoteSteps(RenewedWorker):
             begin, allowed = taken.end, self.seconds
 
     def failure(self, fault: Fault) -> Exception:
-        """Return the error of a request that is not answered, as the scene itself would report it."""
+        """Return the error for a request without an answer, as from the scene itself."""
         system = self._scene.system
         assert isinstance(system, RemoteSystem)
         return system.failure(fault)
@@ -154,12 +154,12 @@ def _read(about: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tupl
 
 
 def _read_solve(about: SolvedRecord, arrays: Arrays, begin: FloatArray, n_coordinates: int) -> Step:
-    """Return a one-step solve, whose problem is made here of the system as it was linearised there.
+    """Return a one-step solve, with its problem assembled from the linearised system of the process.
 
     Args:
-        about: what is no array of it.
-        arrays: the arrays.
-        begin: velocity at its begin, shape (n_dofs,).
+        about: its record.
+        arrays: its arrays.
+        begin: velocity at its beginning, shape (n_dofs,).
         n_coordinates: number of coordinates.
     """
     n_dofs = len(begin)
@@ -179,7 +179,7 @@ def _part(arrays: Arrays, prefix: str) -> Arrays:
 
 @dataclass
 class StepsTask:
-    """The child's half: answers "begin" (state, states of the laws) and "step"."""
+    """The task of the child: it answers "begin" (state, states of the laws) and "step"."""
 
     scene: str
     options: dict[str, Any]
@@ -192,7 +192,7 @@ class StepsTask:
     _steps: Iterator[AcceptedStep] = field(default_factory=lambda: iter(()))
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; an error of a step in words is answered as {"failed": sentence}."""
+        """Answer one request; a failed step is answered as {"failed": sentence}."""
         try:
             if request == "begin":
                 self._begin(*arguments)

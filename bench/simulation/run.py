@@ -21,7 +21,7 @@ from .step_times import without_compilation
 from .trajectory import Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
-"""``on_step(number, step)``, called after every step; the first step of a simulation has the number 1."""
+"""``on_step(number, step)``, called after every step, with numbers from 1."""
 
 OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation so far."""
@@ -31,7 +31,7 @@ CHECKPOINT_SECONDS = 10.0
 
 
 class Hooks(TypedDict, total=False):
-    """What happens around the steps of a simulation; all of it may be left out.
+    """Optional callbacks of a simulation.
 
     Attributes:
         on_step: called after every step, outside the time charged to it.
@@ -52,9 +52,9 @@ def simulate(
     """Simulate from the start.
 
     Args:
-        plan: what to simulate; ``make_simulation_plan`` makes it.
-        output: the result file if it ends in .npz, else the folder for it; nothing is stored if None.
-        force: replace a result file that exists.
+        plan: the plan, from ``make_simulation_plan``.
+        output: the result file if it ends in .npz, else its folder; nothing is stored if None.
+        force: replace an existing result file.
         hooks: see ``Hooks``.
 
     Returns:
@@ -77,16 +77,15 @@ def resume_simulation(
     solver: Solver | None = None,
     **hooks: Unpack[Hooks],
 ) -> Simulation:
-    """Continue a stored simulation: with a fixed step in the same bits as if it had never been interrupted.
+    """Continue a stored simulation. With a fixed step, the result is identical to that without an interruption.
 
-    A variable step begins anew at the last state, so that its steps differ from those of a simulation that was never
-    interrupted, within their tolerance.
+    A variable step starts anew at the last state. Its steps differ from those without an interruption, within their
+    tolerance.
 
     Args:
         file: its result file, to which steps are added.
         given: expected values of the plan, see ``plan.check_agreement``. Another solver, tolerance, number of
-            iterations, start or variable stepper makes the steps from here on, so that a simulation whose step failed
-            can be resumed.
+            iterations, start or variable stepper takes the remaining steps, for example after a failed step.
         duration: simulated time from the start [s]; as planned if None.
         solver: the solver, if ``create`` does not know it by its name.
         hooks: see ``Hooks``.
@@ -118,13 +117,13 @@ def resumable_simulation(
             "name a longer one, or leave it out."
         )
     stored, simulation.plan = simulation.plan, plan
-    if simulation.is_finished:  # no step will be made under other settings
+    if simulation.is_finished:  # no step follows with other settings
         simulation.plan = stored
     return simulation
 
 
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
-    """Take the remaining steps; whatever ends them, the result file holds all that were completed.
+    """Take the remaining steps; the result file always contains all completed ones.
 
     Raises:
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.
@@ -136,7 +135,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     checkpoint_seconds = hooks.get("checkpoint_seconds", CHECKPOINT_SECONDS)
     clock = time.perf_counter
     began = clock() - simulation.wall_seconds
-    _store(simulation)  # finds out now, not after the first hour, that nothing can be written
+    _store(simulation)  # detects immediately that the file cannot be written
     written = clock()
     steps = _steps(simulation)
     try:

@@ -1,4 +1,4 @@
-"""Starts of the solve of a step: warm from the impulses of the last step, cold from zero, or warm and then cold."""
+"""Starts of the solve of a step: warm (from the last impulses), cold (from zero), or warm and then cold."""
 
 from dataclasses import dataclass
 
@@ -13,26 +13,26 @@ from ..errors import BenchError
 WARM, COLD, WARM_THEN_COLD = STARTS = ("warm", "cold", "warm-then-cold")
 
 DEFAULT_START = WARM
-"""The start unless one is named: it takes the fewest sweeps on most scenes and tolerances."""
+"""The default start, which needs the fewest sweeps on most scenes and tolerances."""
 
 WARM_ITERATIONS = 500
 """Iterations from the last impulses before "warm-then-cold" starts from zero: in a pile at rest they may stall."""
 
 
 class UnsupportedStepError(BenchError):
-    """The solver cannot treat the contact problem of a step."""
+    """The solver does not support the contact problem of a step."""
 
 
 def default_start(stepper: Stepper) -> str:
-    """Return the start unless one is named; a stepper that offers no impulses starts cold."""
+    """Return the default start of a stepper, cold if it provides no impulses."""
     return DEFAULT_START if stepper.uses_last_impulses else COLD
 
 
 def check_start(name: str) -> None:
-    """Check that a start has this name.
+    """Check the name of a start.
 
     Raises:
-        BenchError: if none has, with the nearest name.
+        BenchError: if it is unknown, with the nearest name.
     """
     if name not in STARTS:
         raise BenchError(f"there is no start {name!r}{suggestion(name, STARTS)}")
@@ -40,7 +40,7 @@ def check_start(name: str) -> None:
 
 @dataclass(frozen=True)
 class StepSolver:
-    """A solver with a start, as steppers take it.
+    """A solver with a start, in the form that steppers require.
 
     Attributes:
         solver: the solver.
@@ -54,11 +54,11 @@ class StepSolver:
         """Prepare ``problem``; the ``solve`` of what is returned gets the impulses of the last step.
 
         Raises:
-            UnsupportedStepError: if the solver cannot treat it.
+            UnsupportedStepError: if the solver does not support it.
         """
         reason = self.solver.supports(problem)
         if reason:
-            raise UnsupportedStepError(f"it cannot treat this step: {reason}")
+            raise UnsupportedStepError(f"it does not support this step: {reason}")
         if self.start == WARM_THEN_COLD:
             return Fallback(self.solver, warm_iterations=WARM_ITERATIONS).prepare(problem)
         prepared = self.solver.prepare(problem)

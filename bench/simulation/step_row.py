@@ -1,4 +1,4 @@
-"""The row of numbers that is stored for each accepted step; its columns have the names of the fields here."""
+"""The stored row of an accepted step; its columns have the names of the fields here."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -34,22 +34,22 @@ class StepRow:
     """One accepted step.
 
     Attributes:
-        time: its end [s].
+        time: time at its end [s].
         length: its length [s].
-        error: estimated relative error, 0 where none is estimated.
-        solves: one-step inclusions solved for it.
-        rejected: attempts rejected before it.
-        contacts: active contacts at its end.
+        error: estimated relative error, 0 without an estimate.
+        solves: number of solved one-step inclusions.
+        rejected: number of rejected attempts before it.
+        contacts: number of active contacts at its end.
         iterations: iterations of the solver in its one-step solves.
         residual: the largest judged residual of these solves.
         local_residual: their largest local residual.
         status: index into the statuses of its simulation, of the solve with the largest judged residual.
-        kinetic_energy: at its end [J].
-        potential_energy: at its end [J], nan where it is not known.
-        penetration: deepest one over the length of the scene, in the states where one-step solves begin.
-        impact_depth: the same at their midpoints, where contacts are found.
+        kinetic_energy: kinetic energy at its end [J].
+        potential_energy: potential energy at its end [J], NaN if unknown.
+        penetration: largest penetration at the beginning of one-step solves, relative to the length of the scene.
+        impact_depth: largest penetration at their midpoints, where contacts are detected, relative to this length.
         seconds: wall time [s].
-        observed: values of the observables of the scene, in its order; columns of their own.
+        observed: values of the observables of the scene, in order, each with its own column.
     """
 
     time: float = _column("<f8")
@@ -88,7 +88,9 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
     names = [one.name for one in scene.observables]
     for name in names:
         if name in _OWN_COLUMNS or names.count(name) > 1 or not name:
-            raise BenchError(f"the scene {scene.name!r} has an observable {name!r}, a name that is taken; rename it.")
+            raise BenchError(
+                f"the scene {scene.name!r} has an observable {name!r}, which is the name of a column; rename it."
+            )
     return np.dtype(
         [*_OWN_COLUMNS.items(), *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)]
     )
@@ -99,8 +101,8 @@ class SceneValues:
     """Energies and observables of a state.
 
     Attributes:
-        kinetic_energy: [J].
-        potential_energy: [J], nan where it is not known.
+        kinetic_energy: kinetic energy [J].
+        potential_energy: potential energy [J], NaN if unknown.
         observed: values of its observables, in order.
     """
 
@@ -120,7 +122,7 @@ def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: S
     """Judge one accepted step.
 
     Args:
-        scene: what moves.
+        scene: the scene.
         taken: the step.
         values: energies and observables at its end.
         statuses: texts by the stored status.
@@ -162,7 +164,7 @@ class _Solve:
         contacts: its active contacts.
         impulses: Λ [N s], shape (n_rows,).
         length: Δt [s].
-        approach: Wᵀu_B [m/s], shape (n_rows,), of the velocity where it begins.
+        approach: relative velocity Wᵀu_B at its beginning [m/s], shape (n_rows,).
     """
 
     problem: ContactProblem
@@ -183,9 +185,9 @@ def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
 
 
 def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
-    """Return the deepest penetration [m] of the states in which one-step solves begin, and that at their midpoints.
+    """Return the largest penetrations [m] at the beginning of one-step solves, and at their midpoints.
 
-    A contact reaches the midpoint with its velocity at the begin, g_M = g_B + γ_B Δt/2.
+    The gap at the midpoint follows from the velocity at the beginning, g_M = g_B + γ_B Δt/2.
     """
     depth, impact = 0.0, 0.0
     for solve in solves:

@@ -1,4 +1,4 @@
-"""Wall times of steps without compilation: numba compiles a kernel, or loads it, when it is first called."""
+"""Wall times of steps without compilation; numba compiles or loads a kernel at its first call."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,14 +9,14 @@ from numba.core import event
 from ...problems.motion.stepping.step import AcceptedStep
 
 COMPILER_EVENT = "numba:compiler_lock"
-"""Whatever compiles a kernel, or loads it from its cache, takes this lock of numba's."""
+"""Event of the lock that numba holds while it compiles or loads a kernel."""
 
 
 def without_compilation(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
-    """Yield ``steps`` with wall times that leave out compilation.
+    """Yield ``steps`` with wall times that exclude compilation.
 
-    A stepper may try the next step before it yields one, so a compilation longer than its step is taken off the steps
-    that follow.
+    A stepper may try the next step before it yields one, so the excess of a compilation over its step is subtracted
+    from the following steps.
     """
     compiling = 0.0
     while True:

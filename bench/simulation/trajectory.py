@@ -1,4 +1,4 @@
-"""A simulation: one row of numbers for each accepted step, switching points, and states."""
+"""A simulation: one row per accepted step, switching points, and states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,9 +20,9 @@ from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
 from .history import Failure, Segment, extended, planned_segment
 from .kept_states import KeptStates
-from .outputs import SimulationOutputs
 from .plan import SimulationPlan
 from .step_row import STATUSES, StepRow, step_columns
+from .view.outputs import SimulationOutputs
 
 SWITCH = np.dtype(
     [("begin", "<f8"), ("end", "<f8"), ("law", "u1"), ("contact", "<i8"), ("before", "u1"), ("after", "u1")]
@@ -34,7 +34,7 @@ LAWS = ("unilateral", "friction")
 LAW_STATES = ("open", "closed", "stick", "slip")
 
 SLACK = 1.001
-"""A step is solved up to this many tolerances: solver and judge sum relative velocities in different orders."""
+"""Multiple of the tolerance up to which a step is solved; solver and judge sum velocities in different orders."""
 
 
 class Ending(StrEnum):
@@ -46,10 +46,10 @@ class Ending(StrEnum):
 
 
 class GrowingArray:
-    """Rows that are appended one by one to an array, which doubles in size when it is full.
+    """An array to which rows are appended, and whose capacity doubles when it is full.
 
     Args:
-        start: the rows so far, of the shape and type of all.
+        start: the first rows, with the shape and type of all rows.
     """
 
     def __init__(self, start: NDArray[Any]) -> None:
@@ -64,7 +64,7 @@ class GrowingArray:
         self._count += 1
 
     def cut(self, count: int) -> None:
-        """Forget all but the first ``count`` rows."""
+        """Discard all except the first ``count`` rows."""
         self._count = min(self._count, count)
 
     @property
@@ -75,7 +75,7 @@ class GrowingArray:
 
 @dataclass(frozen=True, eq=False)
 class _Progress:
-    """How far a simulation is; replaced as a whole, so that an interruption leaves the old or the new one."""
+    """The progress of a simulation; it is replaced as a whole, so that an interruption leaves a consistent state."""
 
     n_steps: int
     n_switches: int
@@ -89,13 +89,13 @@ class Simulation:
     """A simulation, finished or in progress.
 
     Attributes:
-        plan: what is simulated, and how.
-        statuses: what ``steps["status"]`` is an index into.
-        wall_seconds: wall time of everything: steps, judging, storing, showing.
-        file: the result file, None if nothing is stored.
-        failure: why the next step could not be taken, None if nothing has failed since the simulation was resumed.
-        outputs: where its chart and its recording are.
-        kept_states: keeps states evenly over simulated time, and those at switching points.
+        plan: the plan.
+        statuses: texts of the statuses, indexed by ``steps["status"]``.
+        wall_seconds: total wall time of steps, judging, storing and showing [s].
+        file: the result file; None if nothing is stored.
+        failure: the failed next step; None if no step has failed since the simulation was resumed.
+        outputs: paths of its chart and its recording.
+        kept_states: the stored states, evenly over simulated time and at switching points.
     """
 
     plan: SimulationPlan
@@ -134,12 +134,12 @@ class Simulation:
 
     @property
     def law_states(self) -> LawStates | None:
-        """States of the laws in the step that led there, None at the start."""
+        """States of the laws in the last step; None at the start."""
         return self._progress.law_states
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """The settings that made the steps, in order; empty without steps."""
+        """The settings of the steps, in order; empty without steps."""
         return self._progress.segments
 
     @property
@@ -156,7 +156,7 @@ class Simulation:
 
     @property
     def times(self) -> FloatArray:
-        """When ``states`` are [s], shape (n_states,)."""
+        """Times of ``states`` [s], shape (n_states,)."""
         return np.array([state.time for state in self.states])
 
     @property
@@ -189,7 +189,7 @@ class Simulation:
 
     @property
     def scene_ending(self) -> SceneEnding | None:
-        """How the scene ended the simulation, None if it has not."""
+        """The ending by the scene; None if the scene has not ended the simulation."""
         rule, steps = self.plan.scene.ending, self.steps
         if rule is None or not self.n_steps:
             return None
@@ -208,24 +208,24 @@ class Simulation:
 
     @property
     def unsolved(self) -> NDArray[np.bool_]:
-        """Which steps are not solved to the tolerance, as judged, shape (n_steps,)."""
+        """Whether each step is unsolved, as judged, shape (n_steps,)."""
         return self.unsolved_from(0)
 
     def unsolved_from(self, first: int) -> NDArray[np.bool_]:
-        """Return the same of the steps from index ``first`` on."""
+        """Return ``unsolved`` for the steps from index ``first`` on."""
         tolerances = self.tolerances[first:]
         missed: NDArray[np.bool_] = ~(self.steps["residual"][first:] <= SLACK * tolerances + ROUNDING)
         return missed
 
     @property
     def refuted(self) -> NDArray[np.bool_]:
-        """Which unsolved steps the solver reports as solved, shape (n_steps,)."""
+        """Whether each step is unsolved but reported as solved, shape (n_steps,)."""
         claimed: NDArray[np.bool_] = self.steps["status"] == self.statuses.index(Status.SOLVED.value)
         return self.unsolved & claimed
 
     @property
     def hiding(self) -> NDArray[np.bool_]:
-        """Which steps have a local residual that the judged one hides, shape (n_steps,)."""
+        """Whether fast contacts hide the errors of others in each step, shape (n_steps,)."""
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
     def append(self, row: StepRow, taken: AcceptedStep) -> None:
@@ -255,10 +255,10 @@ class Simulation:
 
         Args:
             steps: the steps.
-            state: the state that they led to.
+            state: the state at their end.
             switches: their switching points.
             states: the last states of laws.
-            segments: their segments; one of the settings of the plan if None.
+            segments: their segments; if None, one with the settings of the plan.
         """
         known = np.zeros(0, dtype=SWITCH) if switches is None else switches
         self._rows, self._switches = GrowingArray(steps), GrowingArray(known)
@@ -268,7 +268,7 @@ class Simulation:
 
 
 def describe_switches(found: Sequence[Incident]) -> str:
-    """Return in words the number of switching points, one for each law that switches, and of their instants."""
+    """Return the number of switching points, one per law that switches, and of their instants, in words."""
     if not found:
         return "no switching points"
     instants = len({incident.time for incident in found})

@@ -1,1 +1,1 @@
-"""Results on disk, and as data frames."""
+"""Stored results: files, records and data frames."""

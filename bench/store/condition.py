@@ -12,7 +12,7 @@ from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
 
 UNSTEADY = 1.5
-"""Drift from which a report warns."""
+"""Drift above which a report warns."""
 
 BUSY = 0.25
 """Number of other cores that other programs may use on average without a warning."""
@@ -36,7 +36,7 @@ def busy_cores(run: RunRecord) -> float:
 def drift(frames: RunFrames) -> float:
     """Return the ratio of the 90 % to the 10 % quantile of the probes around counted rounds; NaN without rounds.
 
-    Of several machines the least steady one counts.
+    With several machines, it is that of the least steady one.
     """
     sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
     hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].host if one < len(sessions) else "")
@@ -55,7 +55,7 @@ def excluded_points(frames: RunFrames) -> int:
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
-    """Return in words what distinguishes two machines and their software; empty if their times compare."""
+    """Return in words what distinguishes two machines and their software; empty if their times are comparable."""
     return [*other_hardware(before, now, _COMPARED), *other_software(before, now)]
 
 
@@ -119,7 +119,7 @@ def _resuming(frames: RunFrames) -> str:
 
 
 def warnings(frames: RunFrames) -> list[str]:
-    """Return what a reader must know before the numbers, such as missing cases or an unsteady machine."""
+    """Return the warnings of a run, such as missing cases or an unsteady machine."""
     found = []
     if not frames.is_finished:
         begun = len(frames.cases) - frames.n_finished
@@ -131,40 +131,40 @@ def warnings(frames: RunFrames) -> list[str]:
     if excluded := excluded_points(frames):
         counts = f"{excluded} of {int((frames.points['status'] == Status.SOLVED).sum())} times"
         found.append(
-            f"EXCLUDED: {counts} were measured while something else used the core; they are marked {EXCLUDED_MARK} and "
-            "take part in no comparison; measure again on a quiet machine"
+            f"EXCLUDED: {counts} were measured while other programs used the core; they are marked {EXCLUDED_MARK} and "
+            "not compared; measure again on a quiet machine"
         )
     if busy_cores(frames.info) > BUSY:
         found.append(
             f"BUSY: other programs used {busy_cores(frames.info):.1f} other cores on average while solves were timed; "
-            "times do not compare with those of another run; measure again on a quiet machine"
+            "times are not comparable with those of another run; measure again on a quiet machine"
         )
     if drift(frames) > UNSTEADY:
         found.append(
             f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
-            "different problems do not compare; measure again on a quiet machine"
+            "different problems are not comparable; measure again on a quiet machine"
         )
     measured = hosts(frames)
     if len(measured) > 1:
         shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in measured.items())
         found.append(
             f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
-            "different problems do not compare"
+            "different problems are not comparable"
         )
     mixed = mixtures(frames)
     if mixed:
         found.append(
             f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
-            "sessions do not compare; measure again in one"
+            "sessions are not comparable; measure again in one"
         )
     return found
 
 
 def basis(frames: RunFrames) -> list[str]:
-    """Return what the residuals are, unless they are the judged ones."""
+    """Return the kind of the residuals, unless they are the judged ones."""
     if frames.residual == JUDGED:
         return []
-    return ["residuals are local: the largest violation of a contact relative to what shares a body with it"]
+    return ["residuals are local: the largest violation of a contact relative to contacts that share a body with it"]
 
 
 def steadiness(frames: RunFrames) -> str:

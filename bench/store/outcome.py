@@ -64,7 +64,7 @@ class Cell:
         iterations: number of iterations.
         reason: why it is not solved; empty if it is solved.
         is_finite: whether all impulses are finite numbers.
-        answer_error: largest relative error of what is known about the solution; None if nothing is known.
+        answer_error: largest relative error of the known parts of the solution; None if nothing is known.
     """
 
     problem: str

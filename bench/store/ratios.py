@@ -2,8 +2,8 @@
 
 Two solvers that are measured in the same pass meet the same state of the machine, so their times t are compared in
 pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; if there are
-too few passes, each round gives a pair. The ratio is exp(median d), because other programs disturb few rounds, but each
-by a large factor.
+too few passes, each round gives a pair. The ratio is exp(median d), because other programs disturb few rounds, each by
+a large factor.
 
 The interval is the percentile interval of ``scipy.stats.bootstrap``. For n values its level is expanded so that its
 ends are the quantiles
@@ -14,7 +14,7 @@ with the normal distribution Φ and the quantile t of Student's (T. Hesterberg, 
 Bootstrap, The American Statistician 69(4), 2015); the plain interval is too narrow for small n. Fewer than
 ``MIN_PAIRS`` pairs have no interval, because it would miss the true ratio too often.
 
-Excluded rounds never count. Where too few pairs are left, the remaining times are compared as two samples,
+Excluded rounds never count. If too few pairs remain, the remaining times are compared as two samples,
 median log t_a - median log t_b, with n the size of the smaller one. ``MIN_ROUNDS`` rounds of both are enough: all of
 them are slower than three others by chance in 1 of 20 cases.
 """
@@ -115,7 +115,7 @@ def bootstrap_ratio(
 
 @cache
 def _expanded(confidence: float, n: int) -> float:
-    """Return the level at which a percentile interval of n values contains the true value with a confidence."""
+    """Return the level at which a percentile interval of n values has a coverage of ``confidence``."""
     return float(2.0 * special.ndtr(special.stdtrit(n - 1, 0.5 + confidence / 2.0) * np.sqrt(n / (n - 1))) - 1.0)
 
 

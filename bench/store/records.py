@@ -1,4 +1,4 @@
-"""The records that a run stores. Files are written from them and validated against them; frames get their columns."""
+"""The records of a run. Files are written from them and validated against them; frames have their fields as columns."""
 
 import itertools
 from collections.abc import Sequence

@@ -28,7 +28,7 @@ def _help(*command: str) -> str:
 
 
 class CommandHelp(Directive):
-    """The page of the program, and one section a command in its order."""
+    """The page of the program, and one section per command."""
 
     def run(self) -> list[nodes.Node]:
         """Return the page and the sections."""
@@ -37,7 +37,7 @@ class CommandHelp(Directive):
 
 
 def _commands(app: Typer, *path: str) -> Iterator[tuple[str, ...]]:
-    """Yield the words of every command, a group before its commands."""
+    """Yield the words of every command, with groups before their commands."""
     for command in app.registered_commands:
         assert command.callback is not None
         yield *path, command.name or command.callback.__name__

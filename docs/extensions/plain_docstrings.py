@@ -1,4 +1,4 @@
-"""Docstrings read as they are written: bars are absolute values, and the sentence of a property may have a colon."""
+"""Escape docstrings: bars are absolute values, and the summary of a property may contain a colon."""
 
 import re
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from sphinx.application import Sphinx
 
 COLON = "\N{RATIO}"
-"""Looks like a colon; napoleon takes what stands before a real one for the type of a property."""
+"""A character that looks like a colon, because napoleon parses text before a real colon as the type of a property."""
 
 
 def _plain(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:

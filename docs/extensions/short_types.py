@@ -1,4 +1,4 @@
-"""Short types in the reference: ``array_like`` in place of the four lines that numpy's alias stands for."""
+"""Short types in the reference: ``array_like`` in place of the four lines of numpy's alias."""
 
 import re
 from typing import Any

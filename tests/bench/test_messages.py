@@ -98,4 +98,4 @@ def test_the_command_line_prints_its_own_spelling(tmp_path: Path, capsys: pytest
 def test_an_interruption_says_that_something_is_kept_only_if_something_is(finished_run: Path, tmp_path: Path) -> None:
     (tmp_path / "cases").mkdir()
     assert "before anything was measured; resume with: " in str(InterruptedRunError(tmp_path))
-    assert "what is measured is kept; resume with: " in str(InterruptedRunError(finished_run))
+    assert "measurements are kept; resume with: " in str(InterruptedRunError(finished_run))

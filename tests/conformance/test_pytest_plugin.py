@@ -53,7 +53,7 @@ def test_each_promise_of_each_solver_is_a_test_that_says_what_is_broken(tmp_path
     assert "on 8 frictionless contacts: it returned impulses of shape (0,), not (8,)." in ran.stdout
     assert "[Enumeration-finite] PASSED" in ran.stdout
     assert "[Enumeration-observed] SKIPPED" in ran.stdout
-    assert "it has no iterates to show (has_iterates is False)" in ran.stdout
+    assert "it has no observable iterates (has_iterates is False)" in ran.stdout
     assert "Traceback" not in ran.stdout
 
 

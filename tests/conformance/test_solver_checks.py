@@ -32,7 +32,7 @@ def _forgotten() -> Iterator[None]:
         ("supports True", "supports", "its supports returned True"),
         ("supports without words", "supports", "its supports returned ' '; return None"),
         ("supports at random", "supports", "supports is not deterministic on"),
-        ("unsupported", "supports", "let supports say why"),
+        ("unsupported", "supports", "return a reason there"),
         ("None", "finite", "returned NoneType, not a Solution"),
         ("shape", "finite", "of shape"),
         ("count", "finite", "1.5 as its number of iterations"),
@@ -40,7 +40,7 @@ def _forgotten() -> Iterator[None]:
         ("writes start", "inputs untouched", "changed the start"),
         ("writes problem", "inputs untouched", "changed the numbers of 8 frictionless contacts"),
         ("forgetful", "deterministic", "on the same prepared problem"),
-        ("remembers", "first solve", "keep no answers of one solve for another"),
+        ("remembers", "first solve", "do not store answers between solves"),
         ("lies", "truthful", "to 0.0001, but the judge of its model (coulomb) reads"),
         ("gives up", "useful", "solves none of 25 problems to 0.001"),
         ("zero", "useful", "its best residual is 9.8e-03"),
@@ -48,7 +48,7 @@ def _forgotten() -> Iterator[None]:
         ("never zero", "at rest", "up to 1.0e-15 N s"),
         ("empty unsolved", "no contacts", "ends as stalled"),
         ("blind", "observed", "called its observer never"),
-        ("coarse when observed", "observed", "otherwise than the unobserved one"),
+        ("coarse when observed", "observed", "differs from the unobserved one"),
         ("cold", "warm start", "begin from start"),
         ("no limit", "iteration limit", "where 1 were allowed"),
         ("late", "time limit", "took 1."),
@@ -61,8 +61,8 @@ def _forgotten() -> Iterator[None]:
         ("never oscillates", "cycles", "in a cycle of two, and it ends at the iteration limit"),
         ("returns the last", "tolerances", "a tolerance of 1e-08 ends at a residual of"),
         ("remembers contacts in any order", "order", "it solves 8 frictionless contacts as stated, but it"),
-        ("remembers tangents of any direction", "tangents", "with its tangents turned to 1e-06, but the judge"),
-        ("counts copies twice", "copies", "with contact 0 written twice to 1e-06, but the judge"),
+        ("remembers tangents of any direction", "tangents", "with rotated tangents to 1e-06, but the judge"),
+        ("counts copies twice", "copies", "with contact 0 duplicated to 1e-06, but the judge"),
         ("lies on hard-identical-contacts", "hard supports", "claims to have solved hard-identical-contacts"),
         ("lies on hard-cradle-100", "hard stacks", "claims to have solved hard-cradle-100"),
         ("lies on hard-arch-30", "hard wedges", "claims to have solved hard-arch-30"),
@@ -206,15 +206,15 @@ def the_violation(check: str, fault: str) -> str:
 @pytest.mark.parametrize(
     ("effect", "words"),
     [
-        ("moves", "changed the working folder; put back"),
+        ("moves", "changed the working folder; restore"),
         ("raises errors of numpy", "changed numpy's error state"),
         ("draws from numpy", "changed numpy's global random state"),
         ("sets the environment", "changed the environment"),
         ("hears signals", "changed signal handlers"),
         ("starts a thread", "threads or processes running; end them"),
         ("starts a process", "processes running; end them"),
-        ("replaces the judge", "replaced proxbench.bench.conformance.trial.judge; leave alone"),
-        ("replaces the clock", "replaced time.perf_counter; leave alone"),
+        ("replaces the judge", "replaced proxbench.bench.conformance.trial.judge; do not modify"),
+        ("replaces the clock", "replaced time.perf_counter; do not modify"),
     ],
 )
 def test_what_a_solver_does_to_its_process_is_named(effect: str, words: str) -> None:
@@ -246,7 +246,7 @@ def test_problems_are_held_to_their_promises() -> None:
 
     for check in PROBLEM_CHECKS:
         check.run(lambda: made(Answer(impulses=(np.ones(1),))))
-    with pytest.raises(Violation, match="fixed seed"):
+    with pytest.raises(Violation, match="fixed random seed"):
         OF_PROBLEMS["deterministic"].run(lambda: made(free_velocity=-float(rng.random())))
     with pytest.raises(Violation, match="the judge reads"):
         OF_PROBLEMS["answer"].run(lambda: made(Answer(impulses=(np.zeros(1),))))

@@ -55,7 +55,7 @@ ACTIONS = {
     "run away": (MISBEHAVED, "running"),
     "kill its supervisor": (CRASHED, "together with its supervisor"),
     "stop its supervisor": (TIMEOUT, "10 s"),
-    "forge": (MISBEHAVED, "no answer"),
+    "forge": (MISBEHAVED, "an invalid answer"),
 }
 """The outcome of each action, and words that name it: the reason of a failed case, the outcome of a measured point."""
 

@@ -1,1 +1,1 @@
-"""Commands that set solvers, or runs, side by side."""
+"""Commands that compare solvers or runs."""

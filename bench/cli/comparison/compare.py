@@ -23,7 +23,7 @@ def compare(
 ) -> int:
     """Compare two runs: what became faster, slower, solved or unsolved.
 
-    Times compare on one machine only, and problems must have the same digest.
+    Times are comparable on one machine only. Problems must have the same digest.
     """
     from rich.console import Console
 

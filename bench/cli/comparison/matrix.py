@@ -19,7 +19,7 @@ def matrix(
     max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iterations of one solve.")] = 200_000,
     output: Annotated[
         Path | None,
-        options.output(metavar="FILE", help="Markdown page, beside a CSV file of all cells; printed if left out."),
+        options.output(metavar="FILE", help="Markdown page, with a CSV file of all cells; printed if omitted."),
     ] = None,
     plugin: options.PluginFiles = None,
     quiet: options.Quiet = False,
@@ -39,7 +39,7 @@ def matrix(
 
     options.refuse_two_prints(quiet, as_json)
     if quiet and output is None:
-        raise BenchError("--quiet prints no page; name a file for it: --output FILE.")
+        raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
     if output is not None and not output.parent.is_dir():
         raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
     table = None if output is None else output.with_suffix(".csv")
@@ -70,7 +70,7 @@ def matrix(
             write_file(output, page.encode())
             write_file(table, csv_content(matrix_table(cells)))
         except UnwritableError:
-            print(matrix_page(cells, tolerance, command), end="")  # it took long to measure
+            print(matrix_page(cells, tolerance, command), end="")  # the measurement took long
             raise
         if not quiet:
             print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or at fault")
@@ -88,7 +88,7 @@ def _command(
     sample: int | None,
     sampling: str,
 ) -> str:
-    """Return the command line that makes the page again."""
+    """Return the command line that reproduces the page."""
     words = ["proxbench matrix"]
     words += [f"--problem {name}" for name in problems or []] or [f"--suite {suite}"]
     words += [f"--sample {sample}"] if sample is not None else []

@@ -1,1 +1,1 @@
-"""Commands that read and write files of other people: bundles of runs, and problems in FCLIB form."""
+"""Commands that exchange files: bundles of runs, and problem files in other formats."""

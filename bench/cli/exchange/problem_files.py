@@ -130,7 +130,7 @@ def export_files(
 def _reader(
     file_format: str, symmetry: str, indefinite: str
 ) -> tuple[Callable[[Path], "ContactProblem"], tuple[str, ...]]:
-    """Return what reads a file of a format, and the endings of such files.
+    """Return the reader of a format, and the suffixes of its files.
 
     Raises:
         ProblemError: if an option has an unknown value.
@@ -157,7 +157,7 @@ def _reader(
 def _apply(
     sources: Sequence[Path], files_of: Callable[[Path], Any], act: Callable[[Path, Path], Any]
 ) -> tuple[list[Any], list[str]]:
-    """Return what ``act`` returns for each file and its source, and a message for each file in a folder that fails.
+    """Return the results of ``act`` for the files with their sources, and a message for each failed file of a folder.
 
     Raises:
         ProblemError: if a file named on the command line fails, or a folder has no file.
@@ -211,7 +211,7 @@ def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_
 
 
 def _print_surveys(found: Sequence["Survey"]) -> None:
-    """Print a table; the names of the files come last because they may be long."""
+    """Print a table, with the file names in the last column because they may be long."""
     heads = (
         "form",
         "contacts",
@@ -270,7 +270,7 @@ def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool
 
 
 def print_files(digests: Mapping[str, str]) -> None:
-    """Print files of problems, each with the digest that runs identify the problem by."""
+    """Print problem files with their digests, which identify the problems in runs."""
     width = max((len(file) for file in digests), default=0)
     for file, digest in digests.items():
         print(f"{file:<{width}}  problem digest {digest[:16]}")

@@ -1,1 +1,1 @@
-"""``proxbench simulate``, and what a simulation shows while it runs and when it is reported."""
+"""``proxbench simulate``: its command, interruption, and output."""

@@ -17,7 +17,7 @@ _LIMITS = ("solve_seconds", "case_seconds")
 _NOT_IN_A_STUDY = {*_NUMBERS, "recording", "chart", "force"} - {"start"}
 
 _STORED = ("scene", "solver", "duration", "start", *_LIMITS)
-"""What is stored with a study."""
+"""Parameters that are stored with a study."""
 
 _method = partial(typer.Option, rich_help_panel="Method")
 
@@ -85,7 +85,7 @@ def simulate(
 
 
 def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: bool) -> int:
-    """Begin or resume a study, and show it like any run."""
+    """Start or resume a study, and print its report like that of a run."""
     from msgspec.structs import replace
 
     from ... import runs
@@ -132,7 +132,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
     if resume is None and not values["scene"]:
         raise BenchError(f"name a scene ({', '.join(SCENES)}), or a result to resume: --resume RESULT.")
     if resume is not None and values["study"] and not resume.is_dir():
-        raise BenchError(f"{resume} holds no study, which is the folder of a run; leave --study out, or name one.")
+        raise BenchError(f"{resume} is not a study; omit --study, or name the folder of a study.")
     if not is_study:
         options.refuse(_LIMITS, given, "limits a study, and this is a single simulation")
         if len(values["solver"] or ()) > 1:

@@ -1,4 +1,4 @@
-"""Run a simulation, print its tables, and make its files from the stored result."""
+"""Run a simulation, print its tables, and write its chart and recording from the stored result."""
 
 import contextlib
 import sys
@@ -13,11 +13,11 @@ from ...errors import FailedSimulationError, InterruptedSimulationError, Unwrita
 from ...report.layout.output_file import drawn, output_file
 from ...report.layout.text import output_width, print_json
 from ...simulation.file import SUFFIX, read_simulation, write_simulation
-from ...simulation.outputs import SimulationOutputs, choose_outputs, write_recording
 from ...simulation.plan import make_simulation_plan
 from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
 from ...simulation.view.live import LiveSummary
+from ...simulation.view.outputs import SimulationOutputs, choose_outputs, write_recording
 from ...simulation.view.table import document, print_simulation
 from .. import options
 from .interrupts import deferred_interrupts
@@ -29,9 +29,9 @@ class Request:
 
     Attributes:
         scene: the scene with its options, empty if none is named.
-        numbers: given arguments of its plan: stepper, solver, tolerance, max_iterations, start, states, step_seconds.
+        numbers: arguments of its plan: stepper, solver, tolerance, max_iterations, start, states, step_seconds.
         duration: simulated time [s].
-        output: result file, or the folder for it.
+        output: result file, or its folder.
         force: replace files that exist.
         resume: result file to resume.
         record: recording to write.
@@ -58,7 +58,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
     """
     simulation = _begun(request)
     live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
-    # a failure is raised again when everything is shown
+    # raise a failure after everything is printed
     with deferred_interrupts() as should_stop, live, contextlib.suppress(FailedSimulationError):
         advance(simulation, on_progress=live, should_stop=should_stop)
     code = show_simulation(simulation, as_json, quiet)
@@ -81,7 +81,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     elif not quiet:
         print_simulation(simulation, console)
         console.print()
-    # files that take long, or may fail, come last
+    # slow files, which may fail, come last
     for what, path in _files(simulation, file):
         console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
     return _outcome(simulation)
@@ -137,7 +137,7 @@ def _begun(request: Request) -> Simulation:
         simulation = resumable_simulation(request.resume, given, request.duration)
         own = simulation.outputs
         simulation.outputs = choose_outputs(own, request.chart, request.record, request.force)
-        if simulation.outputs != own:  # nothing else would be written where no step is left
+        if simulation.outputs != own:  # without remaining steps nothing else is written
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
@@ -145,7 +145,7 @@ def _begun(request: Request) -> Simulation:
     plan = make_simulation_plan(request.scene, duration=request.duration, **request.numbers)
     outputs = choose_outputs(SimulationOutputs(), request.chart, request.record, request.force)
     file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
-    if outputs.chart is None and plan.scene.coordinates:  # coordinates say more than any table
+    if outputs.chart is None and plan.scene.coordinates:  # a chart of coordinates is more informative than a table
         outputs = choose_outputs(
             replace(outputs, chart=None), file.with_suffix(".svg"), outputs.recording, request.force
         )
@@ -153,7 +153,7 @@ def _begun(request: Request) -> Simulation:
 
 
 def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path]]:
-    """Yield the kind and path of each file of a simulation; chart and recording are made on the way."""
+    """Write chart and recording of a simulation, and yield the kind and path of each of its files."""
     yield "result", file
     chart, recording = simulation.outputs.chart, simulation.outputs.recording
     if simulation.n_steps and chart is not None:

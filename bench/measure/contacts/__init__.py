@@ -1,1 +1,1 @@
-"""One solver on one contact problem: problem, case, process, and what its times are compared with."""
+"""Measure one solver on one contact problem: problem, case, process, and control solves."""

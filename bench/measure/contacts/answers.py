@@ -1,4 +1,4 @@
-"""Judge the answers of timed and of control solves: every claim counts, and the worst answer."""
+"""Judge the answers of timed and control solves; the worst answer counts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ class JudgedAnswers:
     """The judgement of all answers to one tolerance.
 
     Attributes:
-        outcome: of all of them.
+        outcome: the common outcome.
         own: the worst verdict under the solver's own model.
         coulomb: the worst verdict under Coulomb's law.
         different: the different answers, each of shape (n_rows,).
-        claims: those that claim to be solutions, as bytes.
+        claims: the claimed solutions, as bytes.
         kept: the answers of the worst verdicts.
     """
 
@@ -37,7 +37,7 @@ class JudgedAnswers:
     kept: list[Impulses]
 
     def impulse_error(self, problem: ContactProblem) -> float | None:
-        """Return the largest distance to the known impulses of a problem, None where none are known."""
+        """Return the largest distance to the known impulses of a problem; None if they are unknown."""
         known = problem.answer
         found = [] if known is None else [known.impulse_error(impulses) for impulses in self.different]
         return max((error for error in found if error is not None), default=None)
@@ -54,10 +54,10 @@ def judge_answers(
 
     Args:
         problem: the problem.
-        model: what the solver solves.
-        tolerance: what it was asked for.
-        status: how the last solve ended; all others claim to have solved.
-        rows: the answers in their order [N s], each of shape (n_rows,).
+        model: the model of the solver.
+        tolerance: the requested tolerance.
+        status: status of the last solve; all other solves claim to be solved.
+        rows: the answers in order [N s], each of shape (n_rows,).
     """
     different = {impulses.tobytes(): impulses for impulses in rows}
     judged = {key: verdicts(problem, impulses, model) for key, impulses in different.items()}
@@ -75,17 +75,17 @@ def judge_answers(
 
 
 def confirmed(problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str) -> Point:
-    """Return a point whose control solves are judged: their answers count as those of timed solves do.
+    """Judge the control solves of a point, and return the point with the worst outcome.
 
-    A control solve that ends for want of time alone changes no outcome. A copy may be harder than the problem, so that
+    A control solve that reaches a limit of time does not change the outcome. A copy may be harder than the problem, so
     only false claims on it count; its answers are not kept.
 
     Args:
         problem: the problem.
-        model: what the solver solves.
-        point: a point that ends solved.
+        model: the model of the solver.
+        point: a solved point.
         solves: first solves of the problem or of copies.
-        place: where they are solved, for the reason.
+        place: description of these solves, for the reason.
     """
     for solve in solves:
         own, coulomb = verdicts(solve.problem, solve.impulses, model)

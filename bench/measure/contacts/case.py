@@ -1,4 +1,4 @@
-"""Measure one solver on one contact problem, from outside of its process."""
+"""Measure one solver on one contact problem; the solver runs in a child process."""
 
 import hashlib
 import time
@@ -34,19 +34,19 @@ from .timed_round import TimedRound
 from .variants import perturbed_copy
 
 ROUND_SECONDS = 0.005
-"""Wall time of a round at least; every round has at least one timed solve."""
+"""Least wall time of a round [s]; every round has at least one timed solve."""
 
 ROUNDS = 2
-"""Rounds of a point in a pass that are not excluded."""
+"""Number of rounds of a point in a pass that must not be excluded."""
 
 ENOUGH_SECONDS = 0.02
-"""Wall time of a round after which no other one follows in the same pass, unless it is excluded."""
+"""Wall time of a counted round from which one round per pass suffices [s]."""
 
 MAX_EXCLUDED = 3
-"""Excluded rounds of a point in a pass after which no other one follows."""
+"""Largest number of excluded rounds of a point in a pass."""
 
 MAX_EXCLUDED_SECONDS = 0.2
-"""Wall time of excluded rounds of a point in a pass after which no other one follows [s]."""
+"""Wall time of the excluded rounds of a point in a pass after which it is not repeated [s]."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class CasePass:
 
     Attributes:
         session: number of the session of the run.
-        number: number of the pass in it; points with as many rounds before this pass have been in it already.
+        number: number of the pass in the session; points that were measured in more passes are skipped.
     """
 
     session: int = 0
@@ -63,7 +63,7 @@ class CasePass:
 
 
 MAX_RESTS = 20
-"""Rests in which processes that a solver has started may end, before it is refused for them."""
+"""Largest number of pauses in which processes that a solver has started may end before it has misbehaved."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class MeasuredRound:
     """A round with its answers.
 
     Attributes:
-        timed: the solves.
-        record: the round as it is stored.
+        timed: the timed solves.
+        record: the record of the round.
         impulses: the different answers, shape (n, n_rows).
     """
 
@@ -82,12 +82,12 @@ class MeasuredRound:
 
 
 class Case(LadderCase[MeasuredRound]):
-    """A solver on a problem; the ladder is that of its tolerances.
+    """A solver on a problem, measured at a ladder of tolerances.
 
     Attributes:
         problem: the problem.
         solver: the solver.
-        case_pass: the pass that it is in.
+        case_pass: the current pass.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Case(LadderCase[MeasuredRound]):
         stored: CaseRecord | None = None,
         case_pass: CasePass = CasePass(),
     ) -> None:
-        """Note what to measure, and what is measured already."""
+        """Store the plan of the case and its previous measurements."""
         super().__init__(ladder, limits, stored)
         self.problem, self.solver, self.case_pass, self._data = problem, solver, case_pass, problem_data
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
@@ -110,7 +110,7 @@ class Case(LadderCase[MeasuredRound]):
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     def is_left(self, level: int) -> bool:
-        """Whether a point is missing, or another round of it belongs to this pass."""
+        """Return whether a point is missing, or needs another round in this pass."""
         if level >= len(self.points):
             return True
         point = self.points[level]
@@ -119,9 +119,9 @@ class Case(LadderCase[MeasuredRound]):
         return (point.is_late_for_others or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
-        """Start the process, warm up on a copy of the problem, and take the convergence curve of the problem.
+        """Start the process, warm up on a copy of the problem, and measure the convergence curve of the problem.
 
-        A solver that refuses either is recorded with its reason.
+        If the solver does not support the copy or the problem, the case records its reason.
         """
         self._start(MeasuringTask(self._controls.warm_up, self.solver))
         requests = (("supports",), ("warm_up", WARM_UP_STOP), ("problem", self._data), ("supports",))
@@ -134,16 +134,16 @@ class Case(LadderCase[MeasuredRound]):
         self._ask("compare")
 
     def occupy(self, core: MeasuringCore) -> None:
-        """Let its processes run on a core alone from now on."""
+        """Pin its processes to a core from now on."""
         super().occupy(core)
         self._controls.core = core
 
     def finish(self) -> None:
-        """Compare the process with what it was before the solver was made."""
+        """Compare the state of the process with that before the solver was created."""
         self._ask("compare")
 
     def dismiss(self) -> None:
-        """Let its processes end."""
+        """Ask its processes to end."""
         self._controls.dismiss()
         super().dismiss()
 
@@ -167,13 +167,13 @@ class Case(LadderCase[MeasuredRound]):
         return None if left else found
 
     def _fail(self, fault: Fault) -> None:
-        """End the case; of one that misbehaved, what was measured before means nothing."""
+        """End the case, and discard the measurements of a solver that misbehaved."""
         super()._fail(fault)
         if fault.outcome is Outcome.MISBEHAVED:
             self.points = []
 
     def measure(self, value: float, number: int) -> MeasuredRound | None:
-        """Do one round of timed solves between two probes of the core; return None if the case failed."""
+        """Run one round of timed solves between two probes of the core; return None if the case failed."""
         if self._worker is None:
             return None
         process, probe = self._worker.process, self.core.probe()
@@ -201,7 +201,7 @@ class Case(LadderCase[MeasuredRound]):
         """Return the different answers of a round, shape (n, n_rows).
 
         Raises:
-            Fault: MISBEHAVED, if there are too few numbers, or too many.
+            Fault: MISBEHAVED, if the number of values is wrong.
         """
         n_rows, count = self.problem.n_rows, len(timed.totals)
         if not n_rows:
@@ -212,7 +212,7 @@ class Case(LadderCase[MeasuredRound]):
         return numbers.reshape(-1, n_rows)
 
     def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
-        """Whether rounds without preemption are too few; a failing solve and a long one are not repeated for more."""
+        """Return whether a point needs more undisturbed rounds; failed and long solves are not repeated."""
         last = answers[-1]
         excluded = [one.record.wall_seconds for one in answers if one.record.excluded]
         if len(excluded) >= MAX_EXCLUDED or sum(excluded) > MAX_EXCLUDED_SECONDS or last.timed.status != Status.SOLVED:
@@ -221,7 +221,7 @@ class Case(LadderCase[MeasuredRound]):
         return len(answers) - len(excluded) < wanted
 
     def point(self, value: float, answers: list[MeasuredRound]) -> Point:
-        """Judge the impulses of all solves, of which the worst count; what does not end solved ends the ladder."""
+        """Judge the impulses of all solves, and return the point with the worst verdict."""
         last = answers[-1].timed
         rows = [impulses for answer in answers for impulses in answer.impulses]
         found = judge_answers(self.problem, self.solver.model, value, last.status, rows)
@@ -251,16 +251,16 @@ class Case(LadderCase[MeasuredRound]):
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
 
     def end_after(self, point: Point) -> str:
-        """Return that a point did not end solved in time, if so: finer ones will not."""
+        """Return why finer points are not attempted after an unsolved or late one; empty if they are."""
         if point.outcome is Outcome.NOT_ATTEMPTED:
             return point.reason
         is_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
         return f"{point.tolerance:g} already ended {point.outcome.value}" if is_ended else ""
 
     def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
-        """Keep one point of the ladder, once first solves in fresh processes confirm what was timed.
+        """Add one point of the ladder, after first solves in fresh processes confirm its times.
 
-        In later passes they are repeated where a round is faster than the earlier ones explain.
+        In later passes, first solves are repeated if a round is faster than the earlier ones explain.
         """
         super().add_point(level, answers)
         self.points = keep_finest_impulses(self.points)
@@ -309,10 +309,10 @@ class Case(LadderCase[MeasuredRound]):
         return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
 
     def _counted(self, claimed: int) -> int:
-        """Return the iterations of a solve that claims ``claimed``.
+        """Return the iterations of a solve for which the solver reports ``claimed``.
 
-        Where the observed solve showed another number than the solver claimed of it, claims are corrected by their
-        ratio; a solver that claims none has those of the observed solve.
+        If observed and claimed iterations of the observed solve differ, claims are corrected by their ratio. If the
+        solver reports none, the observed number is returned.
         """
         if self._observed is None:
             return claimed
@@ -320,7 +320,7 @@ class Case(LadderCase[MeasuredRound]):
         return round(claimed * observed / claimed_then) if claimed and claimed_then else observed
 
     def identity(self) -> dict[str, Any]:
-        """Return problem and solver."""
+        """Return the fields of the record that identify problem and solver."""
         return {
             "problem": self.problem.name,
             "digest": self.problem.digest,
@@ -336,7 +336,7 @@ class Case(LadderCase[MeasuredRound]):
         return Stop(tolerance, self.limits.max_iterations, self.limits.solve_seconds)
 
     def _judged_curve(self, answer: dict[str, Any], iterates: FloatArray) -> Curve:
-        """Return the judged residual of every iterate shown: the judge runs where no plugin can reach it."""
+        """Return the judged residual of every observed iterate, computed outside the plugin's process."""
         iterations: Any = answer.get("iterations")
         if not are_iterations(iterations) or len(iterations) * self.problem.n_rows != len(iterates):
             self._fail(no_answer())
@@ -351,12 +351,12 @@ class Case(LadderCase[MeasuredRound]):
 
 @lru_cache(maxsize=4)
 def warm_up_data(problem: ContactProblem) -> bytes:
-    """Return a copy of a problem to warm up on, as the content of a file, one for all its cases."""
+    """Return the file content of a perturbed copy to warm up on, the same for all cases of a problem."""
     return problem_bytes(perturbed_copy(problem))
 
 
 def _known_contradiction(point: Point) -> tuple[int, int] | None:
-    """Return the observed and the claimed iterations of a stored point; None where they agree."""
+    """Return the observed and the claimed iterations of a stored point; None if they agree."""
     measured = point.measured
     if measured is None or measured.claimed_iterations is None:
         return None
@@ -364,7 +364,7 @@ def _known_contradiction(point: Point) -> tuple[int, int] | None:
 
 
 def _contradicted_count(answer: dict[str, Any]) -> tuple[int, int] | None:
-    """Return how often the observer was called and the iterations that the solver claims; None where they agree."""
+    """Return the number of calls of the observer and the claimed iterations; None if they agree."""
     calls, claimed = answer.get("calls"), answer.get("claimed")
     if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):
         return None

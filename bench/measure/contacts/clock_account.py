@@ -1,11 +1,11 @@
-"""The seconds that the clock in a case's process counts, compared with the processor time that the system counts.
+"""Compare the clock in the process of a case with the processor time that the system counts.
 
-N solves in n rounds with processor seconds P work for P on the clock. Beside it the harness makes a fresh problem for
-each solve, which takes about h seconds, measured here on the same core. The process of a case may work for
+N solves in n rounds take P processor seconds on the clock. In addition, the harness creates a fresh problem for each
+solve, which takes about h seconds, measured here on the same core. The process of a case may work for
 
     W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS
 
-in the rounds that are not excluded. What exceeds that is work off the clock, unless h, measured again, explains it:
+in the rounds that are not excluded. The excess is untimed work, unless a repeated measurement of h explains it, because
 other programs slow down the harness as well.
 """
 
@@ -17,26 +17,26 @@ from ....problems.contact.problem import ContactProblem
 from .timed_round import TimedRound
 
 SHARE = 0.05
-"""Share of the time on the clock that may be worked beside it."""
+"""Allowed untimed work relative to the time on the clock."""
 
 HARNESS_FACTOR = 2.0
-"""What the harness does for a solve may take this many times as long as making a problem and its digest here."""
+"""Allowed time of the harness per solve, relative to creating a problem and its digest here."""
 
 ROUND_SECONDS = 0.002
-"""Processor time of a round in which its request is read and answered, and the process is compared [s]."""
+"""Processor time of a round to read and answer its request and to compare the process state [s]."""
 
 ALLOWANCE_SECONDS = 0.005
-"""Processor time of all rounds together that need not be accounted for [s]."""
+"""Allowed untimed processor time of all rounds together [s]."""
 
 MAX_CALIBRATIONS = 5
-"""Times that the harness's work is measured for a case."""
+"""Largest number of measurements of the harness for a case."""
 
 
 class ClockAccount:
-    """What the rounds of a case have taken so far, by both clocks.
+    """The time of the rounds of a case, by both clocks.
 
     Attributes:
-        problem: of the case.
+        problem: problem of the case.
     """
 
     def __init__(self, problem: ContactProblem) -> None:
@@ -49,7 +49,7 @@ class ClockAccount:
 
         Args:
             timed: a round that is not excluded.
-            worked: processor time of the round, from outside [s].
+            worked: processor time of the round, as the system counts it [s].
         """
         self._n_solves += len(timed.totals)
         self._n_rounds += 1
@@ -71,7 +71,7 @@ class ClockAccount:
 
 
 def _harness_seconds(problem: ContactProblem) -> float:
-    """Return the processor time of making a fresh problem and its digest [s]."""
+    """Return the processor time to create a fresh problem and its digest [s]."""
     began = process_time()
     _ = problem.fresh().digest
     return process_time() - began

@@ -1,7 +1,7 @@
-"""``proxbench matrix``: every solver on every problem once at one tolerance, and the reason where it does not solve.
+"""``proxbench matrix``: solve every problem with every solver once, and give the reason for each failure.
 
-The question is whether a method can, not how fast it is: one solve a cell, untimed, in a process that the solver may
-crash or hang without harm. The judge sees every result.
+The matrix shows whether a method can solve a problem, not how fast. Each cell is one untimed solve, in a child process
+for plugins. Every result is judged.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,11 +20,11 @@ from ..plan import DEFAULT_SOLVERS
 from ..selection import problem_name
 
 PREPARING_SECONDS = 60.0
-"""Wall time that a cell of a built-in solver may take beyond its solve, for preparing [s]."""
+"""Wall time limit to prepare a cell of a built-in solver, in addition to its solve [s]."""
 
 
 def default_solvers() -> list[str]:
-    """Return the solvers of a run that names none, and every other registered one."""
+    """Return the default solvers of a run, then all other registered ones."""
     listed = list(DEFAULT_SOLVERS)
     plain = {name.partition("(")[0] for name in listed}
     return [*listed, *(name for name in available() if name not in plain)]
@@ -42,12 +42,12 @@ def measure_matrix(
     Args:
         problems: names of problems, or problems.
         solvers: solvers, or their names with options.
-        stop: tolerance and limits of one solve; a solver that is not built in is ended a second after its time limit.
-        memory_bytes: memory that a solver may take.
-        on_cell: called with each cell as it is done.
+        stop: tolerance and limits of one solve; a solver that is not built in is killed a second after its time limit.
+        memory_bytes: memory limit of a solver.
+        on_cell: called with each finished cell.
 
     Returns:
-        The cells, solver by solver.
+        The cells in the order of the solvers.
 
     Raises:
         ProxbenchError: for an unknown problem or solver.
@@ -55,7 +55,7 @@ def measure_matrix(
     taken, made = {problem_name(one): resolved(one) for one in problems}, [solver_spec(solver) for solver in solvers]
     cells = []
     for solver in made:
-        # built-in solvers end by their own clock, which compiling their kernels and preparing do not count for
+        # built-in solvers stop by their own clock, which excludes compiling and preparing
         limit = np.inf if solver.is_built_in else stop.max_seconds
         with RemoteSolver(solver, PREPARING_SECONDS, memory_bytes, limit) as remote:
             for name, problem in taken.items():

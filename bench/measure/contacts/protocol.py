@@ -1,8 +1,8 @@
-"""What happens inside a case's process: warm up, one observed solve, and rounds of timed solves.
+"""Measurements in the process of a case: warm up, one observed solve, and rounds of timed solves.
 
-Timed solves are never observed and observed ones never timed. Each timed solve gets a fresh copy of the problem, so
-that everything a solver assembles is on its clock, and garbage collection stays off while the clock runs. The clock
-stops when the impulses are copied, and those of every timed solve leave the process, equal ones once.
+Timed solves are never observed, and observed ones are never timed. Each timed solve gets a fresh copy of the problem,
+so that all assembly is timed. Garbage collection is off while the clock runs. The clock stops when the impulses are
+copied. The process returns the impulses of every timed solve, equal ones once.
 """
 
 import _thread
@@ -35,30 +35,30 @@ from ..ladder import MAX_REASON_LENGTH
 from .timed_round import TimedRound
 
 FIRST_ITERATIONS = 30
-"""Iterations that all appear in the convergence curve; later ones are thinned to a geometric sequence."""
+"""Number of first iterations in the convergence curve; later ones are thinned to a geometric sequence."""
 
 MARK_RATIO = 1.04
 """Ratio of that sequence."""
 
 LAST_ITERATIONS = 40
-"""Last iterations that all appear in it: where several methods take turns the last one may need no more."""
+"""Number of last iterations in the curve, because the last part of a composite solver may be short."""
 
 SUPPORTS_SECONDS = 0.1
-"""Processor time that ``supports`` may take [s]: it examines a problem, and solves nothing."""
+"""Processor time limit of ``supports``, which must not solve [s]."""
 
 REST_SECONDS = 0.05
-"""Wall time of a rest, in which what a solver has started may end [s]."""
+"""Wall time of a pause in which processes of a solver may end [s]."""
 
 WARM_SECONDS = 0.004
-"""Wall time for which a process solves another problem before a first solve, so that its caches are warm [s]."""
+"""Wall time of solving another problem before a first solve, to warm the caches [s]."""
 
 MAX_NUMBERS = 2**22
-"""Numbers of different answers after which a round ends."""
+"""Number of values in different answers at which a round ends."""
 
 
 @dataclass
 class TimedSolve:
-    """One solve on the clock.
+    """One timed solve.
 
     Attributes:
         solution: with impulses of the harness's own.
@@ -79,9 +79,9 @@ class Measurement:
     """One case in its process.
 
     Attributes:
-        problem: the problem; first a copy of it with other numbers, to warm up on.
+        problem: the problem; at first a perturbed copy, to warm up on.
         solver: the solver.
-        before: the process before the solver was made.
+        before: state of the process before the solver was created.
     """
 
     problem: ContactProblem
@@ -97,11 +97,11 @@ class Measurement:
         refuse(reason_fault(reason))
         self._check_threads()
         if seconds > SUPPORTS_SECONDS:
-            raise MisbehaviourError(f"its supports worked for {seconds:.3g} s, where {SUPPORTS_SECONDS:g} s are enough")
+            raise MisbehaviourError(f"its supports worked for {seconds:.3g} s, the limit is {SUPPORTS_SECONDS:g} s")
         return reason or ""
 
     def warm_up(self, stop: Stop) -> None:
-        """Run everything once, so that compilation and first touches are off the clock."""
+        """Run everything once, so that compilation and first memory accesses are not timed."""
         prepared = self.solver.prepare(self.problem.fresh())
         refuse(prepared_fault(prepared))
         refuse(type_fault(prepared.solve(stop)))
@@ -109,9 +109,9 @@ class Measurement:
         self.before = self.before.after_imports()
 
     def observe(self, stop: Stop) -> tuple[list[int], FloatArray, int, int]:
-        """Return iterations of one observed solve, and their impulses, one row each, for the judge outside.
+        """Return the iterations of one observed solve and their impulses, one row each.
 
-        Beside them the number of times that the observer was called, and the iterations that the solver claims.
+        The answer also contains the number of calls of the observer, and the iterations that the solver claims.
         """
         problem = self.problem.fresh()
         iterates: dict[int, FloatArray] = {}
@@ -123,7 +123,7 @@ class Measurement:
             calls += 1
             shown = np.array(impulses, dtype=np.float64)
             if shown.shape != (problem.n_rows,):
-                raise MisbehaviourError(f"it showed its observer impulses of shape {shown.shape}, not a row each")
+                raise MisbehaviourError(f"it passed impulses of shape {shown.shape} to its observer, not (n_rows,)")
             latest.append((int(iteration), shown))
             if iteration >= mark:
                 iterates[int(iteration)] = shown
@@ -139,13 +139,12 @@ class Measurement:
         return [*iterates], rows, calls, claimed
 
     def round(self, stop: Stop, seconds: float) -> tuple[TimedRound, list[FloatArray]]:
-        """Do timed solves for ``seconds`` of wall time, one at least.
+        """Run timed solves for ``seconds`` of wall time, at least one.
 
-        A solve that does not end SOLVED ends the round: a failure is measured once.
+        A solve that does not end SOLVED ends the round.
 
         Returns:
-            The round, and the different impulses of solves that ended SOLVED, and those of a last one that did not,
-            each of shape (n_rows,).
+            The round, and the different impulses of its solves, each of shape (n_rows,).
         """
         solves: list[TimedSolve] = []
         answers: dict[bytes, FloatArray] = {}
@@ -167,7 +166,7 @@ class Measurement:
     def first_solves(self, stop: Stop, problems: Sequence[ContactProblem]) -> tuple[TimedRound, list[FloatArray]]:
         """Return a round of one solve of each of several problems, and the last impulses.
 
-        The process has seen none of them before. Solves of its own problem warm its caches.
+        The problems are new to the process. Solves of its present problem warm its caches.
         """
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
@@ -183,19 +182,19 @@ class Measurement:
         return timed, [solves[-1].solution.impulses]
 
     def compare_process(self) -> None:
-        """Compare the process with what it was before the solver was made.
+        """Compare the process with its state before the solver was created.
 
         Raises:
-            MisbehaviourError: if something that all code of a process shares has been replaced or changed.
+            MisbehaviourError: if global state has been replaced or changed.
         """
         refuse(replaced_names(self.before))
         self._check_unchanged()
 
     def _solve(self, problem: ContactProblem, stop: Stop) -> TimedSolve:
-        """Prepare and solve within one limit of time, and copy the impulses on the clock.
+        """Prepare and solve within one time limit, and copy the impulses before the clock stops.
 
         Raises:
-            MisbehaviourError: if what is returned cannot be a solution.
+            MisbehaviourError: if the result is not a valid solution.
         """
         collecting = gc.isenabled()
         impulses = np.zeros(problem.n_rows)
@@ -246,10 +245,10 @@ class Measurement:
 
 @dataclass
 class MeasuringTask:
-    """A case as it travels to its process, where it becomes a ``Measurement``.
+    """The task of a case, which its process turns into a ``Measurement``.
 
     Attributes:
-        problem_data: the problem that it begins with, as the content of a file.
+        problem_data: file content of the first problem.
         solver_spec: the solver.
     """
 
@@ -270,8 +269,8 @@ class MeasuringTask:
         "observe" (stop)             iterates of one solve
         "round" (stop, seconds)      timed solves
         "first_solves" (stop, data)  one timed solve of each of several problems that are new to the process
-        "rest"                       wait, so that what the solver has started may end
-        "compare"                    compare the process with what it was
+        "rest"                       wait, so that processes of the solver may end
+        "compare"                    compare the state of the process with the initial one
         """
         measurement = self._measurement
         if request == "supports":
@@ -308,9 +307,9 @@ def _processor_seconds() -> float:
 
 
 def _usage() -> tuple[int, int, float | None]:
-    """Return the involuntary and the voluntary context switches of this process so far.
+    """Return the involuntary and the voluntary context switches of this process, and its waiting time.
 
-    Beside them the time for which this thread was ready to run while others ran [s], None where nobody counts it.
+    This is the time for which the thread was ready but did not run [s]; None if the system does not count it.
     """
     counts = getrusage(RUSAGE_SELF)
     try:
@@ -337,7 +336,7 @@ def _timed_round(solves: Sequence[TimedSolve], before: tuple[int, int, float | N
 
 
 def _can_copy(solution: Any, impulses: FloatArray) -> bool:
-    """Whether the impulses of a solution can be copied; faults of others are reported when the clock has stopped."""
+    """Return whether the impulses of a solution can be copied; other faults are reported after the clock stops."""
     if type(solution) is not Solution:
         return False
     given = solution.impulses

@@ -1,16 +1,15 @@
-"""A round of timed solves, as the process of a case sends it, and whether it had the core to itself.
+"""A round of timed solves from the process of a case, and whether other programs disturbed it.
 
 A process loses time while another one runs on its core (it is *preempted*), while the hypervisor runs another machine,
 or while it sleeps or waits for a device. With T the wall seconds of the solves, P their processor seconds, and w the
-seconds that the system counts as ready to run and not running,
+seconds that the system counts as ready but not running,
 
-    lost = w                 where the process switched voluntarily and never otherwise: it may have slept,
-    lost = max(T - P, w)     elsewhere: it never slept, or something took the core, perhaps from another thread of it,
+    lost = w                 if the process only switched voluntarily: it may have slept,
+    lost = max(T - P, w)     otherwise: it never slept, or another process or thread took the core,
 
-and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. Where the system does not count w, it is 0.
+and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If the system does not count w, it is 0.
 
-The first solve of a round finds caches that other programs have used since the last round. Its time counts only where
-there is no other.
+The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """
 
 from collections.abc import Sequence
@@ -33,13 +32,13 @@ TOLERATED_SHARE = 0.02
 """Share of its wall time that a round may lose."""
 
 TOLERATED_SECONDS = 5e-5
-"""What it may lose beyond that: the system's own interrupts [s]."""
+"""Further time that a round may lose, to interrupts of the system [s]."""
 
 CLOCK_SECONDS = 5e-6
-"""Processor time of a solve that may pass between readings of both clocks [s]."""
+"""Processor time of a solve between the readings of both clocks [s]."""
 
 PARALLEL_SECONDS = 1e-3
-"""Processor time by which a round may exceed its wall time otherwise [s]."""
+"""Further processor time by which a round may exceed its wall time [s]."""
 
 
 Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]
@@ -47,15 +46,15 @@ Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]
 
 
 class TimedRound(Struct, frozen=True):
-    """Timed solves in one go.
+    """Consecutive timed solves.
 
     Attributes:
-        status: how the last one ended.
-        iterations: of the last one, as the solver counts them.
-        message: of the last one.
-        prepare, solve, processor: seconds of each solve [s].
-        involuntary, voluntary: context switches meanwhile.
-        waited: seconds of being ready to run and not running [s]; None where the system does not count them.
+        status: status of the last solve.
+        iterations: iterations of the last solve, as the solver counts them.
+        message: message of the last solve.
+        prepare, solve, processor: times of each solve [s].
+        involuntary, voluntary: numbers of context switches.
+        waited: time of being ready but not running [s]; None if the system does not count it.
     """
 
     status: Status
@@ -70,10 +69,10 @@ class TimedRound(Struct, frozen=True):
 
     @classmethod
     def read(cls, answer: dict[str, Any], wall_seconds: float) -> Self:
-        """Return the round that an answer is, which took ``wall_seconds`` from outside [s].
+        """Convert an answer to a round, which took ``wall_seconds`` as measured outside the process [s].
 
         Raises:
-            Fault: MISBEHAVED, if it cannot be one.
+            Fault: MISBEHAVED, if the answer is invalid.
         """
         try:
             timed = msgspec.convert(answer, cls)
@@ -89,22 +88,22 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def totals(self) -> FloatArray:
-        """Wall seconds of each solve, preparing included [s], shape (n,)."""
+        """Wall time of each solve, including preparation [s], shape (n,)."""
         return np.add(self.prepare, self.solve)
 
     @property
     def undisturbed_seconds(self) -> float:
-        """Median wall seconds of a solve; where the process was preempted, processor seconds if they are fewer [s]."""
+        """Median wall time of a solve, or processor time if the process was preempted and it is less [s]."""
         return float(np.median(_warm(self.undisturbed)))
 
     @property
     def undisturbed(self) -> FloatArray:
-        """The same of each solve [s], shape (n,)."""
+        """Undisturbed time of each solve [s], shape (n,)."""
         return np.minimum(self.totals, self.processor) if self.is_preempted else self.totals
 
     @property
     def is_preempted(self) -> bool:
-        """Whether something else ran on its core for a part of its time that counts."""
+        """Whether another process ran on its core for more than a tolerable part of its time."""
         wall = float(self.totals.sum())
         missing, waited = wall - sum(self.processor), self.waited or 0.0
         may_have_slept = self.voluntary > 0 and self.involuntary == 0
@@ -113,19 +112,19 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def exceeds_one_core(self) -> bool:
-        """Whether it worked longer than one core can in its wall time."""
+        """Whether its processor time exceeds that of one core."""
         allowed = PARALLEL_SECONDS + CLOCK_SECONDS * len(self.totals)
         return sum(self.processor) - (1.0 + TOLERATED_SHARE) * float(self.totals.sum()) > allowed
 
     def record(self, session: int, number: int, turn: int, probe: float, is_steady: bool) -> Round:
-        """Return the round as it is stored.
+        """Return the record of the round.
 
         Args:
             session: number of the session of the run.
-            number: number of the pass in it.
+            number: number of the pass in the session.
             turn: number of the round in the pass.
-            probe: the longer one of the probes before and after it [s].
-            is_steady: whether they were about as long as others.
+            probe: the longer one of the probes before and after the round [s].
+            is_steady: whether both probes are close to the reference.
         """
         excluded: Excluded = "preempted" if self.is_preempted else "" if is_steady else "unsteady"
         return Round(
@@ -147,5 +146,5 @@ class TimedRound(Struct, frozen=True):
 
 
 def _warm(seconds: Sequence[float] | FloatArray) -> FloatArray:
-    """Return the seconds of all solves but the first one; of that if it is alone."""
+    """Return the times of all solves except the first, unless it is the only one."""
     return np.array(seconds[1:] if len(seconds) > 1 else seconds)

@@ -1,20 +1,20 @@
-"""Other presentations of a problem, on which an honest solver works as on the problem itself.
+"""Variants of a problem that are as hard for an honest solver as the problem itself.
 
-``in_other_units`` changes every number and no step: with powers of two, G → m G, c → s c, Λ → (s/m) Λ leave the digits
-of every floating-point operation as they are (moments of rolling friction change by a length more). The exponent of m
+``in_other_units`` changes every number but no operation: with powers of two, G → m G, c → s c, Λ → (s/m) Λ preserve the
+digits of every floating-point operation (moments of rolling friction scale with a further length). The exponent of m
 is even, because solvers take roots of masses.
 
-``perturbed_copy`` is another problem as hard as this one, with matrices of the same sizes. With P the cyclic shift of
+``perturbed_copy`` is another problem of similar difficulty, with matrices of the same sizes. With P the cyclic shift of
 the contacts and random η,
 
     G' = Pᵀ G P,      c' = Pᵀ (c + G η),      η_i = s u_i ‖c_k‖ / α_i,      u_i uniform in [-1, 1],
 
-for row i of contact k with the diagonal entry α_i of G, in other units. The shift of c lies in the range of G, so that
-a problem with a solution keeps one also where its contacts are redundant. Contacts keep their neighbours, so that
-memory is read as before.
+for row i of contact k with the diagonal entry α_i of G, in other units. The shift of c is in the range of G, so that
+a solvable problem remains solvable even with redundant contacts. Contacts keep their neighbours, and thus the memory
+access pattern.
 
-``disguised_copy`` has rotated tangents too, G'' = Qᵀ G' Q and c'' = Qᵀ c', and a shift s so small that solvers need
-about as many iterations, and so large that a stored answer does not solve it.
+``disguised_copy`` also has rotated tangents, G'' = Qᵀ G' Q and c'' = Qᵀ c'. Its shift s is so small that solvers need
+about as many iterations, but so large that a stored answer does not solve it.
 """
 
 import random
@@ -27,19 +27,19 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.transformations import Transformed, in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)
-"""Even powers of two that m is drawn from, or their inverses."""
+"""Even powers of two from which m, or its inverse, is drawn."""
 
 SPEED_EXPONENTS = tuple(range(1, 9))
-"""Powers of two that s is drawn from, or their inverses."""
+"""Powers of two from which s, or its inverse, is drawn."""
 
 SHIFT = 0.2
-"""s of a perturbed copy: its solution is no start for the problem, nor the other way round."""
+"""s of a perturbed copy, large enough that its solution is not a good start for the problem."""
 
 SMALL_SHIFT = 0.02
 """Least s of a disguised copy."""
 
 SHIFT_PER_TOLERANCE = 20.0
-"""Ratio of s to the tolerance of a solve, where that gives more: an answer of the problem must fail on the copy."""
+"""Least ratio of s to the tolerance of a solve, so that an answer of the problem fails on the copy."""
 
 
 def in_other_units(problem: ContactProblem) -> Transformed:
@@ -51,14 +51,14 @@ def in_other_units(problem: ContactProblem) -> Transformed:
 
 
 def perturbed_copy(problem: ContactProblem, shift: float = SHIFT) -> ContactProblem:
-    """Return another problem like this one, with a relative ``shift`` of c drawn at random, in other units."""
+    """Return a similar problem with a random relative ``shift`` of c, in other units."""
     rng = np.random.default_rng()
     velocity = problem.free_velocity + _random_velocity(problem, shift, rng)
     return in_other_units(_shifted(replace(problem.anonymous(), free_velocity=velocity), rng)).problem
 
 
 def disguised_copy(problem: ContactProblem, tolerance: float) -> ContactProblem:
-    """Return a problem that takes about as long to solve to a tolerance, and that no answer of the problem solves."""
+    """Return a problem that takes about as long to solve to a tolerance, but that no answer of the original solves."""
     copy = perturbed_copy(problem, min(max(SMALL_SHIFT, SHIFT_PER_TOLERANCE * tolerance), SHIFT))
     angles = np.random.default_rng().uniform(0.0, 2.0 * np.pi, size=copy.laws.n_laws)
     return rotated(copy, angles).problem.anonymous()

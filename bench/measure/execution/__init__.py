@@ -1,1 +1,1 @@
-"""Where the cases of a run are measured: in this process, or in parts wherever an executor has workers."""
+"""Executors of runs: in this process, or on the workers of an executor."""

@@ -8,21 +8,21 @@ from typing import Any
 from ...errors import BenchError
 
 LOCAL = "local"
-"""Stands for a cluster on this machine, of one worker for each core."""
+"""Address of a cluster on this machine, with one worker per core."""
 
 CONNECT_SECONDS = 10.0
-"""Time that a scheduler, and then its first worker, has to answer [s]."""
+"""Time limit for the answer of a scheduler, and then of its first worker [s]."""
 
 
 @contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """Yield an executor on a cluster; a cluster of this machine ends with it.
+    """Yield an executor on a cluster; a cluster on this machine ends with it.
 
     Args:
-        address: of its scheduler, "tcp://host:8786", or ``LOCAL``.
+        address: address of its scheduler, "tcp://host:8786", or ``LOCAL``.
 
     Raises:
-        BenchError: if dask is not installed, or there is no scheduler at the address, or it has no worker.
+        BenchError: if dask is not installed, no scheduler answers at the address, or it has no worker.
     """
     try:
         import distributed
@@ -41,4 +41,4 @@ def dask_executor(address: str) -> Iterator[Executor]:
             raise BenchError(
                 f"there is no dask cluster with workers at {address} ({why}); start it, or name another."
             ) from None
-        yield client.get_executor(pure=False)  # a task that is tried again is another one
+        yield client.get_executor(pure=False)  # a repeated task has a different key

@@ -1,7 +1,7 @@
 """Executes the plan of a run on the workers of an executor, with one task for each problem.
 
-A task that is done twice gives the same cases: an executor may repeat a task whose worker is lost, as dask does.
-What no worker returns is named at the end, and measured when the run is resumed.
+A repeated task gives the same cases, because an executor such as dask may repeat the task of a lost worker.
+An error at the end names lost problems; resuming the run measures them.
 """
 
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -21,26 +21,26 @@ from .problem_task import MeasuredProblem, ProblemTask, measure_problem
 from .run_executor import RunExecutor, Solvers, shuffled
 
 MAX_SUBMITTED = 64
-"""Problems that an executor has at a time."""
+"""Largest number of problems that an executor has at a time."""
 
 
 class DistributedExecutor(RunExecutor):
-    """Measures on workers; the machine of this process measures nothing."""
+    """Measure on workers; the machine of this process measures nothing."""
 
     def __init__(
         self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor, mix: bool
     ) -> None:
-        """Set what to measure, where to store it, what receives events, what measures, and whether machines may mix."""
+        """Set the plan, the store, the receiver of events, the executor, and whether machines may mix."""
         super().__init__(solvers, store, record, on_event, mix)
         self._executor = executor
         self._n_before = len(record.sessions)
         self._lost: dict[str, BaseException] = {}
 
     def _measure(self) -> None:
-        """Give each unfinished problem to the executor, and store what comes back.
+        """Submit each unfinished problem to the executor, and store the results.
 
         Raises:
-            BenchError: if problems were lost with their workers, or refused by them; all else is stored.
+            BenchError: if problems were lost with their workers, or refused by them; other results are stored.
         """
         plan = self._record.plan
         left = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
@@ -62,7 +62,7 @@ class DistributedExecutor(RunExecutor):
         self._require_all_measured()
 
     def _submit(self, left: list[str], running: dict[Future[MeasuredProblem], str]) -> None:
-        """Give the executor as many problems as it may have; all are lost if it takes none any more."""
+        """Submit problems up to the limit; if the executor accepts no further ones, all remaining are lost."""
         try:
             while left and len(running) < MAX_SUBMITTED:
                 running[self._executor.submit(measure_problem, self._task(left[0]))] = left[0]
@@ -103,7 +103,7 @@ class DistributedExecutor(RunExecutor):
                 self._report_finished(case)
 
     def _place_of(self, session: Session) -> int:
-        """Return the number of the session of a machine, to which what was measured there now is added."""
+        """Return the number of the session of a machine, and extend that session."""
         sessions = self._record.sessions
         for place, known in enumerate(sessions[self._n_before :], self._n_before):
             if known.host == session.host:
@@ -116,5 +116,5 @@ class DistributedExecutor(RunExecutor):
 
 
 def _fault(future: Future[MeasuredProblem]) -> BaseException | None:
-    """Return why a task has no result; None if it has."""
+    """Return why a task has no result; None if it has one."""
     return CancelledError("it was cancelled") if future.cancelled() else future.exception()

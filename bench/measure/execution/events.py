@@ -9,15 +9,15 @@ from ...store.plans import TrajectoryRecord
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The plan is made and the folder exists.
+    """The run has a plan and a folder.
 
     Attributes:
         run_dir: the folder.
         total: number of cases.
-        done: number of those that are finished.
-        points: number of points of all cases of a study, which progress counts; 0 in other runs.
-        points_done: number of those that are measured.
-        work: what a study has to do, in one line; empty in other runs.
+        done: number of finished cases.
+        points: number of points of all cases of a study, for its progress; 0 in other runs.
+        points_done: number of measured points of a study.
+        work: the work of a study in one line; empty in other runs.
     """
 
     run_dir: Path
@@ -30,14 +30,14 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class ReferenceSimulated:
-    """The reference of a trajectory is simulated, and nothing is measured yet."""
+    """The reference of a trajectory is simulated before the measurements."""
 
     trajectory: TrajectoryRecord
 
 
 @dataclass(frozen=True)
 class ProblemStarted:
-    """The cases of one problem begin, in a pass of the planned number of passes, from 0."""
+    """The cases of one problem begin in pass ``number``, from 0."""
 
     problem: str
     number: int = 0
@@ -55,7 +55,7 @@ class PointFinished:
 
 @dataclass(frozen=True)
 class CaseFinished:
-    """All that is planned of one case is stored."""
+    """One case is complete and stored."""
 
     problem: str
     solver: str

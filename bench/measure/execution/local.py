@@ -1,7 +1,7 @@
 """Executes the plan of a run in this process: in passes over all problems, stored point by point.
 
-Each pass takes problems and solvers in another order and measures one or two rounds of each point, so that a program
-that runs for a while disturbs few rounds of any of them.
+Each pass has another order of problems and solvers, and measures one or two rounds of each point, so that another
+program disturbs few rounds of any point.
 """
 
 from datetime import UTC, datetime
@@ -27,16 +27,16 @@ from .run_executor import RunExecutor, Solvers, shuffled
 
 
 class LocalExecutor(RunExecutor):
-    """Measures on a core of this machine, in a session of its own."""
+    """Measure on a core of this machine, in a new session."""
 
     def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
-        """Set what to measure, where to store it, what receives events, and whether machines may mix."""
+        """Set the plan, the store, the receiver of events, and whether machines may mix."""
         super().__init__(solvers, store, record, on_event, mix)
         self._session = Session(started=_now(), machine=this_machine())
         self._core = MeasuringCore(None)
 
     def _measure(self) -> None:
-        """Measure what is left, each point in each planned pass."""
+        """Measure the remaining points in each planned pass."""
         self._core = MeasuringCore.claim()
         self._session = replace(self._session, core=self._core.number)
         self._write_run(self._record)
@@ -106,7 +106,7 @@ class LocalExecutor(RunExecutor):
         return all(sessions[one].host in ("", self._session.host) for one in used if one < len(sessions))
 
     def _discard_stale_cases(self) -> None:
-        """Discard stale cases, and unfinished problems of another machine: one machine measures all solvers."""
+        """Discard stale cases, and unfinished problems of another machine, as one machine must measure all solvers."""
         super()._discard_stale_cases()
         for name in self._cases:
             if not (self._mix or self._is_finished(name) or self._is_of_this_machine(name)):

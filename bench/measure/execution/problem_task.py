@@ -1,6 +1,6 @@
-"""One problem of a run with all its solvers, as a task that any process on any machine can do.
+"""One problem of a run with all its solvers, as a task for a process on any machine.
 
-All solvers of a problem are in one task, since they take turns and their rounds are compared in pairs.
+All solvers of a problem belong to one task, because their rounds alternate and are compared in pairs.
 """
 
 import io
@@ -22,20 +22,20 @@ from ..machine import this_machine
 from .local import LocalExecutor
 
 _one_at_a_time = threading.Lock()
-"""A process measures one task at a time: executors may have several threads in each."""
+"""Lock for one task at a time, because an executor may have several threads per process."""
 
 
 @dataclass(frozen=True)
 class ProblemTask:
-    """What a worker needs.
+    """The task of a worker.
 
     Attributes:
-        run: the run, with this problem alone in its plan, and its sessions so far.
-        cases: its cases that are measured already.
-        problem: the content of its file.
+        run: the run, with only this problem in its plan, and its sessions.
+        cases: cases of the problem that are already measured.
+        problem: file content of the problem.
         solvers: the solvers.
-        plugin_files: the plugin files that they may come from, with the names that they offer.
-        mix: keep what another machine has measured of the problem.
+        plugin_files: plugin files of the solvers, with the names that they provide.
+        mix: keep the measurements of another machine.
     """
 
     run: RunRecord
@@ -48,11 +48,11 @@ class ProblemTask:
 
 @dataclass(frozen=True)
 class MeasuredProblem:
-    """What a worker returns.
+    """The result of a worker.
 
     Attributes:
-        session: when and where it was measured; its number is that of the sessions of the task.
-        cases: all of the problem.
+        session: the session of the worker, which follows those of the task.
+        cases: all cases of the problem.
     """
 
     session: Session
@@ -60,10 +60,10 @@ class MeasuredProblem:
 
 
 def measure_problem(task: ProblemTask) -> MeasuredProblem:
-    """Measure a task, alone in this process. The result depends on the task alone, and nothing else changes.
+    """Measure a task, as the only one in this process, without side effects.
 
     Raises:
-        BenchError: if this machine has another version of the judge or of the source than where the run was begun.
+        BenchError: if this machine has another version of the judge or of the source than that of the run.
     """
     here = this_machine()
     if (JUDGE, here.source) != (task.run.judge, task.run.machine.source):

@@ -1,4 +1,4 @@
-"""Executes the plan of a run: what is measured, what is stored and what is reported, wherever solves are timed."""
+"""Execute the plan of a run: the common part of local and distributed executors."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,9 @@ from ....problems.representation import counted
 from ...errors import InterruptedRunError
 from ...plugins.problems import carry, problem_of
 from ...plugins.solver_specs import SolverSpec
+from ...simulation.generate import generate
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
-from ..contacts.generate import generate
 from ..trajectories.methods import Method
 from ..trajectories.problems import reference_members, simulate_references, trajectory_of
 from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted
@@ -26,17 +26,17 @@ Item = TypeVar("Item")
 
 
 class RunExecutor(ABC):
-    """The state of a run, and how its plan is executed."""
+    """The state of a run, and the execution of its plan."""
 
     def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
-        """Set what to measure, where to store it, what receives events, and whether machines may mix."""
+        """Set the plan, the store, the receiver of events, and whether machines may mix."""
         self._solvers, self._store, self._record, self._on_event = solvers, store, record, on_event
         self._mix = mix
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
         self._done = 0
 
     def execute(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
-        """Measure the cases that are not stored, given by problem and solver; leave a finished run as it is.
+        """Measure the cases that are not stored; do nothing if the run is finished.
 
         Raises:
             InterruptedRunError: on Ctrl-C; stored points are kept.
@@ -60,7 +60,7 @@ class RunExecutor(ABC):
 
     @abstractmethod
     def _measure(self) -> None:
-        """Measure all that is left, and store it."""
+        """Measure and store the remaining cases."""
 
     def _discard_stale_cases(self) -> None:
         """Discard the stored cases of problems whose numbers have changed."""
@@ -131,5 +131,5 @@ class RunExecutor(ABC):
 
 
 def shuffled(items: Sequence[Item], *seeds: int) -> list[Item]:
-    """Return items in an order of their own for each combination of seeds."""
+    """Return the items in an order that depends on all seeds."""
     return [items[index] for index in np.random.default_rng(seeds).permutation(len(items))]

@@ -1,1 +1,1 @@
-"""Measuring on trajectories: steppers with solvers, whole simulations of a scene, and the error of their ends."""
+"""Studies: measure steppers with solvers on whole simulations of a scene, with the error at the end."""

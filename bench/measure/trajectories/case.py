@@ -1,4 +1,4 @@
-"""Measure a stepper with a solver on a trajectory, from outside of its process; a round is one member."""
+"""Measure a stepper with a solver on a trajectory, in a child process; a round is one member."""
 
 import time
 from collections.abc import Collection, Sequence
@@ -26,12 +26,12 @@ class Simulated(msgspec.Struct, frozen=True):
     """The result of one simulation, as its process reports it.
 
     Attributes:
-        status: how it ended.
-        reason: the same in words, if it came to no end.
-        wall: wall time of its steps [s]; judging and noting are not counted.
-        solves: one-step inclusions solved, those of rejected attempts included.
-        unsolved: steps that the judge does not find solved to the tolerance.
-        values: what it came to, by name; empty if it came to no end.
+        status: status at the end.
+        reason: why it is incomplete, in words.
+        wall: wall time of its steps [s], without judging and recording.
+        solves: number of solved one-step inclusions, including those of rejected attempts.
+        unsolved: number of steps that are not solved to the tolerance, as judged.
+        values: final values by name; empty if it is incomplete.
     """
 
     status: Status
@@ -47,11 +47,11 @@ def simulated(answer: dict[str, Any], seconds: float, names: Collection[str]) ->
 
     Args:
         answer: the answer.
-        seconds: wall time that it took from outside [s].
-        names: of the values of a simulation that came to its end; any if there are none.
+        seconds: wall time as measured outside the process [s].
+        names: names of the values of a complete simulation; if empty, any names.
 
     Raises:
-        Fault: if it cannot be one.
+        Fault: if the answer is invalid.
     """
     try:
         read = msgspec.convert(answer, Simulated)
@@ -66,12 +66,12 @@ def simulated(answer: dict[str, Any], seconds: float, names: Collection[str]) ->
 
 
 class Member(NamedTuple):
-    """A member of a problem as it was simulated.
+    """A simulated member of a problem.
 
     Attributes:
-        number: of the member.
-        simulated: what its process says.
-        is_preempted: whether something else ran on its core for a part of the time that counts.
+        number: number of the member.
+        simulated: the result of its process.
+        is_preempted: whether another process ran on its core for more than a tolerable part of the time.
     """
 
     number: float
@@ -90,23 +90,23 @@ class TrajectoryCase(LadderCase[Member]):
     def __init__(
         self, problem: TrajectoryProblem, method: Method, limits: Limits, stored: CaseRecord | None = None
     ) -> None:
-        """Note what to measure.
+        """Store what to measure.
 
         Args:
             problem: the problem.
             method: the stepper with its solver.
-            limits: one simulation has those of a solve.
-            stored: what is measured already.
+            limits: limits of the case; those of a solve apply to one simulation.
+            stored: previous measurements.
         """
         super().__init__(method.record.values, limits, stored)
         self.problem, self.method = problem, method
 
     def is_left(self, level: int) -> bool:
-        """Whether there is no such point yet."""
+        """Return whether the point is missing."""
         return level >= len(self.points)
 
     def begin(self) -> None:
-        """Start the process and simulate the begin of the motion, so that all it needs is compiled."""
+        """Start the process and simulate the beginning of the motion, so that kernels are compiled."""
         self._start(TrajectoryTask(self.problem, self.method, self.limits.solve_seconds))
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
 
@@ -128,7 +128,7 @@ class TrajectoryCase(LadderCase[Member]):
         return Member(member, run, lost > TOLERATED_SHARE * run.wall + TOLERATED_SECONDS)
 
     def needs_round(self, answers: Sequence[Member]) -> bool:
-        """Whether members are left, and there was time enough: others take as long."""
+        """Return whether members are left, and the last one ended within the time limit."""
         return len(answers) < len(self.problem.members) and answers[-1].simulated.status is not Status.TIME_LIMIT
 
     def point(self, value: float, answers: list[Member]) -> Point:
@@ -159,7 +159,7 @@ class TrajectoryCase(LadderCase[Member]):
             unsolved_steps=sum(run.unsolved for run in good.values()),
             failed_members=len(failed),
         )
-        # what most members did not come to the end of is not reached, whatever the others say
+        # if most members are incomplete, the point is not reached
         is_reached = not failed or (errors and len(good) > len(failed))
         status = Status.SOLVED if is_reached else failed[0].status
         reason = failed[0].reason[:MAX_REASON_LENGTH] if failed else ""
@@ -168,7 +168,7 @@ class TrajectoryCase(LadderCase[Member]):
         )
 
     def end_after(self, point: Point) -> str:
-        """Return that a point took too long, if it did: finer ones take longer."""
+        """Return why finer points are not attempted after one that took too long; empty otherwise."""
         if point.outcome is Outcome.TIME_LIMIT:
             return f"{point.tolerance:g} already took longer than {self.limits.solve_seconds:g} s"
         return point.reason if point.outcome is Outcome.NOT_ATTEMPTED else ""

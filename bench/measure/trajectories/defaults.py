@@ -1,4 +1,4 @@
-"""Default methods of a study, which takes a few minutes."""
+"""Default methods of a study, chosen so that it takes a few minutes."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,7 +9,7 @@ from ...store.plans import TrajectoryRecord
 from .methods import Method, make_method, over_solver
 
 STEPS = (500, 1000, 2000, 5000, 10_000, 50_000)
-"""Fixed steps in the duration of a scene with few contacts."""
+"""Numbers of fixed steps in the duration of a scene with few contacts."""
 
 STEPPERS = {
     "Extrapolated": (3, 4, 5, 6, 7, 8, 9),
@@ -18,25 +18,25 @@ STEPPERS = {
     "StepDoubling": (3, 4, 5, 6, 7),
     "StepDoubling(search='last')": (3, 4, 5, 6, 7),
 }
-"""Variable steppers for few contacts, and their tolerances, 10 to minus these."""
+"""Variable steppers for few contacts, with the negative exponents of their tolerances."""
 
 SOLVERS = ("SORprox", "NSGS", "Lemke", "HybridNewton")
 """Solvers for few contacts."""
 
 TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-12)
-"""Their tolerances in a variable step, for which 1e-8 is too coarse."""
+"""Their tolerances in a variable step; 1e-8 is already too coarse."""
 
 FIXED_STEPS = 5000
-"""Fixed steps in the duration with which tolerances of a solver are compared."""
+"""Number of fixed steps in the duration to compare tolerances of a solver."""
 
 FIXED_TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)
-"""The same in a fixed step, for which much less is enough."""
+"""Their tolerances in a fixed step, for which coarser ones suffice."""
 
 LARGE_SOLVER = "MomentumFallback"
 """The solver for many contacts."""
 
 LARGE_STEPS = (8.0, 4.0, 2.0, 1.0, 0.5)
-"""Fixed steps for many contacts, over that of the scene; the reference has half of the last."""
+"""Fixed step sizes for many contacts, relative to that of the scene; the reference has half of the last."""
 
 LARGE_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)
 """Tolerances of that solver."""
@@ -61,7 +61,7 @@ def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Meth
 
 
 def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Method]:
-    """Yield the methods in which solvers are compared over their tolerances."""
+    """Yield the methods that compare solvers over their tolerances."""
     fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
     for one in solvers:
         if scene.has_few_contacts:
@@ -71,7 +71,7 @@ def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Metho
 
 
 def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:
-    """Return what simulates the reference, finer than all of ``default_methods``."""
+    """Return the method of the reference, finer than all ``default_methods``."""
     if scene.has_few_contacts:
         return make_method("Extrapolated with SORprox", [1e-10], 1e-13)
     size = 0.5 * LARGE_STEPS[-1] * scene.step_size
@@ -79,5 +79,5 @@ def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:
 
 
 def _usual_tolerance(trajectory: TrajectoryRecord) -> float:
-    """Return the tolerance of solvers in a fixed step; where a single motion counts, it must not hide the step's."""
+    """Return the tolerance of solvers in a fixed step; for a single motion, it must not dominate the step's error."""
     return 1e-4 if trajectory.error == "aggregates" else 1e-8

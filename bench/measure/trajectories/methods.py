@@ -1,4 +1,4 @@
-"""Steppers with solvers, as data: each is a curve over its own ladder, of the stepper or of the solver.
+"""Steppers with solvers, as data: each gives a curve over a ladder of the stepper or of the solver.
 
 ``Extrapolated(search='nested') with SORprox``   the tolerance of the stepper varies, or the step of a fixed one [s]
 ``SORprox in Moreau(step=0.001)``                the tolerance of the solver varies
@@ -24,19 +24,19 @@ from ...store.plans import MethodRecord
 WITH, IN = " with ", " in "
 
 RESOLUTION = 100.0
-"""Tolerance of a variable stepper that is written without a minimal step, over that step [s]."""
+"""Tolerance of a variable stepper relative to its default minimal step [s]."""
 
 ITERATIONS = 20_000
-"""Most iterations of the solver in a one-step inclusion."""
+"""Iteration limit of the solver in a one-step inclusion."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A stepper with a solver, as it travels to its process.
+    """A stepper with a solver, as data.
 
     Attributes:
         record: its name, ladder and limits.
-        stepper: with its options.
+        stepper: the stepper with its options.
         solver: the solver.
     """
 
@@ -45,7 +45,7 @@ class Method:
     solver: SolverSpec
 
     def started(self, start: str) -> "Method":
-        """Return the method with another start; a stepper that offers no impulses keeps its own.
+        """Return the method with another start; a stepper without initial impulses keeps its start.
 
         Raises:
             BenchError: for an unknown start, with the nearest name.
@@ -82,18 +82,18 @@ def make_method(
     given: SolverSpec | None = None,
     start: str = DEFAULT_START,
 ) -> Method:
-    """Return the method that ``name`` writes.
+    """Return the method of a name.
 
     Args:
         name: ``STEPPER with SOLVER`` or ``SOLVER in STEPPER``.
         values: the ladder, in any order.
-        tolerance: of the solver, where it is the stepper that varies.
-        max_iterations: of the solver.
+        tolerance: tolerance of the solver if the stepper varies.
+        max_iterations: iteration limit of the solver.
         given: the solver, if it is known.
-        start: what each solve starts from, by its name.
+        start: name of the start of each solve.
 
     Raises:
-        BenchError: if it writes none, or a value is out of range.
+        BenchError: if ``name`` is not a method, or a value is out of range.
         ProxbenchError: for an unknown stepper, solver or option, with the nearest name.
     """
     stepper, joint, solver = name.partition(WITH)

@@ -1,4 +1,4 @@
-"""What a study measures: a scene, methods with their ladders, and limits, all checked before anything starts."""
+"""The plan of a study: a scene, methods with their ladders, and limits, validated before the study starts."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,10 +29,10 @@ N_SEEDS = 6
 """Seeds of a scene of balls."""
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-6)
-"""Errors that tables give the time to."""
+"""Errors for which tables give the time."""
 
 POUR_ACCURACIES = (1e-1, 3e-2, 1e-2)
-"""The same for pours."""
+"""Errors for which tables of pours give the time."""
 
 
 def make_study_plan(
@@ -49,14 +49,14 @@ def make_study_plan(
     """Return the plan of the study of a scene.
 
     Args:
-        scene: with options or without.
-        solvers: to compare in addition, over their tolerances.
-        methods: ladders by the names of methods; those that suit the scene if None.
-        tolerance: judged residual that the solvers of ``methods`` shall reach, where it is not what varies.
-        duration: simulated time [s]; one that suits the scene if None.
+        scene: name of the scene, with or without options.
+        solvers: additional solvers to compare over their tolerances.
+        methods: ladders by the names of methods; if None, methods suited to the scene.
+        tolerance: judged residual that the solvers of ``methods`` must reach, unless the ladder varies it.
+        duration: simulated time [s]; if None, a duration suited to the scene.
         members: seeds of a scene of balls, else factors on steps and tolerances.
-        limits: of each case; a simulation has those of a solve.
-        start: what each solve starts from: "warm", "cold" or "warm-then-cold".
+        limits: limits of each case; those of a solve apply to a simulation.
+        start: initial impulses of each solve: "warm", "cold" or "warm-then-cold".
 
     Raises:
         ProxbenchError: for an unknown scene, stepper, solver or option, or a number out of range.
@@ -88,7 +88,7 @@ def make_study_plan(
 
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
-    """Return the problem that a scene is, without its reference, and the scene."""
+    """Return the record of a trajectory, without its reference if it must be simulated, and the scene."""
     plain, options = read_scene(scene)
     study = SCENES[plain].study if plain in SCENES else StudyDefaults()
     is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options

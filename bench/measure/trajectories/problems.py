@@ -1,4 +1,4 @@
-"""The problems of a run over trajectories, read from its plan; their references are simulated beforehand."""
+"""The problems of a study, read from its plan, and their references."""
 
 import math
 from collections.abc import Iterator
@@ -16,11 +16,11 @@ from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask
 
 MIN_SEEDS = 2
-"""Seeds that a standard error needs."""
+"""Least number of seeds for a standard error."""
 
 
 def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
-    """Return the problem of a run, its members those that the reference has."""
+    """Return the problem of a study, with the members of the reference."""
     known = {one.member: one.values for one in record.known if not one.failure}
     members = tuple(record.members)
     if record.error == "limit cycle":
@@ -37,11 +37,11 @@ def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
 
 
 def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
-    """Yield the record each time that a part of its reference is simulated, at last with all of it.
+    """Simulate the reference, and yield the record after each part; the last one is complete.
 
     Args:
-        record: as far as it is known.
-        limits: of one simulation, those of a case.
+        record: the record with the known part of the reference.
+        limits: limits of a case, which apply to one simulation.
 
     Raises:
         BenchError: if the reference cannot be simulated.
@@ -61,25 +61,25 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
     good = sum(not one.failure for one in record.known)
     if record.error != "limit cycle" and good < (MIN_SEEDS if record.error == "aggregates" else 1):
         why = next(one.failure for one in record.known if one.failure)
-        raise BenchError(f"the reference of {record.name} came to no end: {why}; choose a shorter duration.")
+        raise BenchError(f"the reference of {record.name} is incomplete: {why}; choose a shorter duration.")
 
 
 def reference_members(record: TrajectoryRecord) -> list[float]:
-    """Return the members whose ends the reference has: seeds that are averaged, a single motion, or no motion."""
+    """Return the members of the reference: averaged seeds, a single motion, or none."""
     if record.error == "limit cycle":
         return []
     return list(record.members) if record.error == "aggregates" else [1.0]
 
 
 def _reference(record: TrajectoryRecord) -> Method:
-    """Return what simulates the reference; any method will do to ask a scene for the end that it knows."""
+    """Return the method of the reference; any method suffices if the scene knows its end."""
     if record.reference is None:
         return make_method("Moreau with SORprox", [1e-3])
     return stored_method(record.reference)
 
 
 def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker, member: float) -> TrajectoryRecord:
-    """Return the record with what is known of one more member."""
+    """Return the record with the result of one more member."""
     scale, way, failure = record.scale, record.way, ""
     if record.error == "end position":
         about, _ = worker.ask("known")

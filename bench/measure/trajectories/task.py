@@ -1,4 +1,4 @@
-"""The task of the process of a study: it makes the scene and the solver, and simulates."""
+"""The task of a child process of a study: create scene and solver, and simulate."""
 
 import math
 import time
@@ -23,12 +23,12 @@ from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
 MAX_SOLVES = 10_000
-"""One-step solves after which a variable step is given up: where its solver is too coarse, its laws flicker."""
+"""Largest number of one-step solves of a variable step; with a coarse solver, states of laws may alternate forever."""
 
 
 @dataclass
 class TrajectoryTask:
-    """A case as it travels to its process: answers "warm_up", "simulate" and "known"."""
+    """The task of a case: it answers "warm_up", "simulate" and "known"."""
 
     problem: TrajectoryProblem
     method: Method
@@ -36,15 +36,15 @@ class TrajectoryTask:
     most_solves: int = MAX_SOLVES
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request: a simulation of a member at a value of the ladder, timed or to warm up, or the exact end.
+        """Answer one request: simulate a member at a value of the ladder, timed or to warm up, or return the exact end.
 
         Raises:
-            Exception: whatever code of a plugin raises.
+            Exception: any exception of a plugin.
         """
         if request == "known":
             return self._known(), b""
         value, member = arguments
-        # compiling has no limit but that of the case, and contacts of all kinds are met in a whole motion only
+        # only the limit of the case applies to compiling, and only a whole motion has contacts of all kinds
         task = replace(self, seconds=math.inf) if request == "warm_up" else self
         try:
             return task._simulated(value, member), b""
@@ -52,7 +52,7 @@ class TrajectoryTask:
             return {"refusal": str(refusal)}, b""
 
     def _known(self) -> dict[str, Any]:
-        """Return the exact end of the motion, empty where the scene does not know it; its start; and its length."""
+        """Return the exact end of the motion (empty if unknown), its start, and its length."""
         scene, measure, duration = self._scene(self.problem.members[0]), self.problem.measure, self.problem.duration
         recorder = MotionRecorder(scene)
         start = measure.values(recorder, duration)
@@ -118,11 +118,11 @@ class TrajectoryTask:
 
 
 def _reason(failure: FailedSimulationError) -> str:
-    """Return why a step failed, if that is part of what is measured.
+    """Return why a step failed, if the failure is a result of the measurement.
 
     Raises:
-        UnsupportedStepError: if the solver cannot treat it.
-        BaseException: whatever the solver or the scene raised that is no ``ProxbenchError``.
+        UnsupportedStepError: if the solver does not support the step.
+        BaseException: any exception of solver or scene that is not a ``ProxbenchError``.
     """
     cause: BaseException = failure
     while cause.__cause__ is not None:

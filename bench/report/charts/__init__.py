@@ -1,1 +1,1 @@
-"""Charts of runs: one of each problem, those of the whole run, and how all are drawn and written."""
+"""Charts of runs: charts of problems and of the whole run, and their layout and files."""

@@ -1,4 +1,4 @@
-"""Layout and files of charts: panels one below the other, written as SVG and PNG without a browser."""
+"""Layout and files of charts: stacked panels, written as SVG and PNG without a browser."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -34,7 +34,7 @@ TIME_AXIS: dict[str, Any] = {"format": "~g", "tickCount": 6, "labelOverlap": Tru
 """Ticks of axes of times and counts."""
 
 MAX_LEGEND_ROWS = 16
-"""Names in one column of a legend."""
+"""Largest number of names in one column of a legend."""
 
 
 def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
@@ -45,7 +45,7 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
         BenchError: if one of them is a link out of its folder.
     """
     svg, png = picture_files(path)
-    with alt.data_transformers.enable("default", max_rows=None):  # altair's limit is meant for pages that are sent
+    with alt.data_transformers.enable("default", max_rows=None):  # altair limits the rows for web pages
         drawn = vl_convert.vegalite_to_svg(chart.to_json())
     return [write_file(svg, drawn.encode()), write_file(png, vl_convert.svg_to_png(drawn, scale=PNG_SCALE))]
 
@@ -70,21 +70,21 @@ def stacked(
     spacing: int = 8,
     label: int = 52,
 ) -> alt.VConcatChart:
-    """Return panels one below the other.
+    """Return stacked panels.
 
     Args:
-        panels: charts.
-        title: of all of them.
+        panels: the panels.
+        title: title of the chart.
         scales: "shared" or "independent" scales of the panels, by channel.
-        spacing: between two panels [pixels].
-        label: room left for the labels of vertical axes [pixels].
+        spacing: distance between two panels [pixels].
+        label: width of the labels of vertical axes [pixels].
     """
     chart: alt.VConcatChart = (
         alt.vconcat(*panels, spacing=spacing)
         .properties(title=title, background="white", padding=14)
         .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
         .configure_axisY(minExtent=label)
-        .configure_line(strokeJoin="round")  # pointed corners reach beyond the values
+        .configure_line(strokeJoin="round")  # pointed corners extend beyond the values
         .configure_view(stroke="#cccccc")
         .configure_legend(labelFontSize=FONT_SIZE)
         .resolve_scale(**scales)
@@ -93,19 +93,19 @@ def stacked(
 
 
 def side_by_side(panels: Sequence[Panel], spacing: int) -> alt.HConcatChart:
-    """Return panels in a row, each with a legend of its own, if any."""
+    """Return panels in a row, each with its own legend, if any."""
     row: alt.HConcatChart = alt.hconcat(*panels, spacing=spacing).resolve_scale(**SEPARATE_LEGENDS)
     return row
 
 
 def heading(text: str, notes: Sequence[str], width: float, size: int = 16) -> alt.TitleParams:
-    """Return a title with notes below it, each on lines of its own.
+    """Return a title with notes below it, each on its own lines.
 
     Args:
         text: the title.
-        notes: sentences or lists; empty ones are left out.
-        width: that lines are wrapped to [pixels].
-        size: of the title's font; notes are smaller.
+        notes: sentences or lists; empty ones are omitted.
+        width: width to which lines are wrapped [pixels].
+        size: font size of the title; notes are smaller.
     """
     characters = int(width / CHARACTER_WIDTH)
     lines = [line for note in notes for line in textwrap.wrap(note, characters)]
@@ -115,9 +115,9 @@ def heading(text: str, notes: Sequence[str], width: float, size: int = 16) -> al
 
 
 def log_scale(data: Any, columns: Sequence[str], other: float | None = None, reverse: bool = False) -> alt.Scale:
-    """Return a logarithmic scale a little wider than the values in these columns and another value.
+    """Return a logarithmic scale slightly wider than the values in these columns and another value.
 
-    Where the data come later, the scale follows them.
+    If the data are filled in later, the scale adapts to them.
     """
     if not isinstance(data, pd.DataFrame):
         return alt.Scale(type="log", nice=False, padding=8, reverse=reverse)
@@ -133,15 +133,15 @@ def by_name(
     part: Literal["colour", "shape", "dash"],
     legend: alt.Legend | None = None,
 ) -> Any:
-    """Return an encoding of ``field`` by one part of the looks of ``names``."""
+    """Return an encoding of ``field`` by one property of the styles of ``names``."""
     scale = alt.Scale(domain=list(names), range=[getattr(one, part) for one in names.values()])
     return channel(f"{field}:N", scale=scale, sort=list(names), legend=legend)
 
 
 def solver_legend(names: Mapping[str, Look], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
-    """Return a legend to the right of a panel, of those of ``names`` that are shown, in their order.
+    """Return a legend to the right of a panel, with the shown ones of ``names`` in order.
 
-    It shows the marks of a panel that has any, else the dashes of its lines.
+    It shows the marks of the panel, or the dashes of its lines if it has no marks.
     """
     drawn = set(shown)
     values = [name for name in names if name in drawn]

@@ -1,10 +1,10 @@
-"""How solvers look in every chart and recording: colours that colour-blind readers can distinguish, shapes, dashes."""
+"""The style of solvers in charts and recordings: colours for colour-blind readers, shapes and dashes."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#8a14ff", "#34192f", "#702500", "#1b1b7e")
-"""Okabe & Ito's colours, and those that stay farthest from them where one kind of cones is missing."""
+"""Okabe & Ito's colours, and those that differ most from them for readers who lack one kind of cones."""
 
 SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
 """Shapes of marks."""
@@ -18,12 +18,12 @@ DARK = 90
 
 @dataclass(frozen=True)
 class Look:
-    """How one solver is drawn.
+    """The style of one solver.
 
     Attributes:
         colour: ``"#rrggbb"``.
-        shape: of its marks, one of ``SHAPES``.
-        dash: of its lines, one of ``DASHES``.
+        shape: shape of its marks, one of ``SHAPES``.
+        dash: dash pattern of its lines, one of ``DASHES``.
     """
 
     colour: str
@@ -32,15 +32,15 @@ class Look:
 
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
-    """Return the look of each name; forty names share neither colour and dash nor colour and shape."""
+    """Return the style of each name; among forty names, no two share colour and dash, or colour and shape."""
     return {name: look(index) for index, name in enumerate(names)}
 
 
 def look(index: int) -> Look:
-    """Return the look of the solver number ``index`` of a run.
+    """Return the style of solver number ``index`` of a run.
 
-    Neighbours differ in all three. Colours come back after ten; the shifts by one keep dashes and shapes, whose numbers
-    have a divisor in common with ten, from coming back with them.
+    Neighbours differ in colour, shape and dash. Colours repeat after ten. Shapes and dashes are shifted by one then,
+    because their numbers have common divisors with ten and would repeat as well.
     """
     colours, shapes, dashes = len(PALETTE), len(SHAPES), len(DASHES)
     return Look(
@@ -56,7 +56,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def on_dark(colour: str) -> tuple[int, int, int]:
-    """Return red, green and blue (0 to 255) of a colour on a dark background: dark ones go halfway to white."""
+    """Return red, green and blue (0 to 255) of a colour on a dark background: dark colours are mixed with white."""
     red, green, blue = rgb(colour)
     if 0.299 * red + 0.587 * green + 0.114 * blue >= DARK:
         return red, green, blue

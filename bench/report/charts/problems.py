@@ -1,6 +1,6 @@
-"""Charts of a run's problems, one file a problem: what accuracy costs, and how the iterations converge.
+"""Charts of the problems of a run, one file per problem: cost against accuracy, and convergence of the iterations.
 
-Those of a trajectory show what accuracy costs in wall time and in one-step solves, for each quantity with an error.
+Charts of a trajectory show wall time and number of one-step solves against accuracy, for each quantity with an error.
 """
 
 from collections.abc import Mapping
@@ -34,10 +34,10 @@ from .palette import Look, looks
 from .summary import summary_charts
 
 MIN_RESIDUAL = 1e-16
-"""Residuals of zero are drawn here: a logarithmic axis has no place for them."""
+"""Value at which zero residuals are drawn on logarithmic axes."""
 
 MAX_RESIDUAL = 1e3
-"""Curves of diverging solvers leave the chart here, so that those of the others keep their shape."""
+"""Largest residual on charts, so that diverging solvers do not compress the other curves."""
 
 RESIDUAL_AXIS: dict[str, Any] = {
     "format": ".0e",
@@ -54,15 +54,15 @@ MARGIN = 150
 """Room for the legend to the right of a panel [pixels]."""
 
 MAX_REASON_LENGTH = 70
-"""Characters of the reason why a solver is not shown; the tables have all of it."""
+"""Largest number of characters of the reason why a solver is not shown; the tables contain the full reason."""
 
 MIN_SHARE = 0.05
-"""A mean deviation that is smaller than this part of the upper end of its bar is noise, and drawn there."""
+"""Share of the upper end of a bar below which a mean deviation is noise, and drawn at this share."""
 
 TIME = "time, preparation included [ms]"
 
 WORKS = {"milliseconds": TIME, "wall": "wall time [s]", "iterations": "one-step solves"}
-"""What accuracy costs, by column."""
+"""Titles of the cost of accuracy, by column."""
 
 ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 
@@ -75,7 +75,7 @@ CONVERGENCE_NOTE = "Each curve is a solver: the sooner it falls, the fewer itera
 
 
 def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
-    """Write a chart of every problem that has anything to show, and those of the whole run, as SVG and PNG.
+    """Write the charts of all problems with drawable rows, and those of the whole run, as SVG and PNG.
 
     Returns:
         The files.
@@ -95,7 +95,7 @@ def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
 
 
 def has_drawable_rows(frames: RunFrames, problem: str) -> bool:
-    """Return whether a chart of a problem has anything to show."""
+    """Return whether a problem has rows for a chart."""
     costs = _drawable(frames.points, problem) if frames.is_study else _costs(frames, problem)
     return len(costs) > 0 or len(_curves(frames, problem)) > 0
 
@@ -131,7 +131,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 
 
 def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
-    """Return what accuracy costs on a problem above the convergence of its solvers, each if it has anything to show.
+    """Return cost against accuracy above the convergence of the solvers, each if there are rows to draw.
 
     A solver has the same colour, shape and dashes in all charts of a run.
     """
@@ -149,8 +149,8 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return median time over the residual of the frames, one line for each solver, more accurate to the right.
 
-    The tolerance of a solve appears nowhere. A filled mark is a solved solve at its judged residual; a hollow one is
-    the best iterate of another solve; a cross is a wrong claim.
+    Marks are at the judged residual, not at the tolerance: filled for solved solves, hollow for the best iterate of
+    other solves, and crosses for wrong claims.
     """
     rows, named = _costs(frames, problem), looks(frames.info.plan.solvers)
     residual = f"{frames.residual} residual (velocity error, relative)"
@@ -159,9 +159,9 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
 
 
 def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
-    """Return the judged residual over iterations of the observed solves, one line a solver.
+    """Return the judged residual over iterations of the observed solves, one line per solver.
 
-    Curves that grow beyond MAX_RESIDUAL leave the chart there.
+    Curves are cut at MAX_RESIDUAL.
     """
     rows, named = _curves(frames, problem), looks(frames.info.plan.solvers)
     panel = convergence_panel(named, rows, solver_legend(named, rows["solver"], has_marks=False))
@@ -267,7 +267,7 @@ def _costs(frames: RunFrames, problem: str) -> pd.DataFrame:
 
 
 def _curves(frames: RunFrames, problem: str) -> pd.DataFrame:
-    """Return the iterates of a problem as far as a chart shows them."""
+    """Return the drawable iterates of a problem."""
     curves = _drawable(frames.iterations, problem)
     return curves[(curves["iteration"] > 0) & (curves["residual"] <= MAX_RESIDUAL)]
 
@@ -281,7 +281,7 @@ def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
 
 
 def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
-    """Return which solvers have no points on a problem, or points and no curve, with the reasons."""
+    """Return the solvers without points on a problem, and those without a curve, with the reasons."""
     with_points = set(_costs(frames, problem)["solver"])
     own = frames.only([problem])
     endings = case_endings(own).set_index(own.cases["solver"])

@@ -1,4 +1,4 @@
-"""Charts of profiles, for the folder of a run and for its page: ratios, times, accuracies, and speed-ups."""
+"""Charts of performance, data, accuracy and speed-up profiles, for the folder of a run and for its page."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -18,7 +18,7 @@ from .drawing import SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_le
 from .palette import Look, looks
 
 WIDTH, HEIGHT = 300, 220
-"""Of one of the panels side by side [pixels]."""
+"""Size of a panel [pixels]."""
 
 ROW = 24
 """Height of the row of a solver [pixels]."""
@@ -27,13 +27,13 @@ CURVES = ("performance", "data", "accuracy")
 """Kinds of profiles whose curves are shares of problems."""
 
 SHARE = "share of problems"
-"""Title of the axis of shares whose problems a page names."""
+"""Title of the axis of shares; a page replaces it by one that names the problems."""
 
 _FAMILY_VIEWS = {
-    COMMON: "over the problems of a family that all solvers support (solvers that support none are left out)",
+    COMMON: "over the problems of a family that all solvers support (without solvers that support none)",
     EVERY: "over all problems of a family; unsupported ones count as not solved",
 }
-"""What the shares of a family are of in each view."""
+"""Meaning of the shares of a family in each view."""
 
 _TITLES = {
     "performance": "Performance profile",
@@ -51,17 +51,17 @@ _NOTES = {
 
 
 def write_profiles(frames: RunFrames, baseline: str, folder: Path, view: str = COMMON) -> list[Path]:
-    """Write the charts of all profiles as SVG and PNG, and the numbers behind each as CSV; return the files.
+    """Write the charts of all profiles as SVG and PNG, and their numbers as CSV; return the files.
 
     Args:
         frames: the run.
-        baseline: the solver that speed-ups are against.
-        folder: where to.
-        view: the one of ``VIEWS`` that the charts show; the numbers are of both.
+        baseline: reference solver of speed-ups.
+        folder: output folder.
+        view: view of the charts, one of ``VIEWS``; the numbers contain both.
 
     Raises:
-        UnwritableError: if they cannot be written.
-        BenchError: if a link in the folder leads out of it.
+        UnwritableError: if a file cannot be written.
+        BenchError: if a link in the folder points outside.
     """
     tables = profile_tables(frames, baseline)
     files = []
@@ -80,8 +80,8 @@ def profile_charts(
     Args:
         frames: the run.
         tables: its ``profile_tables``.
-        baseline: the solver that speed-ups are against.
-        view: the one of ``VIEWS`` that is shown; all problems where none is common, which the title says.
+        baseline: reference solver of speed-ups.
+        view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title tells so.
     """
     shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
     over = _over(frames, shown["accuracy"], view)
@@ -101,7 +101,7 @@ def profile_charts(
 def _families_chart(
     frames: RunFrames, tables: Mapping[str, pd.DataFrame], families: list[str], view: str
 ) -> alt.VConcatChart:
-    """Return the three kinds of curves side by side, one row a family."""
+    """Return the three kinds of curves side by side, one row per family."""
     levels, level = profile_accuracies(frames), summary_accuracies(frames)[-1]
     level = level if level in levels else levels[-1]
     rows: list[alt.HConcatChart] = []
@@ -118,7 +118,7 @@ def _families_chart(
 
 
 def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legend: set[str]) -> alt.HConcatChart:
-    """Return panels side by side, of kinds of profiles with titles and rows, and a legend at the last one."""
+    """Return panels side by side, one per (kind, title, rows), with a legend at the last one."""
     named = looks(frames.info.plan.solvers)
     panels = [
         profile_panel(name, named, rows, in_legend if place == len(parts) - 1 else ()).properties(
@@ -130,7 +130,7 @@ def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legen
 
 
 def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
-    """Return the rows of a view; those of all problems where it has none, and the whole of a table without views."""
+    """Return the rows of a view, those of all problems if it has none, or all rows of a table without views."""
     if "view" not in table:
         return table
     own = table[table["view"] == view]
@@ -138,12 +138,12 @@ def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
 
 
 def _over(frames: RunFrames, shown: pd.DataFrame, view: str) -> str:
-    """Return what the shares of a view are of, as a title says it."""
+    """Return the meaning of the shares of a view, for a title."""
     count, solvers = int(shown["problems"].iloc[0]), shown["solver"].nunique()
     all_problems = counted(frames.cases["problem"].nunique(), "problem")
     if (shown["view"] == COMMON).all():
         left_out = frames.cases["solver"].nunique() - solvers
-        without = f"; {counted(left_out, 'solver')} without a supported problem left out" if left_out else ""
+        without = f"; without {counted(left_out, 'solver')} that support none" if left_out else ""
         return f"over the {count} of {all_problems} that all {solvers} solvers support{without}"
     none = "no problem is supported by all solvers: " if view == COMMON else ""
     return f"{none}over all {all_problems}; unsupported ones count as not solved"
@@ -165,9 +165,9 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any, legend_of: Co
 
     Args:
         name: "performance", "data", "accuracy" or "speedup".
-        named: the look of each solver.
-        data: its rows as ``profile_tables`` has them, or data of altair that are filled in later.
-        legend_of: solvers in a legend to its right; none where empty, and for speed-ups, whose rows have names.
+        named: the style of each solver.
+        data: rows of ``profile_tables``, or altair data that are filled in later.
+        legend_of: solvers in the legend to its right; speed-ups have no legend.
     """
     if name == "speedup":
         return _speedup_panel(named, data)
@@ -200,7 +200,7 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any, legend_of: Co
 
 
 def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
-    """Return ticks of single problems and a mark at their geometric mean, one row a solver; a line where both tie."""
+    """Return ticks of problems and a mark at their geometric mean, one row per solver; a line marks equal times."""
     rows = alt.Y("solver:N", sort=list(named), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
     across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=True)
     across = across.axis(format="~g", tickCount=6, labelOverlap=True)
@@ -218,7 +218,7 @@ def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
 
 
 def _counts(rows: pd.DataFrame) -> str:
-    """Return which problems the shares of rows are of: ``"5 common problems"``; problems without rows."""
+    """Return the problems behind the shares of rows: ``"5 common problems"``, or "problems" without rows."""
     if rows.empty:
         return "problems"
     count, kind = int(rows["problems"].iloc[0]), "common " if (rows["view"] == COMMON).all() else ""

@@ -1,4 +1,4 @@
-"""Charts of a whole run: the time to accuracy over all problems, and how many problems each solver solves."""
+"""Charts of a whole run: the time to accuracy over all problems, and the number of problems that each solver solves."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from .drawing import FONT_SIZE, TIME_AXIS, by_name, heading, log_scale, stacked
 from .palette import PALETTE, looks
 
 WIDTH = 300
-"""Of each of two panels side by side [pixels]."""
+"""Width of each of two adjacent panels [pixels]."""
 
 ROW = 26
 """Height of the row of a solver [pixels]."""
@@ -27,11 +27,11 @@ LONGEST_NAME = 300
 """Room for the names of solvers [pixels]."""
 
 PALE, TEXT_TURNS = "#eef3f7", 0.55
-"""The colour of none, and the share above which numbers on the colour are white."""
+"""Colour of a zero share, and the share above which numbers are white."""
 
 
 def summary_charts(frames: RunFrames) -> dict[str, alt.VConcatChart]:
-    """Return the charts of a whole run by the names of their files; none if no solver supports anything."""
+    """Return the charts of a whole run by the names of their files; none if no solver supports a problem."""
     if attempts(frames, [1.0]).empty:
         return {}
     charts = {"summary-time": time_chart(frames), "summary-success": success_chart(frames)}
@@ -39,9 +39,9 @@ def summary_charts(frames: RunFrames) -> dict[str, alt.VConcatChart]:
 
 
 def time_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return the time to the accuracies of the summary, one row a solver: each problem, and their mean.
+    """Return the time to the accuracies of the summary, one row per solver: each problem, and their mean.
 
-    The mean is the shifted geometric one over the problems that all solvers support, failures at the time limit.
+    The mean is the shifted geometric mean over the problems that all solvers support, with failures at the time limit.
     """
     limit = frames.info.plan.limits.solve_seconds
     tried = attempts(frames, summary_accuracies(frames))
@@ -67,7 +67,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
 
 
 def success_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return how many problems each solver solves to each tolerance of the run: as the judge says, as itself says."""
+    """Return the number of problems that each solver solves to each tolerance, as confirmed and as claimed."""
     tried = attempts(frames, sorted(frames.info.plan.tolerances, reverse=True))
     tried["tolerance"] = tried["accuracy"].map(exponent)
     counts = tried.groupby(["solver", "tolerance"], sort=False).agg(
@@ -89,7 +89,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
 
 
 def families_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return how much of each family every solver solves to the accuracies of the summary, and its mean time there."""
+    """Return the share of each family that every solver solves to the accuracies of the summary, and its mean time."""
     shown, table, names = summary_accuracies(frames), families_table(frames), families(frames)
     tried = attempts(frames, shown)
     across = _columns("family", names, None, angle=-30)
@@ -112,7 +112,7 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
 def _of_run(
     title: str, note: str, panels: list[alt.LayerChart], frames: RunFrames, tried: pd.DataFrame
 ) -> alt.VConcatChart:
-    """Return panels side by side, under a note, the solvers that support no problem, and the state of the run."""
+    """Return adjacent panels below a note, the solvers that support no problem, and the state of the run."""
     absent = [solver for solver in frames.info.plan.solvers if solver not in set(tried["solver"])]
     notes = [
         f"{counted(tried['problem'].nunique(), 'problem')}; {note}",
@@ -145,7 +145,7 @@ def _time_panel(
 def _heat_panel(
     cells: pd.DataFrame, across: alt.X, solvers: alt.Y, texts: dict[str, int], title: str, width: int = WIDTH
 ) -> alt.LayerChart:
-    """Return shares of cells as colours, with texts on them, each shifted to the bottom by a number of pixels."""
+    """Return shares as coloured cells, with texts that are shifted down by a number of pixels."""
     base = alt.Chart(cells).encode(x=across, y=solvers)
     fill = alt.Color("share:Q", legend=None).scale(domain=[0.0, 1.0], range=[PALE, PALETTE[0]])
     ink = alt.condition(alt.datum.share > TEXT_TURNS, alt.value("white"), alt.value("#222222"))

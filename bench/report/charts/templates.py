@@ -1,4 +1,4 @@
-"""Charts that a page draws itself: Vega specifications whose rows the page fills in and whose width it chooses."""
+"""Charts that a page draws: Vega specifications, into which the page inserts rows and width."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,10 +11,10 @@ from .problems import convergence_panel, cost_panel
 from .profiles import CURVES, ROW, profile_panel
 
 ROWS = "rows"
-"""Name of the data that the page fills in."""
+"""Name of the data that the page inserts."""
 
 WIDTH, HEIGHT = 480, 280
-"""Of a chart before the page fits it [pixels]."""
+"""Size of a chart before the page adapts it [pixels]."""
 
 
 def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]]:
@@ -24,8 +24,8 @@ def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]
     milliseconds, low, high, iterations and outcome; those of "convergence" solver, iteration and residual.
 
     Args:
-        named: the look of each solver.
-        residual: which residual that is, "judged" or "local".
+        named: the style of each solver.
+        residual: kind of the residual, "judged" or "local".
     """
     rows = alt.NamedData(name=ROWS)
     panels: Mapping[str, Any] = {

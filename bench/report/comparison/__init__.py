@@ -1,1 +1,1 @@
-"""How two runs differ: what became faster, slower, solved and unsolved."""
+"""Comparison of two runs: solvers that became faster or slower, and problems that became solved or unsolved."""

@@ -1,4 +1,4 @@
-"""The comparison of two runs: what differs, in frames and in one sentence, and which conditions fail."""
+"""The comparison of two runs: frames of differences, a verdict in one sentence, and the conditions that fail."""
 
 import re
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from .solved import SOLVED, UNSOLVED, find_solved_changes
 from .times import Times, compare_times
 
 SLOWDOWN = 0.1
-"""Part by which a solver must be slower, or have been slower, for a verdict to name it."""
+"""Relative slowdown or speed-up above which a verdict names a solver."""
 
 POINT = ("problem", "solver", "tolerance")
 """Columns that identify a point."""
 
 MOST_NAMED = 3
-"""Names that a verdict lists of each kind."""
+"""Largest number of names of each kind in a verdict."""
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,20 @@ class Comparison:
     """What differs between two runs.
 
     Attributes:
-        before, after: the runs, restricted to what both have.
-        notes: sentences about what is left out, and what else differs.
-        obstacle: why times do not compare; empty if they do. The frames of times are empty then.
-        points: one row a solver, problem and accuracy that both runs reach: times before and after [s], their ratio as
-            measured, and the ends of its 95 % interval, low and high.
-        cases: one row a solver and problem: geometric means of times over its accuracies [s], their ratio over the
-            scale, and the ends of its interval: with a chance of 95 % no true ratio of all is below its lower end.
-        solvers: the same for each solver over its problems, whose number is in problems; the chance is that of each.
-        scale: by which the times of the second run are divided in the ratios of cases and solvers: what all solvers
-            have in common, which is the machine's.
-        changes: one row a solver, problem and accuracy that one run reaches alone: change is "solved", "unsolved", or
-            "undecided" where time was short; reason says how the run ended that does not reach it.
-        slowdown: the part by which a solver must be slower for the verdict to name it.
+        before, after: the runs, restricted to common solvers and problems.
+        notes: sentences about omitted parts and other differences.
+        obstacle: why times are not comparable; empty if they are. If they are not, the frames of times are empty.
+        points: one row per solver, problem and accuracy that both runs reach: times before and after [s], their ratio
+            as measured, and the ends of its 95 % interval, low and high.
+        cases: one row per solver and problem: geometric means of times over its accuracies [s], their ratio over the
+            scale, and the ends of simultaneous intervals: all true ratios exceed their lower ends with probability
+            95 %.
+        solvers: the same for each solver over its problems, with their number and individual intervals.
+        scale: factor that divides the times of the second run in the ratios of cases and solvers. It is common to all
+            solvers and attributed to the machine.
+        changes: one row per solver, problem and accuracy that only one run reaches: change is "solved", "unsolved", or
+            "undecided" if time was short; reason tells how the other run ended.
+        slowdown: relative slowdown above which the verdict names a solver.
     """
 
     before: RunFrames
@@ -69,12 +70,12 @@ class Comparison:
         )
 
     def slower(self, slowdown: float | None = None) -> list[str]:
-        """Return what is certainly slower by more than that part: solvers, then single cases of other solvers."""
+        """Return solvers, and cases of other solvers, that are significantly slower by more than ``slowdown``."""
         bound = 1.0 + (self.slowdown if slowdown is None else slowdown)
         return self._named(self.solvers[self.solvers["low"] > bound], self.cases[self.cases["low"] > bound])
 
     def faster(self) -> list[str]:
-        """Return what is certainly faster: what took longer before by more than that part."""
+        """Return solvers, and cases of other solvers, that were significantly slower before."""
         bound = 1.0 / (1.0 + self.slowdown)
         return self._named(self.solvers[self.solvers["high"] < bound], self.cases[self.cases["high"] < bound])
 
@@ -84,7 +85,7 @@ class Comparison:
 
     @cached_property
     def verdict(self) -> str:
-        """What differs, in one sentence."""
+        """The differences in one sentence."""
         parts = [
             _listed("slower", self.slower()),
             _listed("no longer solved", _points_in_words(self.changed(UNSOLVED))),
@@ -110,16 +111,16 @@ class Comparison:
             return "each run has one pass"
         reached = (frames.points[frames.points["outcome"] == Outcome.SOLVED] for frames in (self.before, self.after))
         common = set.intersection(*(set(zip(*(one[key] for key in POINT), strict=True)) for one in reached))
-        return "all times that both runs have are excluded" if common else "no accuracy is reached by both runs"
+        return "all common times are excluded" if common else "no accuracy is reached by both runs"
 
     def failures(self, fail_on: Sequence[str] | str) -> list[str]:
-        """Return a sentence for each condition that is met, or cannot be decided.
+        """Return a sentence for each condition that is met or cannot be decided.
 
         Args:
-            fail_on: conditions, ``"time>10%"`` or ``"solved<"``, or one of them.
+            fail_on: one or several conditions, ``"time>10%"`` or ``"solved<"``.
 
         Raises:
-            BenchError: if a text is no condition.
+            BenchError: if a condition is invalid.
         """
         sentences = []
         for condition, slowdown in read_conditions(fail_on).items():
@@ -138,10 +139,10 @@ class Comparison:
 
 
 def read_conditions(texts: Sequence[str] | str) -> dict[str, float | None]:
-    """Return each condition with the part by which no solver may become slower; None for ``"solved<"``.
+    """Return each condition with the largest relative slowdown that it allows; None for ``"solved<"``.
 
     Raises:
-        BenchError: if a text is no condition.
+        BenchError: if a condition is invalid.
     """
     conditions: dict[str, float | None] = {}
     for text in [texts] if isinstance(texts, str) else texts:
@@ -149,7 +150,7 @@ def read_conditions(texts: Sequence[str] | str) -> dict[str, float | None]:
         found = re.fullmatch(r"time>(\d+(?:\.\d+)?)%", plain)
         if not found and plain != "solved<":
             raise BenchError(
-                f"`fail_on` {text!r} is no condition; write 'time>10%' (a solver is more than 10 % slower) or "
+                f"`fail_on` {text!r} is not a condition; use 'time>10%' (a solver is more than 10 % slower) or "
                 "'solved<' (an accuracy is no longer reached)."
             )
         conditions[plain] = float(found[1]) / 100.0 if found else None
@@ -168,7 +169,7 @@ def compare_runs(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN
 
 
 def _points_in_words(changes: pd.DataFrame) -> list[str]:
-    """Return changes by solver and problem, with the coarsest accuracy of each."""
+    """Return changes as text, with the coarsest accuracy of each solver and problem."""
     coarsest = changes.sort_values("accuracy", ascending=False, kind="stable").drop_duplicates(CASE)
     return [f"{row.solver} on {row.problem} to {row.accuracy:.0e}" for row in coarsest.itertuples()]
 

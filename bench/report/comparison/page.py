@@ -30,7 +30,7 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
 
 
 def print_comparison(comparison: Comparison, failures: list[str], console: Console) -> None:
-    """Print what differs, the verdict last."""
+    """Print the differences, the verdict last."""
     for note in comparison.notes:
         console.print(Text(note, style="yellow"))
     for title, table in _tables(comparison):
@@ -45,7 +45,7 @@ def print_comparison(comparison: Comparison, failures: list[str], console: Conso
 
 
 def markdown_page(comparison: Comparison, failures: list[str]) -> str:
-    """Return a comparison as Markdown: the verdict, what changed, and the ratios of all cases to unfold."""
+    """Return a comparison as Markdown: the verdict, the changes, and the ratios of all cases in a collapsed section."""
     names = (inline(run.info.run_id) for run in (comparison.before, comparison.after))
     parts = ["### Proxbench: {} → {}".format(*names), f"**{inline(comparison.verdict)}**"]
     parts += [f"❌ {inline(failure)}" for failure in failures]
@@ -58,7 +58,7 @@ def markdown_page(comparison: Comparison, failures: list[str]) -> str:
 
 
 def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
-    """Return the tables that say something, with their titles: solvers, single cases that differ, what is solved."""
+    """Return the non-empty tables with their titles: solvers, single cases that differ, and solved problems."""
     bounds = 1.0 / (1.0 + comparison.slowdown), 1.0 + comparison.slowdown
     cases = comparison.cases
     single = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]
@@ -67,13 +67,13 @@ def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
     tables = [
         ("times of each solver, over its problems", _shown_times(comparison, comparison.solvers)),
         ("cases that are slower or faster by themselves", _shown_times(comparison, single)),
-        ("what is solved in one run alone", shown),
+        ("accuracies that one run alone reaches", shown),
     ]
     return [(title, table) for title, table in tables if len(table)]
 
 
 def _shown_times(comparison: Comparison, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return rows of solvers or cases in texts, the slowest first."""
+    """Return rows of solvers or cases as texts, the slowest first."""
     bound = 1.0 + comparison.slowdown
     frame = frame.sort_values("ratio", ascending=False, kind="stable")
     shown = frame[[name for name in ("solver", "problem", "problems") if name in frame]].astype(str)
@@ -89,6 +89,6 @@ def _shown_times(comparison: Comparison, frame: pd.DataFrame) -> pd.DataFrame:
 def _legend(comparison: Comparison) -> str:
     part = f"{100 * comparison.slowdown:g} %"
     return (
-        f"ratio: of times after to before, over {comparison.scale:.3f}, by which times of all solvers differ alike. "
-        f"slower, faster: by more than {part} with a certainty of 95 %, which is that of all cases together."
+        f"ratio: times after over times before, divided by {comparison.scale:.3f}, the common factor of all solvers. "
+        f"slower, faster: by more than {part}, with simultaneous 95 % confidence over all cases."
     )

@@ -1,4 +1,4 @@
-"""The comparable part of two runs: the same solvers on problems of equal digests, and whether times compare."""
+"""The comparable part of two runs: the same solvers on problems of equal digests, and whether times are comparable."""
 
 import re
 from collections.abc import Iterable
@@ -20,30 +20,30 @@ from ...store.frames import RunFrames
 from ...store.records import Machine
 
 SAME_SPEED = 0.08
-"""Part by which the median probes of two runs may differ."""
+"""Largest relative difference between the median probes of two comparable runs."""
 
 MOST_EXCLUDED = 0.5
-"""Share of excluded rounds above which a run compares with none."""
+"""Share of excluded rounds above which the times of a run are not compared."""
 
 MOST_NAMES = 5
-"""Names that a sentence lists."""
+"""Largest number of names in a sentence."""
 
 CASE = ["problem", "solver"]
-"""What identifies a case."""
+"""Columns that identify a case."""
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """Two runs, restricted to what both have.
+    """Two runs, restricted to their common part.
 
     Attributes:
-        before: the first run, its frames without the cases and tolerances that the second one has not.
-        after: the second run.
-        notes: sentences about what is left out, and what else differs.
-        accuracies: the tolerances that both have, from coarse to fine.
-        obstacle: why times do not compare; empty if they do.
+        before: the first run, without cases and tolerances that the second one lacks.
+        after: the second run, restricted in the same way.
+        notes: sentences about omitted parts and other differences.
+        accuracies: the common tolerances, from coarse to fine.
+        obstacle: why times are not comparable; empty if they are.
         yardsticks: solvers that take the same time in both runs unless the machine differs.
-        is_known: whether that is certain, because the package and its libraries are the same ones.
+        is_known: whether the yardsticks are certain, because the package and its libraries are unchanged.
     """
 
     before: RunFrames
@@ -56,7 +56,7 @@ class Pairing:
 
 
 def pair(before: RunFrames, after: RunFrames) -> Pairing:
-    """Restrict two runs to what compares.
+    """Restrict two runs to their comparable part.
 
     Raises:
         BenchError: if one is a study or has no case, if they were judged by different versions of the judge, or if
@@ -67,7 +67,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
     if before.info.judge != after.info.judge:
         raise BenchError(
             f"{before.folder} was judged by version {before.info.judge} of the judge, {after.folder} by version "
-            f"{after.info.judge}; residuals of both do not compare, measure the older one again."
+            f"{after.info.judge}; residuals of both are not comparable, measure the older one again."
         )
     notes = [f"{run.folder}: {sentence}" for run in (before, after) for sentence in (*warnings(run), *run.damaged)]
     keys, left_out = _common_cases(before, after)
@@ -97,7 +97,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
 
 
 def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) -> list[tuple[Machine, Machine]]:
-    """Return the machines on which each problem was measured in both runs: each of the one with each of the other."""
+    """Return all pairs of machines on which a problem was measured in the first and in the second run."""
     measured = [machines_by_problem(run) for run in (before, after)]
     pairs = [
         (one, other)
@@ -109,10 +109,10 @@ def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) 
 
 
 def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, list[str]]:
-    """Return problem and solver of the cases that both have with equal digests, and what is left out in sentences."""
+    """Return problem and solver of the common cases with equal digests, and sentences about omitted cases."""
     digests = [dict(zip(run.cases["problem"], run.cases["digest"], strict=True)) for run in (before, after)]
     changed = [name for name, digest in digests[0].items() if digests[1].get(name, digest) != digest]
-    notes = [_listing("the numbers of these problems differ, so they are left out", changed)]
+    notes = [_listing("omitted because the numbers of these problems differ", changed)]
     for what in CASE:
         sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
@@ -134,13 +134,13 @@ def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float])
 
 
 def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
-    """Return why times of two runs on one machine do not compare; empty if they do."""
+    """Return why times of two runs on one machine are not comparable; empty if they are."""
     if before.rounds.empty or after.rounds.empty:
         return ""
     for run in (before, after):
         share, busy = float((run.rounds["excluded"] != "").mean()), busy_cores(run.info)
         if share > MOST_EXCLUDED:
-            return f"something else used the core in {100.0 * share:.0f} % of the rounds of {run.folder}"
+            return f"other programs used the core in {100.0 * share:.0f} % of the rounds of {run.folder}"
         if busy > BUSY:
             return f"other programs used {busy:.1f} cores while {run.folder} was measured"
     speed = float(after.rounds["probe_seconds"].median() / before.rounds["probe_seconds"].median())
@@ -150,6 +150,6 @@ def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
 
 
 def _is_of_plugin(solver: str, runs: Iterable[RunFrames]) -> bool:
-    """Whether a solver, or a part of it, is of a plugin."""
+    """Return whether a solver, or a part of it, comes from a plugin."""
     names = set(re.findall(r"\w+", solver))
     return any(use.kind == "solver" and use.name in names for run in runs for use in run.info.plugins)

@@ -8,20 +8,20 @@ from .pairing import CASE, Pairing
 from .times import reaching_tolerances
 
 SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"
-"""What can change: reached now and not before, the other way round, and not reached because time was short."""
+"""Kinds of changes: reached only now, reached only before, and not reached because time was short."""
 
 SHARED = 2.0
-"""Factor by which a solve can take longer on a core that something else shares."""
+"""Largest slowdown of a solve on a shared core."""
 
 CHANGES = [*CASE, "accuracy", "change", "reason"]
 """Columns of ``find_solved_changes``."""
 
 
 def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
-    """Return one row for each solver, problem and accuracy that one of two runs reaches alone, columns ``CHANGES``.
+    """Return one row for each solver, problem and accuracy that only one of two runs reaches, columns ``CHANGES``.
 
-    Undecided is what ends at a limit of time, of a solve or of a case, that a shared core can explain: all its rounds
-    are excluded, the limits are not the same, or the run that reaches it took more than 1/``SHARED`` of the limit.
+    A change is undecided if the other run met a time limit, of a solve or of a case, that a shared core can explain:
+    all its rounds are excluded, the limits differ, or the run that reaches it took more than 1/``SHARED`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]
@@ -40,7 +40,7 @@ def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
 def _ending(
     own: RunFrames, other: RunFrames, case: tuple[str, str], tolerance: float, accuracy: float
 ) -> tuple[bool, str]:
-    """Return whether time was short where ``other`` does not reach what ``own`` reaches, and how it ended in words."""
+    """Return whether time was short in ``other``, which misses the accuracy, and its ending in words."""
     ended = _of_case(other.cases, case).iloc[0]
     if ended["outcome"] != Outcome.MEASURED:
         limits = [run.info.plan.limits.case_seconds for run in (own, other)]

@@ -1,20 +1,20 @@
-"""Ratios of the times of two runs: at each point, in each case, and of each solver, with intervals.
+"""Ratios of the times of two runs, per point, case and solver, with confidence intervals.
 
 A pass is one observation, because its rounds share their processes. Its time is the least of its rounds, since a
-disturbance only makes a round longer. All times enter by their logarithms. The difference at a point (solver, problem,
-accuracy) is that of the medians of its passes; the difference of a case is the mean over its points, and that of a
-solver the mean over its cases. The sources of scatter are
+disturbance only makes a round longer. All times are compared by their logarithms. The difference at a point (solver,
+problem, accuracy) is that of the medians of its passes. The difference of a case is the mean over its points, and that
+of a solver is the mean over its cases. The sources of variance are
 
-    passes     at a point ``bootstrap_ratio`` of its passes. In a case, whose two to five passes are too few for a
-               resample at the level of all cases together, σ² (1/n + 1/m) with n and m passes and the larger one of two
-               variances σ²: that of its own passes, and the median over all cases. Medians of three or more passes
-               scatter by EFFICIENCY times that.
-    problems   ``bootstrap_ratio`` of the cases of a solver, whose problems are the clusters
-    runs       RUN_SPREAD of all times together, where nothing distinguishes it from a change
+    passes     at a point: ``bootstrap_ratio`` of its passes. In a case, whose two to five passes are too few to
+               resample at the level of all cases together: σ² (1/n + 1/m) for n and m passes. σ² is the larger of
+               the variance of its own passes and the median variance of all cases. Medians of three or more passes
+               have EFFICIENCY times this variance.
+    problems   ``bootstrap_ratio`` of the cases of a solver, with its problems as clusters
+    runs       RUN_SPREAD of all times together, if it cannot be distinguished from a change
 
-Ratios are relative to the scale, the median over the yardsticks: solvers that are the same program in both runs. Where
-the program has changed, no solver is known to be the same. The median of all solvers then counts as the scale only up
-to ``MAX_DRIFT``.
+Ratios are relative to a scale, the median over the yardsticks: solvers that are the same program in both runs. If the
+program has changed, no yardstick is known. The median of all solvers is then the scale, unless it exceeds
+``MAX_DRIFT``.
 """
 
 from collections.abc import Sequence
@@ -30,41 +30,41 @@ from ...store.ratios import MIN_PAIRS, MIN_ROUNDS, bootstrap_ratio, counted_roun
 from .pairing import CASE, Pairing
 
 RUN_SPREAD = 0.04
-"""Standard deviation by which the logarithms of all times of two runs of the same program differ together."""
+"""Standard deviation of the common shift in the logarithms of the times of two runs of the same program."""
 
 MAX_DRIFT = 2.0 * RUN_SPREAD
-"""Largest logarithm of a scale where no solver is known to be the same program."""
+"""Largest logarithm of a scale if no solver is known to be the same program."""
 
 MIN_YARDSTICKS = 3
-"""Number of yardsticks that a scale needs."""
+"""Least number of yardsticks of a scale."""
 
 TAILS = 10
-"""Degrees of freedom of Student's t in intervals of cases: a disturbance of minutes hits all passes of a case."""
+"""Degrees of freedom of Student's t in intervals of cases, as a long disturbance affects all passes of a case."""
 
 EFFICIENCY = np.pi / 2.0
-"""Variance of the median over that of the mean of many normal numbers."""
+"""Variance of the median relative to that of the mean, of many normal numbers."""
 
 ONE_SIDED = 0.95
 """Probability that the true ratio lies above the lower end of an interval, and that it lies below the upper end."""
 
 NORMAL = float(special.ndtri(ONE_SIDED))
-"""Standard deviations that half an interval has."""
+"""Half width of an interval in standard deviations."""
 
 POINTS = [*CASE, "accuracy", "before", "after", "ratio", "low", "high"]
 CASES = [*CASE, "before", "after", "ratio", "low", "high"]
 SOLVERS = ["solver", "problems", "before", "after", "ratio", "low", "high"]
-"""Columns of the frames: times [s], geometric means where they are of several points, their ratio over the scale, and
-the ends of its interval."""
+"""Columns of the frames: times [s] (geometric means over several points), their ratio over the scale, and the ends of
+its interval."""
 
 
 class Times(NamedTuple):
-    """How times differ.
+    """Differences in times.
 
     Attributes:
-        points: one row a solver, problem and accuracy that both runs reach, columns ``POINTS``; not scaled.
-        cases: one row a solver and problem, columns ``CASES``; their intervals hold together.
-        solvers: one row a solver, columns ``SOLVERS``.
-        scale: by which times of the second run are divided.
+        points: one row per solver, problem and accuracy that both runs reach, columns ``POINTS``; not scaled.
+        cases: one row per solver and problem, columns ``CASES``; with simultaneous intervals.
+        solvers: one row per solver, columns ``SOLVERS``.
+        scale: factor that divides the times of the second run.
     """
 
     points: pd.DataFrame
@@ -74,7 +74,7 @@ class Times(NamedTuple):
 
 
 def compare_times(pairing: Pairing) -> Times:
-    """Return how the times of two runs differ."""
+    """Compare the times of two runs."""
     passes, points = _reached_passes(pairing)
     cases = _with_noise(_cases(points), passes)
     solvers = _solvers(cases)
@@ -93,7 +93,7 @@ def compare_times(pairing: Pairing) -> Times:
 def reaching_tolerances(run: RunFrames, accuracies: Sequence[float]) -> pd.DataFrame:
     """Return the coarsest tolerance that reaches each accuracy: columns problem, solver, accuracy, tolerance.
 
-    Times at one tolerance are those of the same work, while the fastest of several is another one by chance.
+    Times at one tolerance measure the same work, while the fastest of several tolerances varies by chance.
     """
     limit, parts = run.info.plan.limits.solve_seconds, []
     for accuracy in accuracies:
@@ -138,7 +138,7 @@ def _cases(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases with the standard deviation that their passes give them (noise); infinite without any."""
+    """Return the cases with the standard deviation over their passes (noise); infinite without passes."""
     centres = passes.groupby([*CASE, "accuracy", "side"])["time"].transform("mean")
     deviations = passes.assign(time=passes["time"] - centres)
     of_passes = deviations.groupby([*CASE, "side", "session", "number"])["time"].mean()
@@ -156,8 +156,8 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
 def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
     """Return mean times and mean differences of solvers, and their standard deviation (noise).
 
-    The noise is that of a normal interval as wide as the bootstrapped one over problems; over few problems, it follows
-    from the passes.
+    The noise is that of a normal interval as wide as the bootstrap interval over problems. With few problems, it
+    follows from the passes.
     """
     rows = []
     for solver, own in cases.groupby("solver", sort=False):

@@ -1,1 +1,1 @@
-"""How tables are laid out for a terminal and for pages, and how files of a report are written."""
+"""Layout of tables for terminals and pages, and files of a report."""

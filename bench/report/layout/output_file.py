@@ -1,4 +1,4 @@
-"""Files that commands write: checked before any work, and written as a whole or not at all."""
+"""Output files of commands: validated before any work, and written as a whole or not at all."""
 
 import tempfile
 from collections.abc import Callable, Iterable
@@ -11,14 +11,14 @@ from ...errors import BenchError, UnwritableError
 from ...store.store import refuse_links_out
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
-"""Endings of pictures and pages that are never part of a name."""
+"""Suffixes of pictures and pages that are not accepted as part of a name."""
 
 
 def write_file(file: Path, content: bytes) -> Path:
-    """Write a file as a whole or not at all, in a folder that is made if there is none; return it.
+    """Write a file as a whole or not at all, create its folder if necessary, and return the file.
 
     Raises:
-        BenchError: if it is a link that leads out of its folder.
+        BenchError: if it is a link out of its folder.
         UnwritableError: if it cannot be written.
     """
     refuse_links_out(file, file.parent)
@@ -27,19 +27,19 @@ def write_file(file: Path, content: bytes) -> Path:
         with replacing(file) as opened:
             opened.write(content)
     except OSError as error:
-        remedy = "choose a place that has room and may be written"
+        remedy = "choose a writable place with free space"
         raise UnwritableError(f"cannot write {file}: {error.strerror}; {remedy}.") from None
     return file
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
-    """Return the file that ``output`` names, its folder made: the file itself, or a new one in that folder.
+    """Return the file that ``output`` names, or a new file in that folder, and create its folder.
 
     Args:
-        output: a file if it ends in ``suffix``; a folder if it is one, or has no suffix.
-        stem: what the name of a new file begins with; date and time follow.
-        suffix: ending of the file.
-        force: whether it may exist.
+        output: a file if it ends in ``suffix``; a folder if it exists as one, or has no suffix.
+        stem: beginning of the name of a new file, before date and time.
+        suffix: suffix of the file.
+        force: whether the file may exist.
 
     Raises:
         BenchError: if it exists and ``force`` is not given, has another suffix, is a link out of its folder, or its
@@ -91,7 +91,7 @@ def picture_files(path: Path) -> tuple[Path, Path]:
     """Return the files, .svg and .png, that a picture at ``path`` is written to.
 
     Raises:
-        BenchError: if ``path`` names no file, or one of another format.
+        BenchError: if ``path`` is not a file name, or has another format.
     """
     if path.suffix.lower() in OTHER_FORMATS:
         raise BenchError(
@@ -118,17 +118,17 @@ def drawn(
     what: str = "chart",
     again: str = "draw it with: proxbench simulate --resume {} --chart NAME",
 ) -> list[Path]:
-    """Draw pictures of what is stored in ``result``; return their files.
+    """Draw pictures of a stored result; return their files.
 
     Args:
-        draw: draws them and returns their files.
-        result: what they are drawn from.
-        what: what they are called.
-        again: how they are drawn without simulating again, {} in place of the result.
+        draw: function that draws them and returns their files.
+        result: file of the result.
+        what: name of the pictures in messages.
+        again: instructions to draw them later, with {} for the result.
 
     Raises:
-        UnwritableError: if they cannot be written; it says how to draw them later.
-        BenchError: the same, if drawing fails for another reason.
+        UnwritableError: if they cannot be written, with these instructions.
+        BenchError: if drawing fails for another reason, with these instructions.
     """
     try:
         return draw()

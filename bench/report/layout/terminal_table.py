@@ -1,4 +1,4 @@
-"""Tables and notes that fit the terminal: columns that matter least are left out, names are wrapped between options."""
+"""Tables and notes that fit the terminal: less important columns are omitted, names are wrapped between options."""
 
 import textwrap
 from collections.abc import Collection, Sequence
@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 INDENT = "  "
-"""Before a note; its further lines have two."""
+"""Indentation of a note; its further lines have twice as much."""
 
 
 def print_table(
@@ -28,9 +28,9 @@ def print_table(
     Args:
         console: where to print.
         shown: the table, with a column "solver".
-        words: columns of words, which are aligned to the left; the others are aligned to the right.
-        optional: columns that may be left out, those first that matter least.
-        bold: index and column of the cells that are marked.
+        words: columns of words, aligned to the left; other columns are aligned to the right.
+        optional: columns that may be omitted, the least important first.
+        bold: index and column of bold cells.
     """
     for left_out, gap in product(range(len(optional) + 1), (2, 1)):
         chosen = shown.drop(columns=list(optional[:left_out]), errors="ignore").astype(str)
@@ -53,7 +53,7 @@ def _least_width(column: "pd.Series[str]") -> int:
 
 
 def abreast(shown: pd.DataFrame, width: int) -> list[list[str]]:
-    """Return the columns of a table beside that of the solvers in groups that fit side by side."""
+    """Return the columns of a table, except for the solvers, in groups that fit the width."""
     room = width - _least_width(shown["solver"]) - 2
     groups: list[list[str]] = []
     left = 0
@@ -68,5 +68,5 @@ def abreast(shown: pd.DataFrame, width: int) -> list[list[str]]:
 
 
 def hanging(note: str, width: int) -> str:
-    """Return a note in lines of at most ``width`` characters, the further ones indented."""
+    """Return a note in lines of at most ``width`` characters, with indented further lines."""
     return textwrap.fill(note, width, initial_indent=INDENT, subsequent_indent=2 * INDENT, break_on_hyphens=False)

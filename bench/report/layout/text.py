@@ -1,4 +1,4 @@
-"""Words and text in reports: numbers of things, JSON, and text of others that stays text in Markdown and CSV."""
+"""Text in reports: counts, JSON, and escaped text in Markdown, LaTeX and CSV."""
 
 import json
 import re
@@ -10,32 +10,32 @@ from typing import Any
 from ....problems.representation import counted as counted
 
 PIPE_WIDTH = 1000
-"""Characters of a line that goes to a file or a pipe: names and commands stay in one piece there."""
+"""Width of lines in a file or a pipe, in which names and commands are not wrapped."""
 
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
-"""What a spreadsheet takes as the beginning of a formula, after OWASP's page on CSV injection."""
+"""Characters that begin a formula in a spreadsheet, from OWASP's page on CSV injection."""
 
 
 def output_width() -> int:
-    """Return the width of standard output: of the terminal, else ``PIPE_WIDTH``; COLUMNS goes before both."""
+    """Return the width of standard output: COLUMNS if set, else that of the terminal, else ``PIPE_WIDTH``."""
     return shutil.get_terminal_size((PIPE_WIDTH, 24)).columns
 
 
 def inline(value: object) -> str:
-    """Return ``value`` as text for a line or a table cell, in which nothing is markup of HTML or ends the cell."""
+    """Return ``value`` as text for a line or a table cell, with HTML markup and cell separators escaped."""
     return escape(str(value), quote=False).replace("|", r"\|")
 
 
 def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return a table in Markdown, of texts that ``inline`` has been through."""
+    """Return a table in Markdown, of texts that are escaped by ``inline``."""
     heads = list(map(str, head))
     lines = (map(str, line) for line in (heads, ["---"] * len(heads), *rows))
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def markdown_frame(shown: Any) -> str:
-    """Return a frame of texts as a table in Markdown, none of whose cells is markup of HTML."""
+    """Return a frame of texts as a table in Markdown, with escaped cells."""
     heads = [inline(column).replace("\n", " ") for column in shown.columns]
     return markdown_table(heads, shown.map(inline).itertuples(index=False))
 
@@ -49,10 +49,10 @@ def latex_table(shown: Any) -> str:
 
 
 def csv_content(table: Any) -> bytes:
-    """Return a frame of pandas as a CSV file, in which a spreadsheet runs nothing.
+    """Return a pandas frame as CSV in which a spreadsheet finds no formulas.
 
-    A text that begins like a formula gets an apostrophe before it, by which spreadsheets show it as text; texts that
-    are numbers, and all other values, stay as they are. Carriage returns become line feeds.
+    A text that begins like a formula is preceded by an apostrophe, so that spreadsheets show it as text. Texts that are
+    numbers, and all other values, are unchanged. Carriage returns become line feeds.
     """
     content: str = table.rename(columns=_inert).map(_inert).to_csv(index=False)
     return content.encode()
@@ -61,7 +61,7 @@ def csv_content(table: Any) -> bytes:
 def _inert(value: Any) -> Any:
     if not isinstance(value, str):
         return value
-    text = value.replace("\r\n", "\n").replace("\r", "\n")  # pandas quotes no \r, which would end the row
+    text = value.replace("\r\n", "\n").replace("\r", "\n")  # pandas does not quote \r, which would end the row
     if not text.startswith(FORMULA_STARTS):
         return text
     try:
@@ -77,11 +77,11 @@ def print_json(document: Any) -> None:
 
 
 def json_records(table: Any) -> list[dict[str, Any]]:
-    """Return the rows of a frame of pandas as a JSON document has them, numbers that are not finite as null."""
+    """Return the rows of a pandas frame as JSON values, with null for numbers that are not finite."""
     rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records"))
     return rows
 
 
 def unsolved_words(number: int, steps: int, tolerance: str) -> str:
-    """Say how many of all steps are not solved: ``"1 of 20 steps is not solved to 1e-04"``."""
+    """Return the number of unsolved steps in words: ``"1 of 20 steps is not solved to 1e-04"``."""
     return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance}"

@@ -1,1 +1,1 @@
-"""A run as a page: all of it in one offline file, and its summary in a notebook."""
+"""A run as one offline HTML page, and its summary in a notebook."""

@@ -1,4 +1,4 @@
-// The address of a view: filters and names behind the #, so that a copied address opens the same view.
+// The address of a view: filters and names in its fragment, so that a copied address opens the same view.
 
 const FILTERS = { family: "problems", law: "problems", model: "solvers", solver: "solvers" };
 const filterOf = { family: (one) => one.family, law: (one) => one.law, model: (one) => one.model, solver: (one) => one.name };
@@ -12,7 +12,7 @@ function defaults(run) {
   };
 }
 
-// The address of a state; what is left at its default is left out.
+// The address of a state, without its default values.
 function addressOf(run, state) {
   const [usual, words] = [defaults(run), new URLSearchParams()];
   for (const name of ["accuracy", "baseline", "name", "fewest", "most", "problem", "case"]) {
@@ -24,7 +24,7 @@ function addressOf(run, state) {
   return `#${words.size ? words : "all="}`;
 }
 
-// The state that an address names, or null for the address of a section; names that the run lacks are ignored.
+// The state of an address, or null for the address of a section; names that are not in the run are ignored.
 function stateOf(run, address) {
   if (!address.includes("=")) return null;
   const [state, words] = [defaults(run), new URLSearchParams(address.slice(1))];

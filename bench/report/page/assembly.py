@@ -1,8 +1,7 @@
 """One offline HTML page of a run: its document, the script that draws charts, and the page's own script and style.
 
-The page loads nothing: its policy (Content-Security-Policy) allows its own scripts by their hashes, and no request. The
-only text of a run in the file is the JSON document, in which no character can end its element; in the page it becomes
-text nodes.
+The page makes no requests: its Content-Security-Policy allows only its own scripts, by their hashes. All text of a run
+is in the JSON document, escaped so that it cannot end its element; the page shows it as text nodes.
 """
 
 import base64
@@ -24,7 +23,7 @@ FILE = "report.html"
 """Name of the page in the folder of a run."""
 
 SCRIPTS = ("elements.js", "model.js", "address.js", "charts.js", "views.js", "main.js")
-"""Parts of the page's own script, in an order in which each needs only those before it."""
+"""Parts of the page's own script; each depends only on earlier ones."""
 
 
 def write_page(frames: RunFrames, baseline: str = "") -> Path:
@@ -32,11 +31,11 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
 
     Args:
         frames: the run.
-        baseline: the solver that speed-ups are against at first; the one that solves most if empty.
+        baseline: initial reference solver of speed-ups; the one that solves most problems if empty.
 
     Raises:
-        BenchError: if the run is over trajectories or has no case, the baseline is none of its solvers, or the file is
-            a link out of its folder.
+        BenchError: if the run is over trajectories or has no case, the baseline is not one of its solvers, or the file
+            is a link out of its folder.
         UnwritableError: if it cannot be written.
     """
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
@@ -46,7 +45,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
 def page(frames: RunFrames, baseline: str = "") -> str:
     """Return the page of a run, as in ``write_page``."""
     if frames.is_study:
-        raise BenchError(f"{frames.folder} is over trajectories, and pages are of contact problems; draw its charts.")
+        raise BenchError(f"{frames.folder} is over trajectories and has no page; draw its charts.")
     require_cases(frames)
     document = page_document(frames, baseline_of(frames, baseline))
     drawing, script = (_in_script(text) for text in (drawing_script(), "\n".join(map(_source, SCRIPTS))))
@@ -60,13 +59,13 @@ def page(frames: RunFrames, baseline: str = "") -> str:
 
 
 def _embedded(document: dict[str, Any]) -> str:
-    """Return JSON that can neither end nor comment out its script element."""
+    """Return JSON with escapes, so that it can neither end nor comment out its script element."""
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
 
 
 def _in_script(text: str) -> str:
-    """Return a script without what would end a script element."""
+    """Return a script with the end tags of script elements escaped."""
     return text.replace("</script", r"<\/script").replace("<!--", r"<\!--")
 
 

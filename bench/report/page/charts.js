@@ -1,5 +1,4 @@
-// Charts: specifications of Vega that come with the page. The page fills in their rows. Vega loads nothing and evaluates no
-// code.
+// Charts: Vega specifications embedded in the page, which fills in their rows. Vega loads no resources and evaluates no code.
 
 const MARKS = { actions: false, ast: true, defaultStyle: false, mode: "vega", renderer: "svg" };
 
@@ -29,7 +28,7 @@ function nameShares(chart, title, value) {
 
 // The charts of one kind, one for each group of rows; they are redrawn when the rows change.
 class Figure {
-  // With `across`, a group is drawn only if its rows have two values of that name: an axis needs two.
+  // With `across`, a group is drawn only if its rows have at least two values of that name.
   constructor(run, name, id, across = "") {
     this.run = run;
     this.name = name;
@@ -42,7 +41,7 @@ class Figure {
     this.tools = element("div", { class: "tools" }, csvButton);
   }
 
-  // Groups: {label, rows, axis}; `axis` is what shares are of.
+  // Groups: {label, rows, axis}; `axis` is the title of the axis of shares.
   show(groups) {
     this.groups = groups;
     this.drawn = this.drawn.then(() => this.redraw()).catch((error) => console.error(error));

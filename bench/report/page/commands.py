@@ -1,4 +1,4 @@
-"""Commands that measure a run, or a case of it, again, one option a line."""
+"""Commands that repeat a run or one of its cases, with one option per line."""
 
 import shlex
 
@@ -9,11 +9,11 @@ from ...store.records import RunRecord
 MEBIBYTE = 2**20
 
 NEXT = " \\\n  "
-"""Between the lines of a command."""
+"""Separator of the lines of a command."""
 
 
 def run_command(run: RunRecord) -> str:
-    """Return the command that measures a run again; files, folders and plugins must be where they were."""
+    """Return the command that repeats a run; files, folders and plugins must be at the same places."""
     plan = run.plan
     selection = [option("suite", plan.suite)] if plan.suite else [option("problem", name) for name in plan.problems]
     if plan.shard:
@@ -25,9 +25,9 @@ def run_command(run: RunRecord) -> str:
 
 
 def protocol_options(run: RunRecord) -> str:
-    """Return the options of a run beside its problems and solvers.
+    """Return the options of a run except for its problems and solvers.
 
-    A case is measured again by ``proxbench run``, an option for its problem, one for its solver, and these.
+    ``proxbench run`` repeats a case with options for its problem and its solver, and these.
     """
     plan, limits = run.plan, run.plan.limits
     options = {
@@ -46,14 +46,14 @@ def protocol_options(run: RunRecord) -> str:
 
 
 def option(name: str, value: object) -> str:
-    """Return an option with its value as one word of a shell."""
+    """Return an option with its value, quoted for a shell."""
     text = str(value)
     in_double_quotes = "'" in text and not set('"$`\\!\n') & set(text)
     return f'--{name} "{text}"' if in_double_quotes else f"--{name} {shlex.quote(text)}"
 
 
 def _size(suite: str) -> int:
-    """Return how many problems a named suite has; 0 for a folder."""
+    """Return the number of problems of a named suite; 0 for a folder."""
     try:
         return len(suite_members(suite))
     except ProblemError:

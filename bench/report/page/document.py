@@ -1,7 +1,7 @@
 """Data of a page as one JSON document: tables of problems, solvers, cases, points and curves, in columns with names.
 
-Python computes what no filter of the page changes: the time to each accuracy and the best point of every case.
-Numbers have as many digits as the page shows; residuals that it compares with accuracies are exact.
+Python computes the values that do not depend on filters: the time to each accuracy and the best point of every case.
+Numbers are rounded to the digits that the page shows; residuals that it compares with accuracies are exact.
 """
 
 from collections.abc import Iterable
@@ -30,16 +30,16 @@ from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from .commands import option, protocol_options, run_command
 
 MAX_TEXT = 4000
-"""Last characters of the output of a failed case that a page holds; the file of the case has all."""
+"""Number of last characters of the output of a failed case on a page; the file of the case contains all."""
 
 MAX_CURVE_POINTS = 300_000
-"""Points of convergence curves in a page, of all cases together."""
+"""Largest number of points of all convergence curves of a page."""
 
 MIN_CURVE_POINTS = 20
-"""Points that a curve keeps however many cases there are."""
+"""Least number of points of a curve."""
 
-LAWS = {1: "no friction (1 row a contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
-"""Laws of problems by their rows a contact."""
+LAWS = {1: "no friction (1 row per contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
+"""Laws of problems by their rows per contact."""
 
 RECORDINGS = "recordings"
 """Folder of the recordings of a run."""
@@ -50,7 +50,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
 
     Args:
         frames: the run, over contact problems and with at least one case.
-        baseline: the solver that speed-ups are against at first.
+        baseline: initial reference solver of speed-ups.
     """
     info = frames.info
     solvers = [name for name in info.plan.solvers if name in set(frames.cases["solver"])]
@@ -77,7 +77,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
 
 
 def _first_drawable(frames: RunFrames) -> str:
-    """Return the first problem of which both charts of a page have something to draw, else the first one with points.
+    """Return the first problem for which both charts of a page can be drawn, else the first one with points.
 
     An axis needs two different values.
     """
@@ -186,17 +186,17 @@ def _problems(frames: RunFrames) -> list[dict[str, Any]]:
 
 
 def _law(rows: int, contacts: int) -> str:
-    """Name the laws of a problem as far as its rows a contact say which they are."""
+    """Return the laws of a problem, as far as its rows per contact determine them."""
     if not contacts:
         return "no contact"
-    return LAWS.get(rows // contacts, "more rows a contact") if rows % contacts == 0 else "mixed"
+    return LAWS.get(rows // contacts, "more rows per contact") if rows % contacts == 0 else "mixed"
 
 
 def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
     """Return the columns of the cases.
 
-    ``seconds``, ``excluded`` and ``claimed`` have a value for each accuracy: the time to it (null where it is not
-    reached), whether that time is of excluded rounds alone, and whether the solver claims to reach it.
+    ``seconds``, ``excluded`` and ``claimed`` have a value for each accuracy: the time to it (null if it is not
+    reached), whether this time has only excluded rounds, and whether the solver claims to reach it.
     """
     attempted, limit = attempted_points(frames), frames.info.plan.limits.solve_seconds
     best = reaching(attempted, np.inf, limit).sort_values("residual", kind="stable").drop_duplicates(CASE)
@@ -248,7 +248,7 @@ def _points(frames: RunFrames) -> dict[str, list[Any]]:
 def _curves(frames: RunFrames) -> dict[str, list[Any]]:
     """Return the columns of the convergence curves: the number of the case, its iterations and its residuals.
 
-    Curves are thinned, with their last point kept, to as many points as the page has room for.
+    Curves are thinned to the limits of the page, and keep their last point.
     """
     most, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
     curves: dict[str, list[Any]] = {"case": [], "iteration": [], "residual": []}

@@ -1,4 +1,4 @@
-// Elements of the page. Texts of a run become text nodes here and nowhere else, so that none of them is markup.
+// Elements of the page. Only this file turns texts of a run into nodes, always text nodes, so that none is markup.
 
 function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
@@ -17,7 +17,7 @@ function fill(id, ...children) {
   place(id).replaceChildren(...children.map((child) => (child instanceof Node ? child : String(child))));
 }
 
-// A chart with its heading and the sentence that says how to read it.
+// A chart with its heading and an explanation.
 const figureOf = (title, note, id) => element("div", { class: "keep" },
   element("h4", {}, title), element("p", { class: "note" }, note), element("div", { id, class: "figure" }));
 
@@ -90,7 +90,7 @@ function table(columns, rows, caption) {
     const known = (one) => one !== null && one !== undefined && !Number.isNaN(one);
     const ordered = [...rows].sort((a, b) => {
       const [x, y] = [value(a[index]), value(b[index])];
-      if (!known(x) || !known(y)) return Number(known(y)) - Number(known(x)); // what is missing stays below
+      if (!known(x) || !known(y)) return Number(known(y)) - Number(known(x)); // missing values are last
       const order = typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y));
       return descends ? -order : order;
     });
@@ -110,7 +110,7 @@ function table(columns, rows, caption) {
   return frame;
 }
 
-// Rows as a file that the browser saves: no request is made. Texts that a spreadsheet would run are quoted by a mark.
+// Rows as a file that the browser saves, without a request. An apostrophe precedes texts that a spreadsheet would run.
 function csv(rows) {
   const quoted = (value) => {
     const text = value === null || value === undefined || Number.isNaN(value) ? "" : String(value);

@@ -3,7 +3,7 @@
 
 const ROOM = 1.1; // ratio of the last corner of a profile to the largest value
 
-// The rows of a table that comes in columns.
+// The rows of a table that is stored in columns.
 function records(columns) {
   const names = Object.keys(columns);
   return (columns[names[0]] ?? []).map((_, k) => Object.fromEntries(names.map((name) => [name, columns[name][k]])));
@@ -80,7 +80,7 @@ function summary(view) {
   });
 }
 
-// The part of a view that profiles are over, with a text for a note and a title for an axis.
+// The part of a view that profiles cover, with a text for a note and a title for an axis.
 function profileView(view, isCommon) {
   const own = isCommon ? commonView(view) : view;
   const plural = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;

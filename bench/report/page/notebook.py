@@ -1,4 +1,4 @@
-"""A run in a notebook: its state and its summary."""
+"""State and summary of a run in a notebook."""
 
 from html import escape
 

@@ -1,4 +1,4 @@
-// What the page shows of a view: its tables, and the panels of one problem and of one case.
+// The tables of a view, and the panels of one problem and of one case.
 
 const solverCell = (solver) => ({ node: element("span", { class: "solver" }, swatch(solver), element("span", {}, solver.name)), value: solver.name });
 const linkCell = (address, text) => ({ node: element("a", { href: address }, text), value: text });
@@ -124,7 +124,7 @@ function curveRows(run, problem, solvers) {
   return solvers.flatMap((solver) => {
     const { iteration, residual } = run.find(problem, solver)?.curve ?? { iteration: [], residual: [] };
     return iteration.map((number, k) => ({ solver: solver.name, iteration: number, residual: Math.max(residual[k], 1e-16) }))
-      .filter((row) => row.residual <= 1e3); // a diverging curve leaves the chart, or the others would be flat
+      .filter((row) => row.residual <= 1e3); // diverging curves are cut, so that others are not flat
   });
 }
 

@@ -1,1 +1,1 @@
-"""How a simulation is shown: tables, a chart, and a live summary."""
+"""Tables, chart and live summary of a simulation."""

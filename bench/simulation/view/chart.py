@@ -1,8 +1,8 @@
-"""The chart of a simulation, as SVG and PNG: the motion with its switching points, what it costs, and its step size.
+"""The chart of a simulation, as SVG and PNG: the motion with its switching points, its cost, and its step size.
 
-Coordinates with names are drawn over the last half second, with switching points as dots (figure 2 of the paper).
-Scenes without such names, as those of many balls, are drawn as contacts, iterations, penetration and energy over the
-whole time, with counts of switching points.
+Named coordinates are drawn over the last half second, with switching points as dots (figure 2 of the paper).
+For scenes without named coordinates, such as many balls, the chart shows contacts, iterations, penetration and energy
+over the whole time, with counts of switching points.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ from ...report.layout.text import counted
 from ..trajectory import Simulation, describe_switches
 
 POINTS = 500
-"""Intervals of time over which curves are aggregated, so that charts of any length stay light."""
+"""Number of time intervals over which curves are aggregated, to limit the size of charts."""
 
 WIDTH, HEIGHT = 620, 110
 
@@ -31,10 +31,10 @@ SHOWN_SECONDS = 0.5
 """Simulated time up to the end in which coordinates are drawn: some periods of the woodpecker."""
 
 POINTS_PER_STEP = 8
-"""Points of a coordinate between two states."""
+"""Number of points of a coordinate between two states."""
 
 BINS = 100
-"""Parts of the time in which switching points are counted."""
+"""Number of intervals in which switching points are counted."""
 
 NOISE = 1e-6
 """Range of a curve, relative to its largest value, below which its variation is rounding."""
@@ -88,7 +88,7 @@ def _title(simulation: Simulation, begin: float) -> str:
     name = scene.name.replace("_", " ").capitalize()
     balls = f", {counted(scene.n_balls, 'ball')}" if scene.n_balls > 1 else ""
     part = "" if begin == -np.inf else f" from {begin:.4g} s on"
-    return f"{name}{balls}: what happens over time{part}"
+    return f"{name}{balls} over time{part}"
 
 
 def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Incident]) -> str:
@@ -149,7 +149,7 @@ def _curve_panel(
     scale: Literal["linear", "sqrt"] = "linear",
     steps: bool = False,
 ) -> alt.Chart:
-    """Return one panel of curves, by column and what the legend calls it; in ``steps`` if values jump."""
+    """Return one panel of curves; ``names`` maps columns to names in the legend, ``steps`` draws jumps."""
     long = curves.melt("time", list(names), "column", "value")
     long["curve"] = long["column"].map(names)
     order = list(names.values())
@@ -175,7 +175,7 @@ def _coordinate_panels(simulation: Simulation, begin: float, found: list[Inciden
 
 
 def _curves(time: FloatArray, trajectory: FloatArray, simulation: Simulation, drawn: Mapping[str, int]) -> pd.DataFrame:
-    """Return the coordinates over time; long steps are filled in by the cubics that have q and q̇ = u at their ends."""
+    """Return the coordinates over time, interpolated by cubics that match q and q̇ = u at the ends of each step."""
     position, velocity = np.split(trajectory, [len(simulation.plan.scene.start.position)], axis=1)
     columns = list(drawn.values())
     if velocity.shape != position.shape or len(time) < 2:
@@ -188,7 +188,7 @@ def _curves(time: FloatArray, trajectory: FloatArray, simulation: Simulation, dr
 
 
 def _dots(simulation: Simulation, found: list[Incident], drawn: Mapping[str, int]) -> pd.DataFrame:
-    """Return one row a switching point: its time, what switches, and the coordinates there."""
+    """Return one row per switching point: its time, the law that switches, and the coordinates."""
     times = np.array([incident.time for incident in found])
     at = np.searchsorted(simulation.times, times)
     frame = pd.DataFrame(simulation.trajectory[at][:, list(drawn.values())], columns=list(drawn))
@@ -216,7 +216,7 @@ def _panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool)
 
 
 def _count_panel(found: list[Incident], steps: NDArray[np.void]) -> alt.Chart:
-    """Return how many switching points there are in each part of the time, as bars."""
+    """Return a histogram of switching points over time."""
     borders = np.linspace(steps["time"][0] - steps["length"][0], steps["time"][-1], BINS + 1)
     rows = []
     for law, kind in KINDS.items():

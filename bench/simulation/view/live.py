@@ -1,4 +1,4 @@
-"""The live summary of a simulation, on standard error; plain lines now and then where that is no terminal."""
+"""The live summary of a simulation on standard error, or occasional plain lines if that is not a terminal."""
 
 import time
 from types import TracebackType
@@ -19,7 +19,7 @@ LINE_SECONDS = 10.0
 
 
 class LiveSummary:
-    """Shows how far a simulation is; use it as a context manager and hand it over as ``on_progress``."""
+    """Show the progress of a simulation; use it as a context manager and pass it as ``on_progress``."""
 
     def __init__(self, console: Console, hidden: bool = False) -> None:
         self._console = console
@@ -42,7 +42,7 @@ class LiveSummary:
         self._live.stop()
 
     def __call__(self, simulation: Simulation) -> None:
-        """Show the simulation, if the last time is long enough ago."""
+        """Show the simulation, at most once per interval."""
         now = time.perf_counter()
         if self._hidden or now < self._next:
             return
@@ -56,9 +56,9 @@ class LiveSummary:
         self._live.update(Group(Text(first, no_wrap=True), Text(second, style=style, no_wrap=True), bar), refresh=True)
 
     def _lines(self, simulation: Simulation, now: float) -> tuple[str, str]:
-        """Return how far and how fast it is, and what the last step looked like, each within 80 columns."""
+        """Return the progress, the speed, and the last step, each within 80 columns."""
         plan, last = simulation.plan, simulation.steps[-1]
-        # only steps not counted yet are looked at: counting all would cost more from redraw to redraw
+        # count new steps only; counting all would become slower with every redraw
         self._unsolved += int(simulation.unsolved_from(self._counted).sum())
         self._counted = simulation.n_steps
         before, self._shown = self._shown, (now, simulation.n_steps)
@@ -77,6 +77,6 @@ class LiveSummary:
 
 
 def _share(simulation: Simulation) -> float:
-    """Return how much of the simulated time is over, from 0 to 1."""
+    """Return the finished share of the simulated time, from 0 to 1."""
     plan = simulation.plan
     return min((simulation.state.time - plan.scene.start.time) / plan.duration, 1.0)

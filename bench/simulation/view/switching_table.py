@@ -1,4 +1,4 @@
-"""Switching points as a table, and the periods of a motion beside the known limit cycle of its scene."""
+"""A table of switching points, and a comparison of periods with the known limit cycle of a scene."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,23 +14,23 @@ from ...report.layout.text import counted
 from ..trajectory import Simulation
 
 MAX_ROWS = 30
-"""Switching points that are printed of a motion without known periods; the result file has all."""
+"""Largest number of printed switching points without known periods; the result file contains all."""
 
 _OF_WORDS = ("law", "contact", "from", "to")
 """Heads of columns of words."""
 
 _LEFT = {*_OF_WORDS, "stepper", "solver", "start"}
-"""Heads of columns that stand on the left."""
+"""Heads of columns that are aligned to the left."""
 
 _HEADS = ("row", *_OF_WORDS, "t [s]")
 
 
 def print_switches(simulation: Simulation, console: Console) -> None:
-    """Print the switching points: those of a period beside the limit cycle, or else the first ones."""
+    """Print the switching points: those of a period with the limit cycle, or else the first ones."""
     motion = _motion(simulation)
     found = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
     if motion is not None and found:
-        shown = found[-1]  # the last one that can be set beside the limit cycle
+        shown = found[-1]  # the last one that is comparable with the limit cycle
         console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as {motion.known.source}"))
         console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
     elif len(simulation.switches):
@@ -38,7 +38,7 @@ def print_switches(simulation: Simulation, console: Console) -> None:
 
 
 def periods_document(simulation: Simulation) -> dict[str, Any] | None:
-    """Return the periods as values that JSON can write, None where none are known."""
+    """Return the periods as JSON values; None without a known limit cycle."""
     motion = _motion(simulation)
     if motion is None:
         return None
@@ -79,13 +79,13 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
 
 
 def _periods(last: int, count: int) -> str:
-    """Name the periods that a mean is of."""
+    """Return the periods of a mean, in words."""
     one = f"the last of {count}" if count > 1 else "the only one"
     return f"mean of the last {last} of {count}" if last > 1 else one
 
 
 def _motion(simulation: Simulation) -> Cycles | None:
-    """Return the periods, None for scenes without a known limit cycle and where no switching points are located."""
+    """Return the periods; None for scenes without a known limit cycle, or without located switching points."""
     known = simulation.plan.scene.limit_cycle
     if known is None or not simulation.plan.stepper.locates_switches:
         return None
@@ -93,7 +93,7 @@ def _motion(simulation: Simulation) -> Cycles | None:
 
 
 def _published_table(cycle: Cycle, names: Sequence[str]) -> Table:
-    """Return one period in the form of the published table, beside the limit cycle."""
+    """Return one period in the form of the published table, with the limit cycle."""
     table = plain_table(*_HEADS, "after section [s]", "limit cycle [s]", "off by [s]")
     rows = zip(cycle.incidents, cycle.known.incidents, cycle.deviations, strict=True)
     for number, (incident, reference, deviation) in enumerate(rows, start=1):
@@ -118,14 +118,14 @@ def _switches_table(found: list[Incident], names: Sequence[str]) -> Table:
 
 
 def plain_table(*heads: str) -> Table:
-    """Return a table without rows; words stand on the left of their columns, numbers on the right."""
+    """Return a table without rows; words are aligned to the left, numbers to the right."""
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
-    for head in heads:  # as text: a string would be read as markup
+    for head in heads:  # a string would be parsed as markup
         table.add_column(Text(head), justify="left" if head in _LEFT else "right", no_wrap=True)
     return table
 
 
 def _words(incident: Incident, names: Sequence[str]) -> tuple[str, str, str, str]:
-    """Return what switches; contacts with names are counted from 1."""
+    """Return the law and contact that switch; contacts with names are counted from 1."""
     contact = f"{incident.contact + 1} {names[incident.contact]}" if names else str(incident.contact)
     return incident.law, contact, incident.before, incident.after

@@ -1,4 +1,4 @@
-"""Tables of a simulation: a row per 0.1 s of simulated time, switching points, periods, and a summary."""
+"""Tables of a simulation: windows of 0.1 s of simulated time, switching points, periods, and a summary."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -26,18 +26,18 @@ class Window:
     """Some consecutive steps.
 
     Attributes:
-        time: their end [s].
+        time: end of the window [s].
         steps: number of steps.
-        contacts: active contacts, mean.
-        iterations: of the solver, mean.
-        step_milliseconds: wall time of a step [ms], mean.
+        contacts: mean number of active contacts.
+        iterations: mean number of iterations of the solver.
+        step_milliseconds: mean wall time of a step [ms].
         residual: largest judged residual.
         local_residual: largest local residual.
         unsolved: number of steps not solved to the tolerance, as judged.
-        penetration: deepest of a state, over the length of the scene.
-        impact_depth: deepest at a midpoint, where contacts are found, over the same.
-        energy: kinetic and potential at their end [J], None where the potential energy is not known.
-        observed: observables that are shown at their end, by name.
+        penetration: largest penetration of a state, relative to the length of the scene.
+        impact_depth: largest penetration at a midpoint, where contacts are detected, relative to the same length.
+        energy: kinetic and potential energy at the end [J]; None if the potential energy is unknown.
+        observed: displayed observables at the end, by name.
     """
 
     time: float
@@ -105,7 +105,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
 
 
 def _off_the_exact_motion(simulation: Simulation) -> dict[str, float]:
-    """Return the largest errors of a coordinate and of a velocity at the end, where the motion is known."""
+    """Return the largest errors of a coordinate and of a velocity at the end; empty if the exact motion is unknown."""
     exact, state = simulation.plan.scene.exact, simulation.state
     if exact is None or not simulation.n_steps:
         return {}
@@ -117,7 +117,7 @@ def _off_the_exact_motion(simulation: Simulation) -> dict[str, float]:
 
 
 def document(simulation: Simulation) -> dict[str, Any]:
-    """Return plan, summary, windows, switching points and periods as values that JSON can write."""
+    """Return plan, summary, windows, switching points and periods as JSON values."""
     rows = [_window_document(window) for window in windows(simulation)]
     return {
         "file": None if simulation.file is None else str(simulation.file),
@@ -142,12 +142,12 @@ def _window_document(window: Window) -> dict[str, Any]:
 
 
 def finite(value: Any) -> Any:
-    """Return ``value``, or None for a number that JSON cannot write."""
+    """Return ``value``, or None if it is not finite, which JSON cannot represent."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_simulation(simulation: Simulation, console: Console) -> None:
-    """Print the tables of windows and of switching points, the total, and which steps are unsolved."""
+    """Print the tables of windows and of switching points, the total, and the unsolved steps."""
     plan = simulation.plan
     segments = simulation.segments or (planned_segment(plan, 0),)
     if len(segments) == 1:
@@ -164,7 +164,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 
 
 def _print_segments(simulation: Simulation, console: Console) -> None:
-    """Print which settings made which steps; the limit of iterations has a column where it differs."""
+    """Print the settings of each segment; the iteration limit has a column only if it differs."""
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
     limit = ["max iter."] if has_limits else []
     table = plain_table("steps", "stepper", "solver", "tolerance", *limit, "start", "missed")
@@ -214,7 +214,7 @@ def _energy(value: float | None) -> str:
 
 
 def _digits(value: float, number: int) -> str:
-    """Return a number with so many significant digits, and all before the point."""
+    """Return a number with ``number`` significant digits, but with all digits before the point."""
     return f"{value:.{number}g}" if value < 10**number else f"{value:.0f}"
 
 
@@ -233,12 +233,12 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
         styles = {"missed": "bold red"} if window.unsolved else {}
         table.add_row(*(Text(cell(window), style=styles.get(head, "")) for head, cell in columns.items()))
     if console.measure(table, options=console.options.update(width=500)).maximum > console.width:
-        table.padding = (0, 0, 0, 0)  # closer columns, rather than numbers that are cut
+        table.padding = (0, 0, 0, 0)  # narrower columns avoid truncated numbers
     console.print(table)
 
 
 def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield the total and what was not solved, each line with its style."""
+    """Yield the total and the unsolved steps, each line with its style."""
     total = summary(simulation)
     ending = _ending(simulation)
     if not total["steps"]:
@@ -257,17 +257,17 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         )
     if "position_error" in total:
         errors = f"{total['position_error']:.1e} in a coordinate and {total['velocity_error']:.1e} in a velocity"
-        yield f"off the exact motion at the end by at most {errors} (SI units)", "bold"
+        yield f"largest error at the end against the exact motion: {errors} (SI units)", "bold"
     if ending:
         yield ending
     if not simulation.plan.stepper.shows_solves:
-        yield "impulses and forces at events are solved to 1e-09 or better, by the judge", "green"
+        yield "impulses and forces at events are solved to 1e-09 or better, as judged", "green"
         return
     yield from _hiding_line(simulation)
     tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
     tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
-        yield f"every step is solved to {tolerance}, by the judge", "green"
+        yield f"every step is solved to {tolerance}, as judged", "green"
         return
     residual = total["largest_residual"]
     worst = "infinite" if residual is None else f"{residual:.1e}"
@@ -281,11 +281,11 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"  the solver reports: {simulation.statuses[status]}, {counted(count, 'time')}", "red"
     solver = simulation.plan.solver
     if solver.model != Model.COULOMB and solver.name == simulation.segments[-1].solver:
-        yield f"  of another law: it solves the {solver.model} model, not Coulomb friction", "red"
+        yield f"  the solver uses the {solver.model} model, not Coulomb friction", "red"
 
 
 def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield the number of steps in which fast contacts hide the errors of others, if any, with a style."""
+    """Yield the number of steps in which fast contacts hide the errors of others, if any, with its style."""
     hiding = simulation.steps[simulation.hiding]
     if not len(hiding):
         return
@@ -298,7 +298,7 @@ def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
 
 
 def _ending(simulation: Simulation) -> tuple[str, str] | None:
-    """Return why the simulation ended before its duration was over, with a style; None if it did not."""
+    """Return why the simulation ended early, with a style; None if it reached its duration."""
     by_scene = simulation.scene_ending
     if by_scene is not None:
         return by_scene.sentence, "green" if by_scene.is_success else "bold yellow"

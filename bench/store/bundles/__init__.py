@@ -1,1 +1,1 @@
-"""Runs that travel as one file: packed, read from strangers, judged again, merged."""
+"""Runs as single files: pack, read, judge again and merge them."""

@@ -191,7 +191,7 @@ def _checked(bundle: Bundle) -> Bundle:
 
 
 def _fault(case: CaseRecord, run: RunRecord) -> str:
-    """Return what is inconsistent in a case; empty if nothing is."""
+    """Return the inconsistency in a case; empty if there is none."""
     ladder = run.plan.tolerances[: len(case.points)]
     measured = [point.measured for point in case.points if point.measured is not None]
     if [point.tolerance for point in case.points] != ladder:

@@ -125,7 +125,7 @@ def _require_one_machine(cases: Iterable[CaseRecord], sessions: Sequence[Session
             if found.setdefault(case.problem, host) != host:
                 raise BenchError(
                     f"the solvers of {case.problem} were measured on different machines, {found[case.problem]} and "
-                    f"{host}, whose times do not compare; merge runs of different problems."
+                    f"{host}, whose times are not comparable; merge runs of different problems."
                 )
 
 

@@ -59,7 +59,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
     dense = None
     if n_rows <= DENSE_ROWS:
         dense = matrix.toarray() if is_single or sp.issparse(source) else source.astype(np.float64)
-    if dense is None or not _is_sound(dense, tolerance):
+    if not (_is_sound_sparse(matrix, tolerance) if dense is None else _is_sound(dense, tolerance)):
         _check_diagonal(matrix)
         _check_symmetry(matrix, SYMMETRY_TOLERANCE)
         _check_minors(matrix, tolerance)
@@ -68,6 +68,15 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
     elif not _has_root(dense, 0.5 * tolerance):
         _check_eigenvalues(np.linalg.eigvalsh(dense), tolerance)
     return matrix
+
+
+def _is_sound_sparse(matrix: sp.csr_array[Any], tolerance: float) -> bool:
+    """Whether no diagonal entry is negative, G is symmetric, and no 2×2 minor is negative, all to the tolerances."""
+    diagonal = diagonal_of(matrix)
+    if not len(diagonal) or diagonal.min() < 0.0:
+        return not len(diagonal)
+    arrays = matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal), diagonal.max()
+    return bool(_has_sound_pairs(*arrays, SYMMETRY_TOLERANCE, tolerance))
 
 
 def _check_diagonal(matrix: sp.csr_array[Any]) -> None:
@@ -173,6 +182,37 @@ def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyp
             squared += after * after
         length = np.sqrt(squared)
     return len(projected)
+
+
+@njit(cache=True)
+def _has_sound_pairs(indptr, indices, data, root, most, symmetry, negative):  # type: ignore[no-untyped-def]
+    """Whether each entry below the diagonal has an equal one above it, and neither exceeds √g_ii √g_jj.
+
+    ``ahead`` is the first entry of each row right of the diagonal that has not been met; entries are met in its order.
+    A false answer may be due to the pattern of stored zeros, which the caller examines.
+    """
+    n_below, n_above, largest, difference, excess = 0, 0, most, 0.0, 0.0
+    ahead = indptr[:-1].copy()
+    for row in range(len(root)):
+        p, end = indptr[row], indptr[row + 1]
+        first = p
+        while p < end and indices[p] < row:
+            column = indices[p]
+            q = ahead[column]
+            if q >= indptr[column + 1] or indices[q] != row:
+                return False
+            ahead[column] = q + 1
+            entry, mirrored = data[p], data[q]
+            size = max(abs(entry), abs(mirrored))
+            largest = max(largest, size)
+            difference = max(difference, abs(entry - mirrored))
+            excess = max(excess, size - root[row] * root[column])
+            p += 1
+        n_below += p - first
+        p += p < end and indices[p] == row
+        ahead[row] = p
+        n_above += end - p
+    return n_below == n_above and difference <= symmetry * largest and excess <= negative * most
 
 
 @njit(cache=True)

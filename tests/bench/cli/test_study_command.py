@@ -50,7 +50,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --start hot", "there is no start 'hot'"),
         ("funnel --solver SORprox --solver Jprox", "one solver"),
         ("funnel --solve-seconds 3", "--solve-seconds limits a study"),
-        ("--study --resume nowhere.npz", "holds no study"),
+        ("--study --resume nowhere.npz", "is not a study; omit --study"),
         ("--study --quiet --json funnel", "exclude each other"),
     ],
 )
@@ -136,7 +136,7 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
     for scene, moves in (("stack", False), ("sliding_sphere", True)):
         made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
         assert run_command(["report", str(made.folder), "--no-charts"]) == 0
-        assert ("moves in 0.01 s: errors have no motion" in " ".join(capsys.readouterr().out.split())) is not moves
+        assert ("moves in 0.01 s, so that errors" in " ".join(capsys.readouterr().out.split())) is not moves
 
 
 @pytest.mark.parametrize("hidden", [False, True])

@@ -56,7 +56,7 @@ def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
 @pytest.mark.parametrize(
     ("fault", "seconds", "words"),
     [
-        ("os._exit(3)", 60.0, "its process ended by itself with exit code 3"),
+        ("os._exit(3)", 60.0, "its process ended with exit code 3"),
         ("os.abort()", 60.0, "killed by SIGABRT"),
         ("time.sleep(1000)", 10.0, "it did not end within 10 s"),
         ("raise ValueError('odd')", 60.0, "it raised ValueError: odd (line 18 of wrapped.py)"),

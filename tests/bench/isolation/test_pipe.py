@@ -91,7 +91,7 @@ def test_a_message_is_no_larger_than_allowed(pipe: Pipe) -> None:
     for _ in range(2):
         write_message(pipe.into, b"seven..")
     assert read_message(pipe.out, 7) == b"seven.."
-    with pytest.raises(NoMessageError, match="a message of 7 bytes where at most 6"):
+    with pytest.raises(NoMessageError, match="a message of 7 bytes exceeds the limit of 6"):
         read_message(pipe.out, 6)
 
 
@@ -99,7 +99,7 @@ def test_a_message_is_no_larger_than_allowed(pipe: Pipe) -> None:
 def test_what_is_no_json_object_is_no_message(pipe: Pipe, content: bytes) -> None:
     writer = threading.Thread(target=write_message, args=(pipe.into, content))
     writer.start()
-    with pytest.raises(NoMessageError, match="no JSON"):
+    with pytest.raises(NoMessageError, match=r"not (a )?JSON"):
         read_object(pipe.out, 2**20, time.monotonic() + 30.0)
     writer.join()
 

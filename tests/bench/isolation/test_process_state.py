@@ -56,7 +56,7 @@ def test_of_several_replaced_names_the_first_is_named(monkeypatch: pytest.Monkey
     before = ProcessState.now()
     monkeypatch.setattr(pipe, "is_readable", len)
     monkeypatch.setattr(pipe, "read_message", len)
-    assert " and more; leave alone" in replaced_names(before)
+    assert " and more; do not modify" in replaced_names(before)
 
 
 @pytest.fixture

@@ -85,7 +85,7 @@ def test_a_signal_reaches_those_that_live(family: psutil.Process) -> None:
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        ("exit 7", "its process ended by itself with exit code 7"),
+        ("exit 7", "its process ended with exit code 7"),
         ("kill -KILL $$", "its process was killed by SIGKILL"),
         ("kill -40 $$", "its process was killed by signal 40"),
     ],

@@ -154,10 +154,10 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        ("import os; os._exit(0)", "its process ended by itself with exit code 0"),
+        ("import os; os._exit(0)", "its process ended with exit code 0"),
         ("import ctypes; ctypes.string_at(0)", "its process was killed by SIGSEGV"),
-        ("import os; os.fork() or __import__('time').sleep(2); os._exit(3)", "ended by itself with exit code 3"),
-        ("x = bytearray(2**33)", "it wanted more than 2048 MB of memory"),
+        ("import os; os.fork() or __import__('time').sleep(2); os._exit(3)", "its process ended with exit code 3"),
+        ("x = bytearray(2**33)", "it raised MemoryError when it requested more than 2048 MB of memory"),
     ],
     ids=["exit", "segfault", "leaves a process", "memory"],
 )

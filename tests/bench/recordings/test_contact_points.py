@@ -119,7 +119,7 @@ def test_what_is_no_heap_of_bodies_stands_on_a_grid_and_says_so(name: str) -> No
     assert places.positions.shape == (problem.n_contacts, 3)
     assert "grid" in places.origin
     assert places.bodies is None
-    assert "none are drawn" in places.origin
+    assert "not drawn" in places.origin
     np.testing.assert_array_equal(places.frames[0], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
 

@@ -114,7 +114,7 @@ def test_given_places_are_used_and_must_fit(tmp_path: Path, read_back: Callable[
     problem = load("hard-sticking-box")
     made = record_solves(problem, [create("SORprox")], STOP, tmp_path / "a.rrd", places=grid_places(4))
     assert read_back(made.file).static("/solvers/0/impulses", "Arrows3D:origins")[3] == [1.0, 1.0, 0.0]
-    with pytest.raises(BenchError, match="hold 5 contacts"):
+    with pytest.raises(BenchError, match="have 5 contacts"):
         record_solves(problem, [create("SORprox")], STOP, tmp_path / "b.rrd", places=grid_places(5))
     assert not (tmp_path / "b.rrd").exists()
 

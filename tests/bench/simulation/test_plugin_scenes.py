@@ -189,7 +189,7 @@ def test_the_listing_has_the_scenes_of_plugins_with_their_options_or_what_is_wro
 
 def test_a_plugin_that_offers_scenes_only_has_nothing_to_check(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["check", str(PLUGIN)]) == 2
-    assert "offers scenes only" in capsys.readouterr().err
+    assert "provides only scenes" in capsys.readouterr().err
 
 
 def test_the_process_of_a_scene_ends_with_it() -> None:

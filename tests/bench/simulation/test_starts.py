@@ -80,7 +80,7 @@ def test_many_contacts_have_a_composite_that_the_plan_names() -> None:
 
 
 def test_a_step_that_the_solver_cannot_treat_says_why() -> None:
-    with pytest.raises(BenchError, match="it cannot treat this step: it has spatial friction"):
+    with pytest.raises(BenchError, match="it does not support this step: it has spatial friction"):
         StepSolver(create("Enumeration"), "warm").prepare(load("funnel-30"))
 
 
@@ -103,7 +103,7 @@ def _first(plan: SimulationPlan) -> str:
 
 def test_a_stepper_that_offers_no_impulses_starts_cold_and_refuses_another_start() -> None:
     assert make_simulation_plan("woodpecker", stepper="EventDriven").start == "cold"
-    with pytest.raises(BenchError, match="EventDriven starts each solve from zero and cannot start warm"):
+    with pytest.raises(BenchError, match="EventDriven starts each solve from zero and does not support start=warm"):
         make_simulation_plan("woodpecker", stepper="EventDriven", start="warm")
     method = make_method("EventDriven with Enumeration", [1e-9])
     assert method.started("warm").record.start == method.record.start == "cold"

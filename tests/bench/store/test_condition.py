@@ -62,7 +62,7 @@ def test_drift_is_the_spread_of_the_probes_and_does_not_depend_on_the_unit(store
         ((1.0, 1.4), 0.1, "", ""),
         ((1.0, 1.6), 0.1, "", "UNSTEADY: the speed of the core changed by a factor of 1.60"),
         ((1.0, 1.0), 1.0, "", "BUSY: other programs used 1.0 other cores"),
-        ((1.0, 1.0), 0.0, "preempted", "times were measured while something else used the core"),
+        ((1.0, 1.0), 0.0, "preempted", "times were measured while other programs used the core"),
     ],
 )
 def test_every_report_states_how_steady_the_machine_was_and_warns_above_a_limit(

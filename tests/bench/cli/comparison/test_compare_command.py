@@ -46,7 +46,7 @@ def test_mistakes_are_said_in_one_sentence(runs: tuple[str, str, str], mistake: 
     both = " ".join(runs[:2])
     for condition in ("time>ten%", "time<10%", "solved>", "speed", "time>10", ""):
         line = f"compare {both} --fail-on={condition}"
-        assert "is no condition; write 'time>10%'" in mistake(line)
+        assert "is not a condition; use 'time>10%'" in mistake(line)
     assert "is not a stored run" in mistake(f"compare {runs[0]} nothing")
     assert "cannot write" in mistake(f"compare {both} --markdown {runs[0]}/run.json/page.md")
     assert "--markdown - prints a page" in mistake(f"compare {both} --markdown - --json")

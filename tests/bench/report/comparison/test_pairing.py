@@ -37,7 +37,7 @@ def test_problems_of_other_numbers_are_left_out_and_named(tmp_path: Path, before
     changed = [msgspec.structs.replace(case, digest="1" * 64) if case.problem == "p-2" else case for case in cases]
     found = compare(before, store_run(tmp_path / "after", changed))
     assert "p-2" not in set(found.cases["problem"])
-    assert "the numbers of these problems differ, so they are left out: p-2" in found.notes
+    assert "omitted because the numbers of these problems differ: p-2" in found.notes
     assert not found.slower()
 
 
@@ -64,7 +64,7 @@ def test_under_load_there_is_no_verdict(tmp_path: Path, before: Path) -> None:
     busy = store_run(tmp_path / "busy", simulated_cases(1, dict.fromkeys("ABCD", 2.4)), sessions=[session])
     found = {
         "other programs used 1.0 cores while": busy,
-        "something else used the core in 100 % of the rounds of": with_rounds(tmp_path / "hog", excluded="preempted"),
+        "other programs used the core in 100 % of the rounds of": with_rounds(tmp_path / "hog", excluded="preempted"),
         "took 1.30 times as long on the core while": with_rounds(tmp_path / "slow", probe_seconds=1.3e-4),
     }
     for sentence, after in found.items():

@@ -119,7 +119,7 @@ def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path)
 def test_where_all_common_times_are_excluded_the_verdict_says_so(tmp_path: Path) -> None:
     found = compare_runs(*(load(store_run(tmp_path / name, simulated_cases(0, solvers="A"))) for name in "ab"))
     excluded = dataclasses.replace(found, cases=found.cases.iloc[:0])
-    assert excluded.verdict.startswith("times are undecided, all times that both runs have are excluded")
+    assert excluded.verdict.startswith("times are undecided, all common times are excluded")
 
 
 @pytest.mark.slow

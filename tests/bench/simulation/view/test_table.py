@@ -73,7 +73,7 @@ def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_s
     assert f"{count} of 200 steps are not solved to 1e-10" in text
     assert f"the solver reports: iteration limit, {count} times" in text
     assert "every step is solved" not in text
-    assert "every step is solved to 1e-04, by the judge" in printed(simulate(pour()))
+    assert "every step is solved to 1e-04, as judged" in printed(simulate(pour()))
 
 
 def test_a_single_step_is_in_the_singular() -> None:
@@ -86,7 +86,7 @@ def test_a_single_step_is_in_the_singular() -> None:
 @pytest.mark.slow
 def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
     text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
-    assert "of another law: it solves the convex model, not Coulomb friction" in text
+    assert "the solver uses the convex model, not Coulomb friction" in text
     assert "another law" not in printed(simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10)))
 
 

@@ -1,4 +1,4 @@
-"""The chart and the recording of a simulation: where they are, and that they can be written."""
+"""The chart and the recording of a simulation: choose, check and write their files."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..report.layout.output_file import drawn, picture_files, refuse_pictures, refuse_taken
+from ...report.layout.output_file import drawn, picture_files, refuse_pictures, refuse_taken
 
 
 @dataclass(frozen=True)
 class SimulationOutputs:
-    """Where chart and recording of a simulation are.
+    """Paths of the chart and the recording of a simulation.
 
     Attributes:
         chart: the chart, None if there is none.
@@ -22,25 +22,25 @@ class SimulationOutputs:
     recording: Path | None = None
 
     def document(self, result: Path) -> dict[str, str | None]:
-        """Return the paths, seen from the folder of the result, from which ``read_outputs`` makes them again."""
+        """Return the paths relative to the folder of the result, for ``read_outputs``."""
         folder = result.absolute().parent
         paths = {"chart": self.chart, "recording": self.recording}
         return {name: None if path is None else os.path.relpath(path, folder) for name, path in paths.items()}
 
 
 def read_outputs(stored: Mapping[str, Any], result: Path) -> SimulationOutputs:
-    """Return what was stored with ``result``; paths that lead out of its folder are left out.
+    """Return the outputs stored with ``result``, without paths outside its folder.
 
-    A result may come from elsewhere: opening it must not replace files wherever it says.
+    A result may come from someone else, and must not cause other files to be replaced.
 
     Raises:
-        TypeError, KeyError: if it is no such document.
+        TypeError, KeyError: if ``stored`` is not such a document.
     """
     return SimulationOutputs(_inside(stored["chart"], result), _inside(stored["recording"], result))
 
 
 def _inside(stored: str | None, result: Path) -> Path | None:
-    """Return a stored path as seen from here, None if it leads out of the folder of the result."""
+    """Return a stored path, None if it is outside the folder of the result."""
     if stored is None:
         return None
     folder = result.parent
@@ -51,16 +51,16 @@ def _inside(stored: str | None, result: Path) -> Path | None:
 def choose_outputs(
     own: SimulationOutputs, chart: Path | None, recording: Path | None, force: bool
 ) -> SimulationOutputs:
-    """Return where chart and recording will be: the requested places, or else the present ones.
+    """Return the paths of chart and recording: the requested ones, or else the present ones.
 
     Args:
-        own: those that the simulation has, which are replaced in any case.
+        own: present outputs of the simulation, which are always replaced.
         chart: the requested chart.
         recording: the requested recording.
-        force: replace others.
+        force: replace other existing files.
 
     Raises:
-        BenchError: if one cannot be written, or exists, is another one, and ``force`` is not given.
+        BenchError: if a file cannot be written, or is another existing file and ``force`` is not given.
     """
     chosen = SimulationOutputs(chart or own.chart, recording or own.recording)
     if chosen.chart is not None:
@@ -68,7 +68,7 @@ def choose_outputs(
         refuse_pictures(chosen.chart, force or is_own)
     if chosen.recording is not None:
         is_own = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
-        from ..recordings.file import refuse_bad_path  # rerun takes a second to import
+        from ...recordings.file import refuse_bad_path  # rerun takes a second to import
 
         refuse_bad_path(chosen.recording, force or is_own)
         refuse_taken([chosen.recording], force or is_own)
@@ -76,10 +76,10 @@ def choose_outputs(
 
 
 def write_recording(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
-    """Make the recording of ``result``, if it has one, and return its file.
+    """Write the recording of ``result``, if it has one, and return its file.
 
     Raises:
-        BenchError: if that fails for any reason, with the command that makes it later.
+        BenchError: if writing fails for any reason, with the command that records it later.
     """
     if recording is None:
         return []

@@ -1,7 +1,7 @@
-"""Making the problems of the standard suites from their scenes.
+"""Generate the problems of the standard suites from their scenes.
 
-A recipe says which step of which simulation a problem is. Scenes are deterministic from their seed on one machine, so
-generating twice gives equal digests; between machines rounding differs, which is why runs compare the frozen library.
+A recipe specifies the step of a simulation that gives a problem. On one machine, scenes are deterministic for a given
+seed, so that generating twice gives equal digests. Between machines rounding differs, so runs use the frozen library.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,10 +10,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ....problems.contact.problem import FREE_FALL, ContactProblem
-from ....problems.contact.solver import Stop
-from ....problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
-from ....problems.exchange.catalog import (
+from ...problems.contact.problem import FREE_FALL, ContactProblem
+from ...problems.contact.solver import Stop
+from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ...problems.exchange.catalog import (
     FUNNEL_SIZES,
     MIXED_PILES,
     PILE_SIZES,
@@ -21,17 +21,17 @@ from ....problems.exchange.catalog import (
     plugin_problems,
     problem_names,
 )
-from ....problems.exchange.files.problem_file import SUFFIX, save_problem
-from ....problems.hard import HARD_CASES
-from ....problems.hard.spheres import with_rolling_friction
-from ....problems.motion.bodies.mixed_friction import MixedFriction
-from ....problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
-from ....problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
-from ....problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
-from ....problems.motion.stepping.midpoint import MidpointRule
-from ....problems.motion.stepping.step import Step
-from ....solvers.registry import create
-from ...plugins.describing import plugin_problem
+from ...problems.exchange.files.problem_file import SUFFIX, save_problem
+from ...problems.hard import HARD_CASES
+from ...problems.hard.spheres import with_rolling_friction
+from ...problems.motion.bodies.mixed_friction import MixedFriction
+from ...problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
+from ...problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
+from ...problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
+from ...problems.motion.stepping.midpoint import MidpointRule
+from ...problems.motion.stepping.step import Step
+from ...solvers.registry import create
+from ..plugins.describing import plugin_problem
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
@@ -47,7 +47,7 @@ PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
 class FunnelRecipe:
     """The step of a funnel scene that begins at ``time`` [s].
 
-    With ``mixed_friction`` each pair of bodies has a μ of its own between these two, by the seed of the scene.
+    With ``mixed_friction``, each pair of bodies has a random μ between these two, drawn with the seed of the scene.
     """
 
     scene: Funnel
@@ -85,7 +85,7 @@ _OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
 _SETTLED = 2.0
 
 MIXED = (0.1, 0.95)
-"""Friction coefficients of piles of pairs with a coefficient each."""
+"""Range of friction coefficients of the mixed piles."""
 
 
 def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
@@ -116,11 +116,11 @@ RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe] = {
     "woodpecker-lower-slip-to-stick": WoodpeckerRecipe(0.10635, 1),
     "woodpecker-lower-stick-to-slip": WoodpeckerRecipe(0.1459, 1),
 }
-"""How each generated problem is made."""
+"""Recipe of each generated problem."""
 
 
 def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
-    """Remake problems from their scenes and write them.
+    """Generate problems from their scenes and write them.
 
     Args:
         names: standard problems that come from scenes, and problems of plugins.
@@ -149,7 +149,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
 
 def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
-    """Yield the named problems; those of one simulation share one run of it."""
+    """Yield the named problems; problems of the same scene share one simulation."""
     flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     pecks: dict[str, WoodpeckerRecipe] = {}
     for name in names:

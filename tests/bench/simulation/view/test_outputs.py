@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from proxbench.bench.simulation.outputs import SimulationOutputs, read_outputs
+from proxbench.bench.simulation.view.outputs import SimulationOutputs, read_outputs
 
 
 @pytest.mark.parametrize("place", ["/etc/chart.svg", "../chart.svg", "a/../../chart.svg"])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench.measure.contacts.generate import RECIPES, RollingRecipe, generate, remake_problems
+from proxbench.bench.simulation.generate import RECIPES, RollingRecipe, generate, remake_problems
 from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.exchange.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
