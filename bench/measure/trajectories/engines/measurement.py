@@ -32,8 +32,8 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
         engine: its name.
         setting: name of the setting.
         time_step: [s].
-        wall_seconds: wall time of the steps per simulated second.
-        processor_seconds: processor time of the steps per simulated second.
+        wall_seconds: wall time of the steps per simulated second, 0 if the run failed.
+        processor_seconds: processor time of the steps per simulated second, 0 if the run failed.
         errors: by name, in the order of the scene.
         residual: largest judged residual of the judged steps under Coulomb's law, None where impulses are not known.
         solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems.
@@ -44,8 +44,8 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
     engine: str
     setting: str
     time_step: float
-    wall_seconds: float = np.nan
-    processor_seconds: float = np.nan
+    wall_seconds: float = 0.0
+    processor_seconds: float = 0.0
     errors: dict[str, float] = {}
     residual: float | None = None
     solved_residual: float | None = None
