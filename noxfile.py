@@ -47,11 +47,12 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test the outside solvers and captures, whose wheels are installed with the extras ``peers`` and ``mujoco``."""
-    session.install(".[test,peers,mujoco]")
+    """Test outside solvers, captures and engines, with the extras ``peers``, ``mujoco`` and ``engines``."""
+    session.install(".[test,peers,mujoco,engines]")
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
-    session.run("pytest", "tests/solvers/peers", *captures, *session.posargs)
+    engines = "tests/bench/measure/trajectories/engines"
+    session.run("pytest", "tests/solvers/peers", *captures, engines, *session.posargs)
 
 
 @nox.session

@@ -83,6 +83,7 @@ AT_HOME = {
             "report",
             "run",
             "simulation/command",
+            "simulation/engines",
             "exchange/bundles",
             "exchange/capture",
         )

@@ -24,6 +24,7 @@ from .record import record
 from .report import report
 from .run import run
 from .simulation.command import simulate
+from .simulation.engines import engines
 from .warm import warm
 
 LOOK_UP = "Find or make problems"
@@ -49,6 +50,7 @@ COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
             '"funnel(balls=300, friction=None)" --duration 0.5',
             "woodpecker --recording woodpecker.rrd",
         ),
+        "engines": (engines, "thrown-cube stack --output engines.md", "pile --engine pybullet --engine proxbench"),
     },
     "Show stored results": {
         "report": (

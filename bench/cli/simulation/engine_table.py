@@ -1,0 +1,60 @@
+"""Tables of a comparison of engines, one a scene, in Markdown."""
+
+from ...measure.trajectories.engines.engine import ENGINES
+from ...measure.trajectories.engines.measurement import Measurement
+from ...measure.trajectories.engines.run import Comparison
+from ...measure.trajectories.engines.scenes import describe
+from ...report.layout.text import inline, markdown_table
+
+NOTHING = "–"
+
+
+def comparison_tables(comparison: Comparison) -> str:
+    """Return a table a scene, the best setting of each engine in bold, and below how the models differ."""
+    scenes = dict.fromkeys(run.scene for run in comparison.measurements)
+    tables = [f"## {scene}\n\n{_scene_table(comparison, scene)}" for scene in scenes]
+    return "\n".join([*tables, _notes(comparison)])
+
+
+def _scene_table(comparison: Comparison, scene: str) -> str:
+    description = describe(scene)
+    runs = [run for run in comparison.measurements if run.scene == scene]
+    rows = []
+    for engine in comparison.versions:
+        best = comparison.best(scene, engine)
+        rows += [_row(run, description.errors, run is best) for run in runs if run.engine == engine]
+    head = ("engine", "setting", "Δt [ms]", "time [ms/s]", *description.errors, "Coulomb", "Robust")
+    table = markdown_table(map(inline, head), rows)
+    if description.own_scene is None and "proxbench" in comparison.versions:
+        table += "\nProxbench has no cubes yet; `Robust` solves the judged steps of the engines again.\n"
+    return table
+
+
+def _row(run: Measurement, errors: tuple[str, ...], is_best: bool) -> list[str]:
+    name = f"**{run.setting}**" if is_best else inline(run.setting)
+    begin = [run.engine, name, f"{1e3 * run.time_step:g}"]
+    if run.failure:
+        return [*begin, *[NOTHING] * (len(errors) + 2), inline(run.failure)]
+    values = (1e3 * run.processor_seconds, *(run.errors[error] for error in errors))
+    return [*begin, *(f"{value:.3g}" for value in values), _residual(run.residual), _residual(run.solved_residual)]
+
+
+def _residual(value: float | None) -> str:
+    return NOTHING if value is None else f"{value:.1e}"
+
+
+def _notes(comparison: Comparison) -> str:
+    """Return what was measured, with which versions, and how models differ from hard contact."""
+    versions = ", ".join(f"{engine} {version}" for engine, version in comparison.versions.items())
+    before, after = comparison.load
+    lines = [
+        "*time*: processor time of the steps per simulated second. *Coulomb*: largest judged residual of up to ten",
+        "steps under Coulomb's law; *Robust*: that of Proxbench's solver on the same problems. In bold: the fastest",
+        "setting among the most accurate ones of an engine, by the first error.",
+        "",
+        f"Versions: {versions}. Rounds: {comparison.rounds}. Processor: {comparison.machine['processor']}.",
+        f"Load of the machine before and after: {before:.1f}, {after:.1f}.",
+        "",
+        *(f"* {engine}: {ENGINES[engine].model}." for engine in comparison.versions),
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,68 @@
+"""The command ``proxbench engines``: physics engines and Proxbench on the same scenes."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .. import options
+
+if TYPE_CHECKING:
+    from ...measure.trajectories.engines.measurement import Measurement
+
+
+def engines(
+    scenes: Annotated[
+        list[str] | None, typer.Argument(metavar="SCENE", help="Like thrown-cube or pile; all by default.")
+    ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="mujoco, pybullet, rapier or proxbench; repeatable, all by default."),
+    ] = None,
+    rounds: Annotated[int, typer.Option(metavar="NUMBER", min=1, help="How often each setting runs.")] = 1,
+    output: Annotated[
+        Path | None, options.output(metavar="FILE", help="Result to write: tables (.md) or data (.json).")
+    ] = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+    progress: options.Progress = True,
+) -> int:
+    """Compare physics engines: the time of a simulated second against the error of the motion.
+
+    Each run has a process and a thread of its own. The engines need the extra "engines".
+    """
+    import msgspec
+
+    from ...measure.trajectories.engines.run import compare_engines
+    from ...report.layout.output_file import refuse_taken, write_file
+    from ...report.layout.text import print_json
+    from .engine_table import comparison_tables
+
+    if output is not None:
+        _require_suffix(output)
+        refuse_taken([output], force)
+    shown = _print_run if progress and not as_json else lambda run: None
+    comparison = compare_engines(scenes or (), engine or (), rounds, shown)
+    data = msgspec.to_builtins(comparison)
+    text = comparison_tables(comparison)
+    if output is not None:
+        is_data = output.suffix == ".json"
+        write_file(output, msgspec.json.format(msgspec.json.encode(data)) if is_data else text.encode())
+    if as_json:
+        print_json(data)
+    else:
+        print(text)
+    return int(any(run.failure for run in comparison.measurements))
+
+
+def _require_suffix(output: Path) -> None:
+    from ...errors import BenchError
+
+    if output.suffix not in (".md", ".json"):
+        raise BenchError(f"--output {output} must end in .md (tables) or .json (data).")
+
+
+def _print_run(run: "Measurement") -> None:
+    words = run.failure or f"{1e3 * run.processor_seconds:.3g} ms per simulated second"
+    print(f"{run.scene}: {run.engine}, {run.setting}: {words}", file=sys.stderr)

@@ -1,0 +1,159 @@
+"""Descriptions of scenes that every engine builds: balls and cubes of one friction coefficient, above static boxes.
+
+Bodies are homogeneous. Nothing rebounds or is damped, and friction resists neither rolling nor spinning.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .....problems.arrays import FloatArray
+
+STANDARD_GRAVITY = 9.81
+
+ERROR_MARGIN = 1.1
+"""Settings of one engine whose errors differ by less than this factor count as equally accurate."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A homogeneous ball or cube.
+
+    Attributes:
+        is_cube: whether it is a cube, axes parallel to those of the world at the start.
+        half: radius, or half the edge [m].
+        mass: [kg].
+        position: of its centre at the start [m].
+        velocity: of its centre at the start [m/s]; it does not turn.
+    """
+
+    is_cube: bool
+    half: float
+    mass: float
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about every axis [kg m²]."""
+        return self.mass * self.half**2 * (2.0 / 3.0 if self.is_cube else 2.0 / 5.0)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A static box.
+
+    Attributes:
+        centre: [m].
+        half: half the edges [m].
+        rotation: its axes as columns, shape (3, 3).
+    """
+
+    centre: FloatArray
+    half: tuple[float, float, float]
+    rotation: FloatArray
+
+    @property
+    def quaternion(self) -> FloatArray:
+        """Unit quaternion x, y, z, w of the axes."""
+        from scipy.spatial.transform import Rotation
+
+        quaternion: FloatArray = Rotation.from_matrix(self.rotation).as_quat()
+        return quaternion
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What an engine made of a scene, frame by frame; the first frame is the start.
+
+    Attributes:
+        times: shape (n_frames,) [s].
+        positions: of centres, shape (n_frames, n_bodies, 3) [m].
+        velocities: of centres, shape (n_frames, n_bodies, 3) [m/s].
+        spins: angular velocities, shape (n_frames, n_bodies, 3) [rad/s].
+    """
+
+    times: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+    spins: FloatArray
+
+
+@dataclass(frozen=True)
+class Description:
+    """A scene for engines.
+
+    Attributes:
+        name: of the scene.
+        bodies: what moves.
+        panels: static boxes.
+        has_floor: whether a static floor fills z < 0.
+        friction: coefficient μ of every contact.
+        gravity: [m/s²]; an incline is a floor with tilted gravity.
+        duration: simulated time [s].
+        step: the step [s] that the factors of settings multiply.
+        frame: time between frames [s], a multiple of every step.
+        length: size of a body [m].
+        errors: names of the errors with their units; the first one decides which setting is best.
+        negligible: value of the first error below which settings count as equally accurate.
+        measure: makes the errors of a motion, in the order of ``errors``.
+        own_scene: the scene of Proxbench with the same bodies and start, None where it has none.
+    """
+
+    name: str
+    bodies: tuple[Body, ...]
+    friction: float
+    duration: float
+    step: float
+    frame: float
+    length: float
+    errors: tuple[str, ...]
+    negligible: float
+    measure: Callable[["Description", Motion], tuple[float, ...]]
+    panels: tuple[Panel, ...] = ()
+    has_floor: bool = True
+    gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)
+    own_scene: str | None = None
+
+    def start(self) -> "BodyStates":
+        """Return the states of the bodies at the start."""
+        positions, velocities = (np.array([getattr(b, name) for b in self.bodies]) for name in ("position", "velocity"))
+        return BodyStates(positions, velocities, np.zeros_like(positions))
+
+    def energy_gained(self, motion: Motion) -> float:
+        """Return the energy that appears from frame to frame, over Σ m g L; it is 0 for rigid bodies with friction.
+
+        T + V counts, with translation and rotation: T = Σ (m v² + I ω²) / 2, V = −Σ m g·x. Contacts only dissipate.
+        """
+        mass, inertia = (np.array([getattr(body, name) for body in self.bodies]) for name in ("mass", "inertia"))
+        gravity = np.array(self.gravity)
+        kinetic = 0.5 * ((motion.velocities**2).sum(axis=2) @ mass + (motion.spins**2).sum(axis=2) @ inertia)
+        energy = kinetic - (motion.positions @ gravity) @ mass
+        unit = mass.sum() * np.linalg.norm(gravity) * self.length
+        return float(np.maximum(np.diff(energy), 0.0).sum() / unit)
+
+
+@dataclass(frozen=True)
+class BodyStates:
+    """Where bodies are and how they move: positions, velocities and spins as in ``Motion``, of one frame."""
+
+    positions: FloatArray
+    velocities: FloatArray
+    spins: FloatArray
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of an engine.
+
+    Attributes:
+        name: for tables.
+        step_factor: the step over that of the scene.
+        options: of the engine.
+    """
+
+    name: str
+    step_factor: float
+    options: dict[str, Any]

@@ -1,0 +1,122 @@
+"""One run of a scene in an engine: the time of its steps, the errors of its motion, and residuals of some steps.
+
+As a program, ``python -m proxbench.bench.measure.trajectories.engines.measurement SCENE ENGINE SETTING`` measures one
+run and prints it as the last line of its output.
+"""
+
+import sys
+import time
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from .....problems.contact.judge import judge
+from .description import BodyStates, Description, Motion
+from .engine import ENGINES, Engine, build
+from .scenes import describe
+from .solved_problem import SolvedProblem
+
+JUDGED_FRAMES = 10
+"""Frames of a run whose first step is judged."""
+
+ACCURATE = 1e-8
+"""Residual to which Proxbench solves the problems of an engine again."""
+
+
+class Measurement(msgspec.Struct, frozen=True, kw_only=True):
+    """A run, as it is stored.
+
+    Attributes:
+        scene: its name.
+        engine: its name.
+        setting: name of the setting.
+        time_step: [s].
+        wall_seconds: wall time of the steps per simulated second, 0 if the run failed.
+        processor_seconds: processor time of the steps per simulated second, 0 if the run failed.
+        errors: by name, in the order of the scene.
+        residual: largest judged residual of the judged steps under Coulomb's law, None where impulses are not known.
+        solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems.
+        failure: why there is no measurement, empty if there is one.
+    """
+
+    scene: str
+    engine: str
+    setting: str
+    time_step: float
+    wall_seconds: float = 0.0
+    processor_seconds: float = 0.0
+    errors: dict[str, float] = {}
+    residual: float | None = None
+    solved_residual: float | None = None
+    failure: str = ""
+
+
+def measure(
+    description: Description, engine: Engine, time_step: float
+) -> tuple[Motion, float, float, list[SolvedProblem]]:
+    """Step an engine through a scene.
+
+    Returns:
+        The motion; wall and processor time of all steps [s]; the problems of ``JUDGED_FRAMES`` steps.
+    """
+    per_frame = round(description.frame / time_step)
+    n_frames = round(description.duration / description.frame)
+    judged = set(np.linspace(n_frames // JUDGED_FRAMES, n_frames - 1, JUDGED_FRAMES).astype(int).tolist())
+    frames, solved = [engine.states()], []
+    wall = processor = 0.0
+    for frame in range(n_frames):
+        if frame in judged:
+            engine.remember()
+        for count in (1, per_frame - 1):
+            began, began_processor = time.perf_counter(), time.process_time()
+            for _ in range(count):
+                engine.step()
+            wall += time.perf_counter() - began
+            processor += time.process_time() - began_processor
+            if count == 1 and frame in judged:
+                problem = engine.solved_problem()
+                solved += [problem] if problem is not None else []
+        frames.append(engine.states())
+    times = description.frame * np.arange(n_frames + 1)
+    return motion_of(times, frames), wall, processor, solved
+
+
+def motion_of(times: Sequence[float] | np.ndarray, frames: Sequence[BodyStates]) -> Motion:
+    """Return frames as one motion."""
+    arrays = (np.array([getattr(frame, name) for frame in frames]) for name in ("positions", "velocities", "spins"))
+    return Motion(np.asarray(times), *arrays)
+
+
+def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
+    """Measure one run in this process."""
+    description = describe(scene)
+    chosen = next(one for one in ENGINES[engine].settings if one.name == setting)
+    time_step = description.step * chosen.step_factor
+    motion, wall, processor, solved = measure(description, build(engine, description, chosen), time_step)
+    numbers = (description.measure(description, motion)) if np.isfinite(motion.positions).all() else ()
+    return Measurement(
+        scene=scene,
+        engine=engine,
+        setting=setting,
+        time_step=time_step,
+        wall_seconds=wall / description.duration,
+        processor_seconds=processor / description.duration,
+        errors=dict(zip(description.errors, map(float, numbers), strict=bool(numbers))),
+        residual=max((judge(one.problem, one.impulses).residual for one in solved), default=None),
+        solved_residual=max(map(_solved_again, solved), default=None) if description.own_scene is None else None,
+        failure="" if numbers else "the motion is not finite",
+    )
+
+
+def _solved_again(one: SolvedProblem) -> float:
+    """Return the judged residual to which ``Robust`` solves a problem."""
+    from .....problems.contact.solver import Stop
+    from .....solvers.registry import create
+
+    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE, 10_000, 10.0))
+    return judge(one.problem, solution.impulses).residual
+
+
+if __name__ == "__main__":
+    print(msgspec.json.encode(measure_setting(*sys.argv[1:])).decode())

@@ -1,0 +1,94 @@
+"""MuJoCo: a scene as a model, stepped by ``mj_step``."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from .description import BodyStates, Description
+from .solved_problem import SolvedProblem, solved_problem
+
+STIFF_IMPEDANCE = "0.99 0.9999 0.0001"
+
+
+class MuJoCoEngine:
+    """A scene in MuJoCo."""
+
+    def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
+        self.library = import_module("mujoco")
+        self.description = description
+        self.model = self.library.MjModel.from_xml_string(model_xml(description, time_step, options))
+        self.data = self.library.MjData(self.model)
+        velocities = self.data.qvel.reshape(-1, 6)
+        velocities[:, :3] = description.start().velocities
+
+    def step(self) -> None:
+        """Advance by one step."""
+        self.library.mj_step(self.model, self.data)
+
+    def states(self) -> BodyStates:
+        """Return the states of all bodies; MuJoCo's angular velocities are in the axes of the body."""
+        positions = self.data.qpos.reshape(-1, 7)
+        velocities = self.data.qvel.reshape(-1, 6)
+        rotations = np.array([self._rotation(quaternion) for quaternion in positions[:, 3:]])
+        spins = np.einsum("bij,bj->bi", rotations, velocities[:, 3:])
+        return BodyStates(positions[:, :3].copy(), velocities[:, :3].copy(), spins)
+
+    def remember(self) -> None:
+        """Store the state before a step."""
+        self._before = self.states()
+
+    def solved_problem(self) -> SolvedProblem | None:
+        """Return the problem of the last step; its contacts are those of the state before."""
+        data, step = self.data, self.model.opt.timestep
+        force, impulses = np.zeros(6), np.zeros((self.data.ncon, 3))
+        for k in range(data.ncon):
+            self.library.mj_contactForce(self.model, data, k, force)
+            impulses[k] = step * force[:3]
+        owners = self.model.geom_bodyid[data.contact.geom].reshape(-1, 2) - 1  # the world is body 0 of MuJoCo
+        frames = data.contact.frame.reshape(-1, 3, 3)
+        contacts = {
+            "body_1": owners[:, 0],
+            "body_2": owners[:, 1],
+            "point": data.contact.pos,
+            "normal": frames[:, 0],
+            "tangent": frames[:, 1],
+            "distance": data.contact.dist,
+        }
+        return solved_problem(self.description, self._before, step, contacts, impulses)
+
+    def _rotation(self, quaternion: Any) -> Any:
+        matrix = np.zeros(9)
+        self.library.mju_quat2Mat(matrix, quaternion)
+        return matrix.reshape(3, 3)
+
+
+def build(description: Description, time_step: float, options: dict[str, Any]) -> MuJoCoEngine:
+    """Build a scene; options: ``cone``, ``impratio``, ``solver``, ``stiff``."""
+    return MuJoCoEngine(description, time_step, options)
+
+
+def model_xml(description: Description, time_step: float, options: dict[str, Any]) -> str:
+    """Return the model. MuJoCo takes the larger of two friction coefficients, so all are μ."""
+    solver = {name: options[name] for name in ("cone", "impratio", "solver") if name in options}
+    contact = f'friction="{description.friction} 0 0" condim="3"'
+    if options.get("stiff"):
+        contact += f' solref="{2.0 * time_step} 1" solimp="{STIFF_IMPEDANCE}"'
+    geoms = ['<geom type="plane" size="0 0 1"/>'] if description.has_floor else []
+    for panel in description.panels:
+        x, y, z, w = panel.quaternion
+        place = f'pos="{_numbers(panel.centre)}" quat="{_numbers((w, x, y, z))}"'
+        geoms.append(f'<geom type="box" size="{_numbers(panel.half)}" {place}/>')
+    for body in description.bodies:
+        shape = f'type="box" size="{_numbers(3 * [body.half])}"' if body.is_cube else f'size="{body.half!r}"'
+        geom = f'<geom {shape} mass="{body.mass!r}"/>'
+        geoms.append(f'<body pos="{_numbers(body.position)}"><freejoint/>{geom}</body>')
+    attributes = " ".join(f'{name}="{value}"' for name, value in solver.items())
+    return (
+        f'<mujoco><size memory="200M"/><option timestep="{time_step}" gravity="{_numbers(description.gravity)}" '
+        f"{attributes}/><default><geom {contact}/></default><worldbody>{''.join(geoms)}</worldbody></mujoco>"
+    )
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in values)

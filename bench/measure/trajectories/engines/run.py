@@ -1,0 +1,136 @@
+"""Runs over scenes, engines and settings, interleaved: each in a process of its own, on one thread."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import msgspec
+
+from .....problems.errors import suggestion
+from ....errors import BenchError
+from ...machine import describe_machine
+from .description import ERROR_MARGIN
+from .engine import ENGINES, takes_part, version_of
+from .measurement import Measurement
+from .scenes import SCENES, describe
+
+RUN_SECONDS = 600.0
+"""Time limit of one run [s]."""
+
+ONE_THREAD = {
+    f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "VECLIB_MAXIMUM", "NUMEXPR")
+}
+
+
+class Comparison(msgspec.Struct, frozen=True, kw_only=True):
+    """What ``proxbench engines`` measures, as it is stored.
+
+    Attributes:
+        measurements: a run of each setting, with its shortest times.
+        versions: of the engines.
+        rounds: how often each setting ran.
+        load: load of the machine over one minute, before and after.
+        machine: as runs store it.
+    """
+
+    measurements: tuple[Measurement, ...]
+    versions: dict[str, str]
+    rounds: int
+    load: tuple[float, float]
+    machine: dict[str, Any]
+
+    def best(self, scene: str, engine: str) -> Measurement | None:
+        """Return the best setting of an engine: the fastest among the most accurate by the first error of the scene."""
+        description = describe(scene)
+        first = description.errors[0]
+        runs = [run for run in self.measurements if (run.scene, run.engine) == (scene, engine) and not run.failure]
+        if not runs:
+            return None
+        limit = max(description.negligible, ERROR_MARGIN * min(run.errors[first] for run in runs))
+        return min((run for run in runs if run.errors[first] <= limit), key=lambda run: run.processor_seconds)
+
+
+Measure = Callable[[str, str, str], Measurement]
+
+
+def compare_engines(
+    scenes: Sequence[str] = (),
+    engines: Sequence[str] = (),
+    rounds: int = 1,
+    on_run: Callable[[Measurement], None] = lambda run: None,
+    measure: Measure | None = None,
+) -> Comparison:
+    """Measure each setting of the engines on the scenes.
+
+    Each round runs all settings once, so that a change of the machine's load meets all of them.
+
+    Args:
+        scenes: names; all if empty.
+        engines: names; all if empty.
+        rounds: how often each setting runs; its shortest times count.
+        on_run: called after each run.
+        measure: measures one run, given scene, engine and setting; in a process of its own by default.
+
+    Raises:
+        BenchError: if a name is unknown, or an engine is not installed or of an untried version.
+    """
+    for scene in scenes:
+        if scene not in SCENES:
+            raise BenchError(f"unknown scene {scene!r} of engines{suggestion(scene, SCENES)}")
+    versions = {engine: version_of(engine) for engine in engines or ENGINES}
+    before = os.getloadavg()[0]
+    found: dict[tuple[str, str, str], Measurement] = {}
+    for _ in range(rounds):
+        for key in _settings(scenes or SCENES, versions):
+            run = (measure or _in_own_process)(*key)
+            found[key] = _faster(found.get(key), run)
+            on_run(run)
+    return Comparison(
+        measurements=tuple(found.values()),
+        versions=versions,
+        rounds=rounds,
+        load=(before, os.getloadavg()[0]),
+        machine=describe_machine(),
+    )
+
+
+def _settings(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[str, str, str]]:
+    """Yield scene, engine and setting, the engines in turn."""
+    for scene in scenes:
+        taking_part = [engine for engine in engines if takes_part(engine, describe(scene))]
+        for number in range(max((len(ENGINES[engine].settings) for engine in taking_part), default=0)):
+            for engine in taking_part:
+                if number < len(ENGINES[engine].settings):
+                    yield scene, engine, ENGINES[engine].settings[number].name
+
+
+def _faster(one: Measurement | None, other: Measurement) -> Measurement:
+    """Return a run with the shorter times of two; a failure stays one."""
+    if one is None or other.failure:
+        return other
+    if one.failure:
+        return one
+    times = {name: min(getattr(one, name), getattr(other, name)) for name in ("wall_seconds", "processor_seconds")}
+    return msgspec.structs.replace(other, **times)
+
+
+def _in_own_process(scene: str, engine: str, setting: str) -> Measurement:
+    """Measure one run in a process of its own."""
+    program = [sys.executable, "-m", f"{__package__}.measurement", scene, engine, setting]
+    environment = os.environ | ONE_THREAD
+    try:
+        ended = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=RUN_SECONDS)
+    except subprocess.TimeoutExpired:
+        return _failed(scene, engine, setting, f"took longer than {RUN_SECONDS:.0f} s")
+    if ended.returncode:
+        lines = ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"]
+        return _failed(scene, engine, setting, lines[-1])
+    return msgspec.json.decode(ended.stdout.splitlines()[-1], type=Measurement)  # libraries print before it
+
+
+def _failed(scene: str, engine: str, setting: str, failure: str) -> Measurement:
+    factor = next(one.step_factor for one in ENGINES[engine].settings if one.name == setting)
+    time_step = describe(scene).step * factor
+    return Measurement(scene=scene, engine=engine, setting=setting, time_step=time_step, failure=failure)

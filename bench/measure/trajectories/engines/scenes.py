@@ -1,0 +1,204 @@
+"""The scenes on which engines are compared, with their exact answers.
+
+======================= ======================================================= ==================================
+scene                   bodies                                                  exact answer
+======================= ======================================================= ==================================
+``thrown-cube``         a cube at 6 m/s on a floor, μ = 0.5                     v = 6 m/s − μ g t, lift 0
+``incline-slide``       a cube on a slope, tan θ = 0.6, μ = 0.5                 a = g (sin θ − μ cos θ), lift 0
+``incline-rest``        a cube on a slope, tan θ = 0.4, μ = 0.5                 rests
+``stack``               cubes of 1, 10 and 100 kg, the light one below          rests, penetration 0
+``pile``                100 balls, which fall into a closed funnel              rest in the end, overlap 0
+``funnel``              250 balls, which pour through a funnel                  overlap 0; energy never grows
+======================= ======================================================= ==================================
+
+A sliding cube with μ < 1 does not topple, since its supporting force passes at μ/2 of the edge before the middle. Hard
+contact in a cone program, whose velocity lies in the dual cone, throws a cube up instead: v_N = μ ‖v_T‖ with
+‖v_T‖ = v − μ v_N gives v_N = μ v / (1 + μ²), and a lift of v_N² / 2g = 293.6 mm here.
+"""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from .....problems.arrays import FloatArray
+from .....problems.motion.scenes.funnel import CONE_HEIGHT, MASS, RADIUS, STANDARD_EFFECTS, Funnel
+from .description import STANDARD_GRAVITY, Body, Description, Motion, Panel
+
+THROW_SPEED, SLIDING_FRICTION = 6.0, 0.5
+HALF_EDGE = 0.1
+FACETS = 32
+WALL_HEIGHT, PANEL_THICKNESS = 0.5, 0.05
+SETTLED_SECONDS = 0.1
+"""The end of a pile over which its overlap counts [s]."""
+
+
+def describe(name: str) -> Description:
+    """Return a scene by its name, one of ``SCENES``."""
+    return SCENES[name]()
+
+
+def _thrown_cube() -> Description:
+    cube = Body(True, HALF_EDGE, 8.0, (0.0, 0.0, HALF_EDGE), (THROW_SPEED, 0.0, 0.0))
+    errors = ("lift [mm]", "speed [%]")
+    return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, 0.01, _measure_throw)
+
+
+def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
+    """Return the largest rise of the centre [mm], and the error of the last speed over the first one [%]."""
+    exact = THROW_SPEED - SLIDING_FRICTION * STANDARD_GRAVITY * motion.times[-1]
+    return _lift(motion), 100.0 * abs(motion.velocities[-1, 0, 0] - exact) / THROW_SPEED
+
+
+def _incline(name: str, slope: float) -> Description:
+    angle = np.arctan(slope)
+    cube = Body(True, HALF_EDGE, 8.0, (0.0, 0.0, HALF_EDGE))
+    gravity = (STANDARD_GRAVITY * float(np.sin(angle)), 0.0, -STANDARD_GRAVITY * float(np.cos(angle)))
+    slides = slope > SLIDING_FRICTION
+    errors = ("way [%]" if slides else "drift [mm]", "lift [mm]")
+    measure = _measure_slide if slides else _measure_drift
+    return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, 0.01, measure, gravity)
+
+
+def _measure_slide(scene: Description, motion: Motion) -> tuple[float, ...]:
+    """Return the error of the way a t²/2 [%], and the largest rise of the centre [mm]."""
+    acceleration = scene.gravity[0] + scene.friction * scene.gravity[2]
+    exact = 0.5 * acceleration * motion.times[-1] ** 2
+    way = motion.positions[-1, 0, 0] - motion.positions[0, 0, 0]
+    return 100.0 * abs(way - exact) / exact, _lift(motion)
+
+
+def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
+    """Return the way that a resting cube moves along its slope, and its largest rise [mm]."""
+    return _drift(motion), _lift(motion)
+
+
+def _stack() -> Description:
+    cubes = tuple(Body(True, 0.25, mass, (0.0, 0.0, 0.25 + 0.5 * k)) for k, mass in enumerate((1.0, 10.0, 100.0)))
+    errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]")
+    return _of_cubes("stack", cubes, 0.7, 2.0, errors, 0.01, _measure_stack)
+
+
+def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
+    """Return the deepest penetration along the vertical, the largest drift [mm], and the largest last speed [mm/s]."""
+    heights = motion.positions[:, :, 2]
+    gaps = np.diff(heights, axis=1, prepend=-heights[0, 0]) - 2.0 * scene.bodies[0].half
+    return -1e3 * min(0.0, float(gaps.min())), _drift(motion), 1e3 * float(_speeds(motion)[-1].max())
+
+
+def _pile() -> Description:
+    errors = ("overlap [r]", "last energy [m g r]", "energy gained [m g r]")
+    return _of_balls("pile", 100, 0.0, 1.5, errors, _measure_pile)
+
+
+def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
+    """Return overlap of balls at the end [r], their last kinetic energy a ball [m g r], and the energy gained."""
+    settled = motion.positions[motion.times > motion.times[-1] - SETTLED_SECONDS]
+    kinetic = 0.5 * float((_speeds(motion)[-1] ** 2).mean()) / (STANDARD_GRAVITY * scene.length)
+    return max(_overlap(scene, frame) for frame in settled), kinetic, scene.energy_gained(motion)
+
+
+def _funnel() -> Description:
+    errors = ("overlap [r]", "energy gained [m g r]", "balls through")
+    return _of_balls("funnel", 250, 4.5, 0.6, errors, _measure_funnel)
+
+
+def _measure_funnel(scene: Description, motion: Motion) -> tuple[float, ...]:
+    """Return the deepest overlap of balls [r], the energy gained, and how many balls are below the outlet."""
+    overlap = max(_overlap(scene, frame) for frame in motion.positions)
+    return overlap, scene.energy_gained(motion), float(np.count_nonzero(motion.positions[-1, :, 2] < 0.0))
+
+
+def _of_cubes(
+    name: str,
+    cubes: tuple[Body, ...],
+    friction: float,
+    duration: float,
+    errors: tuple[str, ...],
+    negligible: float,
+    measure: Callable[[Description, Motion], tuple[float, ...]],
+    gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY),
+) -> Description:
+    length = 2.0 * cubes[0].half
+    return Description(
+        name, cubes, friction, duration, 2e-3, 0.02, length, errors, negligible, measure, gravity=gravity
+    )
+
+
+def _of_balls(
+    name: str,
+    count: int,
+    outlet: float,
+    duration: float,
+    errors: tuple[str, ...],
+    measure: Callable[[Description, Motion], tuple[float, ...]],
+) -> Description:
+    """Return balls that start as those of Proxbench's scene of the same name, in a funnel of flat panels."""
+    start = Funnel(count, STANDARD_EFFECTS, outlet).start()
+    drop = start.velocity.reshape(count, -1)[:, :3]
+    centres = start.position.reshape(count, 3)
+    balls = tuple(
+        Body(False, RADIUS, MASS, tuple(map(float, x)), tuple(map(float, v)))  # type: ignore[arg-type]
+        for x, v in zip(centres, drop, strict=True)
+    )
+    own = f"{name}(balls={count}, restitution=0.0)"
+    return Description(
+        name, balls, 0.3, duration, 1e-3, 0.01, RADIUS, errors, 1e-3, measure, _panels(), not outlet, own_scene=own
+    )
+
+
+def _panels() -> tuple[Panel, ...]:
+    """Return the cone of 45° and the wall above it, each of ``FACETS`` boxes that touch the round funnel from outside.
+
+    A box is wider than its facet below the top; what is too much lies behind the boxes beside it.
+    """
+    outlet = 4.5 * RADIUS
+    top = outlet + CONE_HEIGHT
+    width = top * float(np.tan(np.pi / FACETS)) + PANEL_THICKNESS
+    up = np.array([0.0, 0.0, 1.0])
+    made = []
+    for angle in 2.0 * np.pi * np.arange(FACETS) / FACETS:
+        outward = np.array([np.cos(angle), np.sin(angle), 0.0])
+        for lower, along, length in (
+            (outlet * outward, (outward + up) * np.sqrt(0.5), CONE_HEIGHT * np.sqrt(2.0)),
+            (top * outward + CONE_HEIGHT * up, up, WALL_HEIGHT),
+        ):
+            across = np.cross(up, outward)
+            inward = np.cross(along, across)
+            centre = lower + 0.5 * length * along - 0.5 * PANEL_THICKNESS * inward
+            half = (0.5 * float(length), width, 0.5 * PANEL_THICKNESS)
+            made.append(Panel(centre, half, np.column_stack([along, across, inward])))
+    return tuple(made)
+
+
+def _lift(motion: Motion) -> float:
+    return 1e3 * float((motion.positions[:, :, 2] - motion.positions[0, :, 2]).max())
+
+
+def _drift(motion: Motion) -> float:
+    moved = motion.positions[:, :, :2] - motion.positions[0, :, :2]
+    return 1e3 * float(np.linalg.norm(moved, axis=2).max())
+
+
+def _speeds(motion: Motion) -> FloatArray:
+    speeds: FloatArray = np.linalg.norm(motion.velocities, axis=2)
+    return speeds
+
+
+def _overlap(scene: Description, centres: FloatArray) -> float:
+    """Return the deepest overlap of two balls over their radius; funnels differ, so that their walls do not count."""
+    from scipy.spatial import cKDTree
+
+    distances = np.asarray(cKDTree(centres).query(centres, k=2)[0])  # the nearest centre is a ball's own
+    return max(0.0, 2.0 - float(distances[:, 1].min()) / scene.length)
+
+
+SCENES: dict[str, Callable[[], Description]] = {
+    "thrown-cube": cache(_thrown_cube),
+    "incline-slide": lambda: _incline("incline-slide", 0.6),
+    "incline-rest": lambda: _incline("incline-rest", 0.4),
+    "stack": cache(_stack),
+    "pile": cache(_pile),
+    "funnel": cache(_funnel),
+}
+"""Scenes by name."""

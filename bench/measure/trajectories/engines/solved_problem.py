@@ -1,0 +1,41 @@
+"""Contact problems of single steps of an engine, with the impulses that it took for their solution."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .....problems.arrays import FloatArray
+from .....problems.contact.problem import ContactProblem
+from .....problems.exchange.formats.rigid_bodies import problem_of_arrays
+from .....problems.exchange.repair import Repair
+from .description import BodyStates, Description
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedProblem:
+    """The problem of one step under Coulomb's law, and the engine's impulses Λ, shape (3 n_contacts,) [N s]."""
+
+    problem: ContactProblem
+    impulses: FloatArray
+
+
+def solved_problem(
+    description: Description, before: BodyStates, time_step: float, contacts: dict[str, Any], impulses: FloatArray
+) -> SolvedProblem | None:
+    """Return the problem of a step from its contacts, arrays of the format ``bodies``; None without contacts."""
+    if not len(impulses):
+        return None
+    bodies = description.bodies
+    arrays = {
+        "mass": [body.mass for body in bodies],
+        "inertia": [3 * [body.inertia] for body in bodies],
+        "position": before.positions,
+        "velocity": before.velocities,
+        "angular_velocity": before.spins,
+        "gravity": description.gravity,
+        "time_step": time_step,
+        "mu": description.friction,
+    }
+    made = problem_of_arrays({name: np.asarray(value) for name, value in (arrays | contacts).items()}, Repair())
+    return SolvedProblem(made, impulses.ravel())

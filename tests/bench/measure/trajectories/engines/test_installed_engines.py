@@ -1,0 +1,70 @@
+"""Engines build the scenes that are described, and the problems of their steps hold what they computed."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench.bench.measure.trajectories.engines.description import Setting
+from proxbench.bench.measure.trajectories.engines.engine import ENGINES, Engine, build
+from proxbench.bench.measure.trajectories.engines.measurement import measure, measure_setting
+from proxbench.bench.measure.trajectories.engines.scenes import SCENES, describe
+
+WHEELS = ("mujoco", "pybullet", "rapier")
+
+
+def engine_of(name: str, scene: str, number: int = 0) -> Engine:
+    pytest.importorskip(ENGINES[name].distribution, reason="the extra engines is not installed")
+    return build(name, describe(scene), ENGINES[name].settings[number])
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("name", WHEELS)
+def test_bodies_start_as_described(name: str, scene: str) -> None:
+    states, start = engine_of(name, scene).states(), describe(scene).start()
+    assert states.positions == pytest.approx(start.positions, abs=1e-6)  # Rapier has single precision
+    assert states.velocities == pytest.approx(start.velocities, abs=1e-6)
+    assert not states.spins.any()
+
+
+@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+@pytest.mark.parametrize("scene", ["thrown-cube", "stack", "pile"])
+def test_free_motion_and_impulses_of_a_step_make_the_next_velocity(name: str, scene: str) -> None:
+    engine = engine_of(name, scene)
+    for _ in range(300 if scene == "pile" else 1):
+        engine.step()
+    engine.remember()
+    engine.step()
+    solved: Any = engine.solved_problem()
+    after = engine.states()
+    factors = solved.problem.factors
+    found = factors.free_motion + factors.inverse_mass.times(factors.force_directions @ solved.impulses)
+    velocities = np.hstack([after.velocities, after.spins]).ravel()
+    assert np.abs(solved.impulses).max() > 0.0
+    assert found == pytest.approx(velocities, abs=1e-10 * np.abs(velocities).max())
+
+
+def test_a_stiff_cone_program_lifts_the_thrown_cube_by_its_closed_form() -> None:
+    """Its velocity v lies in the dual cone: v_N = μ ‖v_T‖ with v_T = 6 m/s − μ v_N, so that v_N = 6 μ/(1 + μ²)."""
+    description = describe("thrown-cube")
+    names = [setting.name for setting in ENGINES["mujoco"].settings]
+    engine = engine_of("mujoco", "thrown-cube", names.index("stiff"))
+    lift, _ = description.measure(description, measure(description, engine, description.step)[0])
+    normal = 6.0 * 0.5 / (1.0 + 0.5**2)
+    assert lift == pytest.approx(1e3 * normal**2 / (2.0 * 9.81), rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["pybullet", "rapier"])
+def test_a_thrown_cube_stays_on_the_floor_where_friction_is_that_of_coulomb(name: str) -> None:
+    pytest.importorskip(ENGINES[name].distribution, reason="the extra engines is not installed")
+    found = measure_setting("thrown-cube", name, ENGINES[name].settings[0].name)
+    assert found.errors["lift [mm]"] < 0.01
+    assert found.errors["speed [%]"] < 0.5
+
+
+def test_proxbench_solves_each_step_to_its_tolerance() -> None:
+    description = describe("pile")
+    engine = build("proxbench", description, Setting("1e-3", 1.0, {"tolerance": 1e-3}))
+    motion, _, _, solved = measure(description, engine, description.step)
+    assert len(motion.times) == 151
+    assert description.measure(description, motion)[1] < 1e-4
+    assert len(solved) >= 8

@@ -1,0 +1,152 @@
+"""Errors of motions are 0 for the exact motion of a scene, and as large as a closed form says for a wrong one."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from proxbench.bench.measure.trajectories.engines.description import BodyStates, Description, Motion
+from proxbench.bench.measure.trajectories.engines.measurement import measure, motion_of
+from proxbench.bench.measure.trajectories.engines.scenes import FACETS, SCENES, describe
+from proxbench.problems.motion.scenes.funnel import CONE_HEIGHT, RADIUS
+from proxbench.problems.motion.scenes.registry import make_scene, read_scene
+
+GRAVITY = 9.81
+
+
+class ExactEngine:
+    """An engine whose bodies all have one constant acceleration."""
+
+    def __init__(self, description: Description, acceleration: tuple[float, float, float], time_step: float) -> None:
+        self.start, self.acceleration = description.start(), np.array(acceleration)
+        self.time_step, self.steps, self.remembered = time_step, 0, 0
+
+    def step(self) -> None:
+        self.steps += 1
+
+    def states(self) -> BodyStates:
+        time, start = self.steps * self.time_step, self.start
+        positions = start.positions + time * start.velocities + 0.5 * time**2 * self.acceleration
+        return BodyStates(positions, start.velocities + time * self.acceleration, start.spins)
+
+    def remember(self) -> None:
+        self.remembered += 1
+
+    def solved_problem(self) -> None:
+        return None
+
+
+def errors_of(name: str, acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, ...]:
+    description = describe(name)
+    engine = ExactEngine(description, acceleration, description.step)
+    motion, _, _, solved = measure(description, engine, description.step)
+    assert engine.steps == round(description.duration / description.step)
+    assert (engine.remembered, solved) == (10, [])
+    return description.measure(description, motion)
+
+
+def moved(name: str, change: Callable[[np.ndarray], None]) -> tuple[float, ...]:
+    """Return the errors of bodies that stay at the start until the last frame, which ``change`` changes."""
+    description = describe(name)
+    start = description.start()
+    last = BodyStates(start.positions.copy(), np.zeros_like(start.positions), start.spins)
+    change(last.positions)
+    frames = [BodyStates(start.positions, 0.0 * start.velocities, start.spins), last]
+    return description.measure(description, motion_of([0.0, description.duration], frames))
+
+
+def test_a_thrown_cube_slows_down_by_mu_g() -> None:
+    assert errors_of("thrown-cube", (-0.5 * GRAVITY, 0.0, 0.0)) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert errors_of("thrown-cube", (-0.4 * GRAVITY, 0.0, 0.0))[1] == pytest.approx(100 * 0.1 * GRAVITY / 6.0)
+
+
+def test_a_cube_slides_down_an_incline_with_the_difference_of_weight_and_friction() -> None:
+    angle = np.arctan(0.6)
+    exact = GRAVITY * (np.sin(angle) - 0.5 * np.cos(angle))
+    assert errors_of("incline-slide", (exact, 0.0, 0.0)) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert errors_of("incline-slide", (1.02 * exact, 0.0, 0.0))[0] == pytest.approx(2.0)
+
+
+def test_a_cube_rests_on_a_flat_incline() -> None:
+    assert errors_of("incline-rest") == (0.0, 0.0)
+    assert errors_of("incline-rest", (2e-3, 0.0, 0.0))[0] == pytest.approx(1.0)
+    gravity = describe("incline-rest").gravity
+    assert np.linalg.norm(gravity) == pytest.approx(GRAVITY)
+    assert -gravity[0] / gravity[2] == pytest.approx(0.4)
+
+
+def test_a_stack_rests_on_the_floor_and_does_not_sink() -> None:
+    assert errors_of("stack") == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert [body.mass for body in describe("stack").bodies] == [1.0, 10.0, 100.0]
+
+    def sink(positions: np.ndarray) -> None:
+        positions[1:, 2] -= 0.003
+
+    def sink_into_the_floor(positions: np.ndarray) -> None:
+        positions[:, 2] -= 0.002
+
+    assert moved("stack", sink)[0] == pytest.approx(3.0)
+    assert moved("stack", sink_into_the_floor)[0] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("name", ["pile", "funnel"])
+def test_overlap_is_that_of_the_nearest_balls_in_radii(name: str) -> None:
+    assert moved(name, lambda positions: None)[0] == 0.0
+
+    def push(positions: np.ndarray) -> None:
+        positions[1] = positions[0] + (0.0, 0.0, 1.9 * RADIUS)
+        positions[2:] += (0.0, 0.0, 1.0)
+
+    assert moved(name, push)[0] == pytest.approx(0.1)
+
+
+def test_balls_below_the_outlet_are_through() -> None:
+    def drop(positions: np.ndarray) -> None:
+        positions[:7, 2] -= 1.0
+
+    assert moved("funnel", drop)[2] == 7.0
+
+
+def test_free_fall_gains_no_energy_and_a_lift_gains_its_height() -> None:
+    scene = describe("funnel")
+    engine = ExactEngine(scene, scene.gravity, scene.step)
+    motion = measure(scene, engine, scene.step)[0]
+    assert scene.energy_gained(motion) == pytest.approx(0.0, abs=1e-9)
+
+    start = scene.start()
+    higher = BodyStates(start.positions + np.array([0.0, 0.0, 3.0 * RADIUS]), start.velocities, start.spins)
+    assert scene.energy_gained(motion_of([0.0, 1.0], [start, higher])) == pytest.approx(3.0)
+    spinning = BodyStates(start.positions, start.velocities, start.spins + np.array([10.0, 0.0, 0.0]))
+    spin = 0.5 * 0.4 * RADIUS**2 * 100.0 / (GRAVITY * RADIUS)
+    assert scene.energy_gained(motion_of([0.0, 1.0], [start, spinning])) == pytest.approx(spin)
+
+
+@pytest.mark.parametrize("name", ["pile", "funnel"])
+def test_balls_start_as_those_of_the_scene_of_proxbench(name: str) -> None:
+    description = describe(name)
+    start = make_scene(*read_scene(str(description.own_scene))).start
+    assert np.array_equal(description.start().positions, start.position.reshape(-1, 3))
+    assert np.array_equal(description.start().velocities, start.velocity.reshape(-1, 6)[:, :3])
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.0, np.pi / FACETS, 4))
+@pytest.mark.parametrize("height", [1e-6, 0.5 * CONE_HEIGHT, CONE_HEIGHT - 1e-3, CONE_HEIGHT + 0.1])
+def test_panels_touch_the_round_funnel_from_outside(angle: float, height: float) -> None:
+    radius = 4.5 * RADIUS + min(height, CONE_HEIGHT)
+    behind = radius / np.cos(angle)  # of the facet whose middle is at the angle 0
+    assert not is_solid(radius * 0.999 * np.array([np.cos(angle), np.sin(angle), 0.0]), height)
+    assert is_solid((behind + 1e-5) * np.array([np.cos(angle), np.sin(angle), 0.0]), height)
+    assert not is_solid((behind - 1e-5) * np.array([np.cos(angle), np.sin(angle), 0.0]), height)
+
+
+def is_solid(place: np.ndarray, height: float) -> bool:
+    point = place + np.array([0.0, 0.0, height])
+    inside = (np.abs(panel.rotation.T @ (point - panel.centre)) <= panel.half for panel in describe("funnel").panels)
+    return any(bool(axes.all()) for axes in inside)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_step_of_a_setting_divides_a_frame(name: str) -> None:
+    scene = describe(name)
+    for factor in (0.5, 1.0, 2.5):
+        assert scene.frame / (factor * scene.step) == pytest.approx(round(scene.frame / (factor * scene.step)))
+    assert isinstance(motion_of([0.0], [scene.start()]), Motion)
