@@ -51,7 +51,7 @@ def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
 
 
 def block_sizes(mass: sp.csr_array[Any]) -> IntArray:
-    """Return the size of each diagonal block of M in canonical CSR, the number of degrees of freedom that it couples."""
+    """Return the number of degrees of freedom in each diagonal block of M, for M in canonical CSR."""
     pattern = mass.copy()
     pattern.eliminate_zeros()
     sizes: IntArray = np.diff(_sorted_out(pattern.indptr, pattern.indices)[1])
