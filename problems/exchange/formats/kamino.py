@@ -80,7 +80,7 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
 
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
     """Raise ``ProblemError`` if G Λ + c is not the velocity that Kamino found, to single precision."""
-    terms = np.abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
+    terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
     off = float(np.abs(problem.relative_velocity(impulses) - velocity).max(initial=0.0))
     if off > SINGLE_PRECISION * float(terms.max(initial=0.0)):
         raise ProblemError(

@@ -169,7 +169,8 @@ def _unit(vectors: FloatArray, name: str) -> FloatArray:
     if wrong.any():
         at = int(np.argmax(wrong))
         raise ProblemError(f"{name}[{at}] = {vectors[at]} must be a unit vector.")
-    return vectors / length
+    units: FloatArray = vectors / length
+    return units
 
 
 def _bodies(arrays: Arrays, name: str, n_bodies: int) -> IntArray:
