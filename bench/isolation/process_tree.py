@@ -52,6 +52,17 @@ def threads(process: int) -> list[int]:
         return []
 
 
+def writers(descriptor: int) -> list[int]:
+    """Return the processes, this one left out, whose standard output or standard error is the open ``descriptor``."""
+    file, found = os.fstat(descriptor), []
+    for process in psutil.pids():
+        for stream in (1, 2):
+            with contextlib.suppress(OSError):
+                if process != os.getpid() and os.path.samestat(os.stat(f"/proc/{process}/fd/{stream}"), file):
+                    found.append(process)
+    return found
+
+
 def running(processes: Iterable[int]) -> list[int]:
     """Return the running ones of ``processes``; zombies count as ended."""
     found = []

@@ -10,6 +10,7 @@ import os
 import pickle
 import re
 import shutil
+import signal
 import socket
 import tempfile
 import time
@@ -36,6 +37,8 @@ from .process_tree import (
     describe_exit,
     processor_seconds,
     running,
+    send,
+    writers,
 )
 from .supervisor import END, GO_ON, STOP
 
@@ -191,8 +194,16 @@ class Worker:
         self.dismiss()
         if self._supervisor.ending(END_SECONDS)[0] is None:
             self._supervisor.kill()
+            self._end_what_it_left()
         self._supervisor.close()
         self._let_go()
+
+    def _end_what_it_left(self) -> None:
+        """Kill the processes that a killed or stopped supervisor has left; they print to the output of the case."""
+        deadline = time.monotonic() + END_SECONDS
+        while (left := writers(self._output)) and time.monotonic() < deadline:
+            send(signal.SIGKILL, left)
+            time.sleep(1e-3)
 
     def _let_go(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
