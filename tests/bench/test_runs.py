@@ -167,7 +167,7 @@ def test_a_carried_problem_that_is_damaged_stops_the_run_by_name(tmp_path: Path)
 @pytest.mark.parametrize("name", ["hard-no-motion", "funnel-30"])
 def test_a_name_of_the_library_stands_for_its_numbers_only(name: str, tmp_path: Path) -> None:
     assert name in SUITES["all"]
-    with pytest.raises(BenchError, match=f"the problem '{name}' has other numbers"):
+    with pytest.raises(BenchError, match=f"the problem '{name}' differs from the problem of that name"):
         run(falling(name), "SORprox", results=tmp_path)
     assert list(tmp_path.iterdir()) == []
     made = run(load_problem(name).fresh(), "SORprox", results=tmp_path, tolerances=1e-1)

@@ -92,7 +92,7 @@ def test_a_study_is_shown_again_by_whatever_shows_a_run(
     assert run_command(line.format(folder).split()) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "sliding_sphere · 0.01 s · warm starts · error of the last position" in printed
-    assert "Moreau with SORprox" in printed
+    assert {"Moreau", "with", "SORprox"} <= set(printed.split())  # a narrow table wraps names at spaces
     assert "least median time of a simulation, to that error" in printed
     assert (folder / "tables" / "points.csv").is_file()
     assert (folder / "charts" / "sliding_sphere.svg").is_file()
