@@ -98,7 +98,7 @@ class Run(RunFrames, os.PathLike[str]):
         The arguments are those of ``report``.
 
         Raises:
-            BenchError: if the run has no case, is over trajectories, or has no such residuals or no such solver.
+            BenchError: if the run has no case, is a study of simulations, or has no such residuals or no such solver.
             UnwritableError: if the page cannot be written.
         """
         from .report.page.assembly import write_page
@@ -124,7 +124,7 @@ class Run(RunFrames, os.PathLike[str]):
             profiles: "common" for the problems that all solvers support, or "all".
 
         Raises:
-            BenchError: if there is no such profile or solver, or the run has no case or is over trajectories.
+            BenchError: if there is no such profile or solver, or the run has no case or is a study of simulations.
         """
         from .report.charts.plots import plot_profile
 

@@ -31,7 +31,7 @@ class Camera:
 
     Attributes:
         position: its position [m], shape (3,).
-        target: the point that it looks at [m], shape (3,).
+        target: point that the camera faces [m], shape (3,).
     """
 
     position: FloatArray

@@ -36,7 +36,7 @@ class Hooks(TypedDict, total=False):
     Attributes:
         on_step: called after every step, outside the time charged to it.
         on_progress: called after every step, to show the progress.
-        should_stop: called after every step; returns whether to end before the duration is over.
+        should_stop: called after every step; the simulation ends early if it returns True.
         checkpoint_seconds: wall time between two writes of the result file [s].
     """
 

@@ -1,7 +1,7 @@
 """Stored runs as pandas frames, whose columns are the fields of the records.
 
 A field that is itself a record contributes the columns of its fields. Times have a column of their median, with the
-name of the field, and columns of their quartiles. Lists have frames of their own.
+name of the field, and columns of their quartiles. Lists have separate frames.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -83,7 +83,7 @@ class RunFrames:
 
     @property
     def is_study(self) -> bool:
-        """Whether the run is over trajectories."""
+        """Whether the run is a study of simulations."""
         return bool(self.info.plan.trajectories)
 
     def only(self, problems: Collection[str]) -> Self:

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import ProblemError, suggestion
 from ..exchange.files.problem_file import write_whole
 from ..exchange.folder import DESCRIPTION
+from ..representation import counted
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
 from .installed import mujoco, without_log
@@ -132,7 +133,7 @@ def capture(
         summary.error = str(error)
     if not summary.files:
         raise ProblemError(
-            f"{file} has no contact and no other constraint in the {summary.empty} steps looked at in "
+            f"{file} has no contact and no other constraint in the {counted(summary.empty, 'step')} examined during "
             f"{options.duration:g} s; choose a longer `duration`, a smaller `every`, or a `keyframe` in contact."
         )
     return summary

@@ -120,9 +120,8 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     smooth = after.qacc_smooth if is_discrete else inverse.times(after.qfrc_smooth)
     free = before + step * smooth
     total = jacobian.T @ force
-    if (
-        inverse is own_mass
-    ):  # the step then takes q̈ of the solver, which is as far off its forces as it has not converged
+    if inverse is own_mass:
+        # such a step takes the acceleration of the solver, which differs from its forces until the solver converges
         total = total + _unbalanced(inverse, after, total)
     _require_velocity(free + inverse.times(step * total), before, after, data.time)
     problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)

@@ -72,13 +72,19 @@ class Repair:
         Raises:
             ProblemError: if it is further off than the remedy admits.
         """
-        matrix, said = symmetric(matrix, name, self.symmetry)
-        if said and self.symmetry == "keep":
-            return matrix, said, True
+        matrix, notes = symmetric(matrix, name, self.symmetry)
+        return self.semidefinite(matrix, notes)
+
+    def semidefinite(
+        self, matrix: sp.csr_array[Any], notes: dict[str, Any]
+    ) -> tuple[sp.csr_array[Any], dict[str, Any], bool]:
+        """Return the same as ``delassus`` for a matrix that was read as symmetric, with the ``notes`` about that."""
+        if notes and self.symmetry == "keep":
+            return matrix, notes, True
         if self.indefinite == "project":
             matrix, projected = semidefinite(matrix)
-            said |= projected
-        return matrix, said, False
+            notes = notes | projected
+        return matrix, notes, False
 
     def mass(self, matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
         """Return a mass matrix repaired, and the entries of the provenance.
@@ -88,10 +94,10 @@ class Repair:
         """
         if self.symmetry == "keep":
             raise ProblemError("`symmetry` keep is for W; a mass matrix M must be symmetric.")
-        matrix, said = symmetric(matrix, "M", self.symmetry)
+        matrix, notes = symmetric(matrix, "M", self.symmetry)
         if self.symmetry == "mean" and asymmetry(matrix):
             matrix = sp.csr_array(0.5 * (matrix + matrix.T))  # rounding beside M may be large in one of its blocks
-        return matrix, said
+        return matrix, notes
 
 
 def asymmetry(matrix: sp.csr_array[Any]) -> float:
@@ -118,14 +124,14 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
     misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
     if how == "refuse" or (how == "mean" and not off <= LARGEST_ASYMMETRY):
         raise ProblemError(f"{misses}{_triangle(matrix)}; {_remedy(matrix, off)}.")
-    repaired, said = matrix, "is kept so"
+    repaired, remedy = matrix, "is kept so"
     if how == "mean":
-        repaired, said = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
+        repaired, remedy = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
     elif how in ("lower", "upper"):
         strict = sp.tril(matrix, -1) if how == "lower" else sp.triu(matrix, 1)
         repaired = sp.csr_array(strict + strict.T + sp.diags_array(matrix.diagonal()))
-        said = f"is read by its {how} triangle"
-    return repaired, {ASYMMETRY: off, "matrix": f"{misses}, and {said}"}
+        remedy = f"is read by its {how} triangle"
+    return repaired, {ASYMMETRY: off, "matrix": f"{misses}, and {remedy}"}
 
 
 def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
@@ -151,8 +157,8 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
             f"up to {LARGEST_NEGATIVE:g} of the largest one."
         )
     kept = vectors[:, values > 0.0] * np.sqrt(values[values > 0.0])
-    said = "negative eigenvalues of G are replaced by 0"
-    return sp.csr_array(kept @ kept.T), {"least_eigenvalue": least, "eigenvalues": said}
+    remedy = "negative eigenvalues of G are replaced by 0"
+    return sp.csr_array(kept @ kept.T), {"least_eigenvalue": least, "eigenvalues": remedy}
 
 
 def _triangle(matrix: sp.csr_array[Any]) -> str:

@@ -74,12 +74,12 @@ def survey(path: Path) -> Survey:
         ProblemError: if the file holds no problem; asymmetry of whatever size is no reason.
     """
     problem = _read(path)
-    laws, said = problem.laws, problem.provenance
-    rolling, residual = laws.friction_coefficient[laws.is_rolling], said.get(RESIDUAL)
+    laws, provenance = problem.laws, problem.provenance
+    rolling, residual = laws.friction_coefficient[laws.is_rolling], provenance.get(RESIDUAL)
     joints = int(laws.is_bilateral.sum())
     return Survey(
         file=str(path),
-        title=str(said.get("title", "")),
+        title=str(provenance.get("title", "")),
         form="G" if problem.factors is None else "factors",
         contacts=problem.n_contacts - joints,
         joints=joints,
@@ -88,9 +88,9 @@ def survey(path: Path) -> Survey:
         rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
         friction=_range(laws.friction_coefficient[laws.is_friction & ~laws.is_rolling]),
         rolling_friction=_range(rolling) if len(rolling) else None,
-        asymmetry=float(said.get(ASYMMETRY, 0.0)),
+        asymmetry=float(provenance.get(ASYMMETRY, 0.0)),
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
-        guesses=int(said.get(GUESSES, 0)),
+        guesses=int(provenance.get(GUESSES, 0)),
         solution=None if residual is None else float(residual),
     )
 

@@ -22,7 +22,7 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
     """Return the chart of one kind of profile; see ``Run.plot_profile``."""
     check_view(profiles)
     if frames.is_study:
-        raise BenchError(f"{frames.folder} is over trajectories, which have no profiles; plot a problem of it.")
+        raise BenchError(f"{frames.folder} is a study of simulations, which has no profiles; plot a problem of it.")
     against = baseline_of(frames, baseline)
     charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
     if kind not in charts:

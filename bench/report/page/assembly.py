@@ -34,8 +34,8 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
         baseline: initial reference solver of speed-ups; the one that solves most problems if empty.
 
     Raises:
-        BenchError: if the run is over trajectories or has no case, the baseline is not one of its solvers, or the file
-            is a link out of its folder.
+        BenchError: if the run is a study of simulations or has no case, the baseline is not one of its solvers, or
+            the file is a link out of its folder.
         UnwritableError: if it cannot be written.
     """
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
@@ -45,7 +45,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
 def page(frames: RunFrames, baseline: str = "") -> str:
     """Return the page of a run, as in ``write_page``."""
     if frames.is_study:
-        raise BenchError(f"{frames.folder} is over trajectories and has no page; draw its charts.")
+        raise BenchError(f"{frames.folder} is a study of simulations, which has no page; draw its charts.")
     require_cases(frames)
     document = page_document(frames, baseline_of(frames, baseline))
     drawing, script = (_in_script(text) for text in (drawing_script(), "\n".join(map(_source, SCRIPTS))))

@@ -58,7 +58,7 @@ def problem_of(
     Raises:
         ProblemError: if it has laws that are not treated, or numbers that make no problem.
     """
-    attributes: dict[str, Any] = {"name": name, "provenance": provenance | _said(contents)}
+    attributes: dict[str, Any] = {"name": name, "provenance": provenance | _description(contents)}
     if isinstance(contents, LocalContents):
         problem = _local(contents, repair, attributes)
     else:
@@ -109,27 +109,27 @@ def _unchanged(contents: LocalContents | GlobalContents) -> Repair:
     return Repair("keep" if isinstance(contents, LocalContents) else "refuse")
 
 
-def _said(contents: LocalContents | GlobalContents) -> dict[str, str | int]:
-    """Return what the file says of its problem."""
+def _description(contents: LocalContents | GlobalContents) -> dict[str, str | int]:
+    """Return the entries of the provenance that the file gives."""
     texts: dict[str, str | int] = {key: text for key, text in contents.about.items() if text}
     return texts | ({GUESSES: contents.guesses} if contents.guesses else {})
 
 
 def _local(contents: LocalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:
-    joints, said_of_joints = symmetric(contents.R, "R", repair.symmetry)
-    matrix, said = symmetric(contents.W, "W", repair.symmetry)
+    joints, notes = symmetric(contents.R, "R", repair.symmetry)
+    matrix, notes_of_contacts = symmetric(contents.W, "W", repair.symmetry)
     c = contents.q
     if contents.n_joints:
         matrix = sp.block_array([[matrix, contents.V], [contents.V.T, joints]], format="csr")
         c = np.append(c, contents.s)
-    matrix, projected, is_asymmetric = repair.delassus(matrix)
-    attributes["provenance"] |= said_of_joints | projected | said
+    matrix, notes, is_asymmetric = repair.semidefinite(matrix, notes | notes_of_contacts)
+    attributes["provenance"] |= notes
     return ContactProblem(c, laws_of(contents), matrix=matrix, allow_asymmetric=is_asymmetric, **attributes)
 
 
 def _global(contents: GlobalContents, repair: Repair, attributes: dict[str, Any]) -> ContactProblem:
-    mass, said = repair.mass(contents.M)
-    attributes["provenance"] |= said
+    mass, notes = repair.mass(contents.M)
+    attributes["provenance"] |= notes
     directions, w = contents.H, contents.w
     if contents.n_joints:
         directions, w = sp.hstack([directions, contents.G], format="csc"), np.append(w, contents.b)

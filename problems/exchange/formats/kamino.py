@@ -65,11 +65,11 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     laws = Laws.together([Laws.joints(joints), Laws.contacts(0.0, 1, limits), Laws.contacts(mu, 3, contacts)])
     order = normal_first(contacts, joints + limits)
     c = _first(arrays, "v_f", n) / scale
-    said: dict[str, Any] = {"source": "Kamino"}
+    notes: dict[str, Any] = {"source": "Kamino"}
     if "compliance" in arrays:
-        said["largest_compliance"] = float(_first(arrays, "compliance", n).max(initial=0.0))
+        notes["largest_compliance"] = float(_first(arrays, "compliance", n).max(initial=0.0))
     # D is of single precision, and so are the tolerances for it
-    problem = problem_of_delassus(delassus.astype(np.float32), c, mu, order, repair, laws=laws, **said)
+    problem = problem_of_delassus(delassus.astype(np.float32), c, mu, order, repair, laws=laws, **notes)
     if "lambdas" not in arrays:
         return problem
     impulses = stored_impulses(arrays["lambdas"].ravel()[:n], n)[order]

@@ -74,10 +74,11 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     c, mu = arrays["c"], arrays.get("mu", np.array(0.0))
     order = _order(arrays, dim, c.size)
     if not {"W", "Minv", "M"}.isdisjoint(arrays):
-        directions, inverse = _factors(arrays, repair)
+        directions, inverse, notes = _factors(arrays, repair)
         if directions.ndim == 2 and directions.shape[1] == c.size:
             directions = directions[:, order]
-        problem = ContactProblem.from_factors(directions, inverse, _in_order(c, order), mu, dim)
+        given = directions, inverse, _in_order(c, order), mu, dim
+        problem = ContactProblem.from_factors(*given, provenance=notes)
     else:
         problem = problem_of_delassus(_delassus(arrays), c, mu, order, repair, dim=dim)
     if "impulses" not in arrays:
@@ -113,8 +114,8 @@ def problem_of_delassus(
     """
     rows = len(order)
     if np.shape(matrix) == (rows, rows) and np.issubdtype(matrix.dtype, np.number):
-        matrix, said, is_asymmetric = repair.delassus(sp.csr_array(sp.csr_array(matrix)[order][:, order]))
-        attributes: dict[str, Any] = {"provenance": provenance | said, "allow_asymmetric": is_asymmetric}
+        matrix, notes, is_asymmetric = repair.delassus(sp.csr_array(sp.csr_array(matrix)[order][:, order]))
+        attributes: dict[str, Any] = {"provenance": provenance | notes, "allow_asymmetric": is_asymmetric}
     else:
         attributes = {"provenance": provenance}  # which is refused below
     return ContactProblem.from_delassus(matrix, _in_order(c, order), mu, dim, laws=laws, **attributes)
@@ -194,15 +195,15 @@ def _delassus(arrays: Arrays) -> Any:
     return matrix
 
 
-def _factors(arrays: Arrays, repair: Repair) -> tuple[NDArray[Any], Any]:
-    """Return W and M⁻¹."""
+def _factors(arrays: Arrays, repair: Repair) -> tuple[NDArray[Any], Any, dict[str, Any]]:
+    """Return W, M⁻¹ and the entries of the provenance about a repaired M."""
     if "W" not in arrays or ("Minv" in arrays) == ("M" in arrays) or "G" in arrays or "data" in arrays:
         raise ProblemError("give either 'G', or 'W' with one of 'Minv' and 'M'.")
     if "Minv" in arrays:
-        return arrays["W"], _whole(arrays["Minv"])
+        return arrays["W"], _whole(arrays["Minv"]), {}
     mass = _whole(arrays["M"])
-    mass = repair.mass(sp.csr_array(sp.diags_array(mass) if mass.ndim == 1 else mass))[0]
-    return arrays["W"], InverseMass.of_mass(mass)
+    mass, notes = repair.mass(sp.csr_array(sp.diags_array(mass) if mass.ndim == 1 else mass))
+    return arrays["W"], InverseMass.of_mass(mass), notes
 
 
 def _whole(matrix: NDArray[Any]) -> Any:

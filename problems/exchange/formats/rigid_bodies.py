@@ -84,13 +84,15 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     c = directions.T @ free_motion
     c[::3] += _per_contact(arrays, "restitution", count) * np.minimum(approach[::3], 0.0)
     c[::3] += np.maximum(_per_contact(arrays, "distance", count), 0.0) / step
+    mass, notes = repair.mass(_mass(arrays, n))
+    known = {"source": "rigid bodies", "time_step": step, FREE_FALL: float(step * np.linalg.norm(gravity))}
     problem = ContactProblem.from_factors(
         directions,
-        InverseMass.of_mass(repair.mass(_mass(arrays, n))[0]),
+        InverseMass.of_mass(mass),
         c,
         _per_contact(arrays, "mu", count),
         free_motion=free_motion,
-        provenance={"source": "rigid bodies", "time_step": step, FREE_FALL: float(step * np.linalg.norm(gravity))},
+        provenance=known | notes,
     )
     if "impulses" not in arrays:
         return problem

@@ -136,7 +136,7 @@ def test_earlier_steps_are_replaced_only_when_asked(boxes: Path, tmp_path: Path)
         (
             CUBE,
             {"duration": 0.002},
-            "has no contact and no other constraint in the 1 steps looked at in 0.002 s",
+            "has no contact and no other constraint in the 1 step examined during 0.002 s",
         ),
         (CUBE, {"keyframe": "trown"}, "has no keyframe 'trown'; did you mean 'thrown'"),
         ("<mujoco>", {}, "MuJoCo cannot read"),

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from .....problems.arrays import FloatArray
-
-STANDARD_GRAVITY = 9.81
+from .....problems.motion.scenes.funnel import STANDARD_GRAVITY
 
 ERROR_MARGIN = 1.1
 """Settings of one engine whose errors differ by less than this factor count as equally accurate."""

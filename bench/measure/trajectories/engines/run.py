@@ -10,6 +10,7 @@ import msgspec
 
 from .....problems.errors import suggestion
 from ....errors import BenchError
+from ....isolation.fork_server import ONE_THREAD
 from ...machine import describe_machine
 from .description import ERROR_MARGIN
 from .engine import ENGINES, takes_part, version_of
@@ -18,10 +19,6 @@ from .scenes import SCENES, describe
 
 RUN_SECONDS = 600.0
 """Time limit of one run [s]."""
-
-ONE_THREAD = {
-    f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "RAYON", "VECLIB_MAXIMUM", "NUMEXPR")
-}
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):

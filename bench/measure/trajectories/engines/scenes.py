@@ -22,8 +22,8 @@ from functools import cache
 import numpy as np
 
 from .....problems.arrays import FloatArray
-from .....problems.motion.scenes.funnel import CONE_HEIGHT, MASS, RADIUS, STANDARD_EFFECTS, Funnel
-from .description import STANDARD_GRAVITY, Body, Description, Motion, Panel
+from .....problems.motion.scenes.funnel import CONE_HEIGHT, MASS, RADIUS, STANDARD_EFFECTS, STANDARD_GRAVITY, Funnel
+from .description import Body, Description, Motion, Panel
 
 THROW_SPEED, SLIDING_FRICTION = 6.0, 0.5
 HALF_EDGE = 0.1
