@@ -1,8 +1,8 @@
 """Names of contacts that last from step to step.
 
 Contacts of one pair of geometries are distinguished by a number, ``"floor | box #2"``. In the next step a contact
-keeps the number of the nearest contact of the pair, as seen from either geometry: the corner of a sliding box does not move on
-the box.
+keeps the number of the nearest contact of the pair, as seen from either geometry: the corner of a sliding box does not
+move on the box.
 """
 
 from collections.abc import Sequence
