@@ -23,7 +23,7 @@ def _scene_table(comparison: Comparison, scene: str) -> str:
     for engine in comparison.versions:
         best = comparison.best(scene, engine)
         rows += [_row(run, description.errors, run is best) for run in runs if run.engine == engine]
-    head = ("engine", "setting", "Δt [ms]", "time [ms/s]", *description.errors, "Coulomb", "Robust")
+    head = ("engine", "setting", "Δt [ms]", "wall [ms/s]", "processor [ms/s]", *description.errors, "Coulomb", "Robust")
     table = markdown_table(map(inline, head), rows)
     if description.own_scene is None and "proxbench" in comparison.versions:
         table += "\nProxbench has no cubes yet; `Robust` solves the judged steps of the engines again.\n"
@@ -34,8 +34,8 @@ def _row(run: Measurement, errors: tuple[str, ...], is_best: bool) -> list[str]:
     name = f"**{run.setting}**" if is_best else inline(run.setting)
     begin = [run.engine, name, f"{1e3 * run.time_step:g}"]
     if run.failure:
-        return [*begin, *[NOTHING] * (len(errors) + 2), inline(run.failure)]
-    values = (1e3 * run.processor_seconds, *(run.errors[error] for error in errors))
+        return [*begin, *[NOTHING] * (len(errors) + 3), inline(run.failure)]
+    values = (1e3 * run.wall_seconds, 1e3 * run.processor_seconds, *(run.errors[error] for error in errors))
     return [*begin, *(f"{value:.3g}" for value in values), _residual(run.residual), _residual(run.solved_residual)]
 
 
@@ -48,9 +48,10 @@ def _notes(comparison: Comparison) -> str:
     versions = ", ".join(f"{engine} {version}" for engine, version in comparison.versions.items())
     before, after = comparison.load
     lines = [
-        "*time*: processor time of the steps per simulated second. *Coulomb*: largest judged residual of up to ten",
-        "steps under Coulomb's law; *Robust*: that of Proxbench's solver on the same problems. In bold: the fastest",
-        "setting among the most accurate ones of an engine, by the first error.",
+        "*wall*, *processor*: time of the steps per simulated second; the latter counts threads that an engine leaves",
+        "spinning. *Coulomb*: largest judged residual of up to ten steps under Coulomb's law; *Robust*: that of",
+        "Proxbench's solver on the same problems. In bold: the setting with the least wall time among the most accurate",
+        "ones of an engine, by the first error.",
         "",
         f"Versions: {versions}. Rounds: {comparison.rounds}. Processor: {comparison.machine['processor']}.",
         f"Load of the machine before and after: {before:.1f}, {after:.1f}.",

@@ -64,5 +64,5 @@ def _require_suffix(output: Path) -> None:
 
 
 def _print_run(run: "Measurement") -> None:
-    words = run.failure or f"{1e3 * run.processor_seconds:.3g} ms per simulated second"
+    words = run.failure or f"{1e3 * run.wall_seconds:.3g} ms per simulated second"
     print(f"{run.scene}: {run.engine}, {run.setting}: {words}", file=sys.stderr)

@@ -46,7 +46,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         if not runs:
             return None
         limit = max(description.negligible, ERROR_MARGIN * min(run.errors[first] for run in runs))
-        return min((run for run in runs if run.errors[first] <= limit), key=lambda run: run.processor_seconds)
+        return min((run for run in runs if run.errors[first] <= limit), key=lambda run: run.wall_seconds)
 
 
 Measure = Callable[[str, str, str], Measurement]
