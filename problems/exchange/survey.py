@@ -27,7 +27,7 @@ MOST_RANK_ROWS = 8000
 """Rows up to which the rank is estimated; the factors of larger matrices can fill."""
 
 _WAYS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
-"""Repairs in the order in which they are tried, so that a matrix of whatever asymmetry is described."""
+"""Repairs in the order in which they are tried, so that a file is described however asymmetric its matrix is."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def survey(path: Path) -> Survey:
 
 
 def _read(path: Path) -> ContactProblem:
-    """Return the problem of a file with the first repair that admits it; it is looked at only."""
+    """Return the problem of a file with the first repair that admits it."""
     for way in _WAYS[:-1]:
         try:
             return _read_so(path, way)

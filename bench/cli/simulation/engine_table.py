@@ -48,10 +48,9 @@ def _notes(comparison: Comparison) -> str:
     versions = ", ".join(f"{engine} {version}" for engine, version in comparison.versions.items())
     before, after = comparison.load
     lines = [
-        "*wall*, *processor*: time of the steps per simulated second; the latter counts threads that an engine leaves",
-        "spinning. *Coulomb*: largest judged residual of up to ten steps under Coulomb's law; *Robust*: that of",
-        "Proxbench's solver on the same problems. In bold: the setting with the least wall time among the most accurate",
-        "ones of an engine, by the first error.",
+        "*wall*, *processor*: time of the steps per simulated second, on one core. *Coulomb*: largest judged residual",
+        "of up to ten steps under Coulomb's law; *Robust*: that of Proxbench's solver on the same problems. In bold:",
+        "the setting with the least wall time among the most accurate ones of an engine, by the first error.",
         "",
         f"Versions: {versions}. Rounds: {comparison.rounds}. Processor: {comparison.machine['processor']}.",
         f"Load of the machine before and after: {before:.1f}, {after:.1f}.",

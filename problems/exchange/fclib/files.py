@@ -34,7 +34,7 @@ def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefi
         path: the file.
         symmetry: how a matrix A, W or R of a local problem or M of a global one, is read if it is not symmetric.
             "mean" takes (A + Aᵀ)/2 if A misses symmetry by at most 1 % of its largest entry; "lower" and "upper" take
-            one triangle, whatever the other holds; "keep" leaves W unchanged; "refuse" raises. The provenance records
+            one triangle and ignore the other; "keep" leaves W unchanged; "refuse" raises. The provenance records
             what A misses and what was done.
         indefinite: how a W with a negative eigenvalue is read. "refuse" raises; "project" takes the nearest
             semidefinite matrix, for eigenvalues up to 1e-6 of the largest one.

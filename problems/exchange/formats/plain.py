@@ -1,18 +1,18 @@
 """Problems as plain arrays, as ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` or a JSON object of the same names.
 
-================================= =========================================================================
+================================= ===============================================================================
 ``c``                             free velocity [m/s], shape (n_rows,)
-``mu``                            friction coefficient, one number or shape (n_contacts,); needless for ``dim`` 1
+``mu``                            friction coefficient, one number or shape (n_contacts,); optional if ``dim`` is 1
 ``G``                             Delassus matrix [1/kg], shape (n_rows, n_rows), dense; or its CSR form in
 ``data``, ``indices``, ``indptr`` three arrays
 ``W`` with ``Minv`` or ``M``      instead of G, its factors: force directions, shape (n_dofs, n_rows), and the
                                   inverse mass or mass matrix: its diagonal, shape (n_dofs,), its diagonal
                                   blocks, shape (n_blocks, k, k), or the whole matrix
 ``dim``                           rows per contact: 1, 2 or 3; found from the lengths of ``c`` and ``mu`` if left out
-``normal``                        "first" (default) or "last": where the normal row stands among the rows of a contact
+``normal``                        "first" (default) or "last": position of the normal row among the rows of a contact
 ``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, judged
 ``version``                       1; optional
-================================= =========================================================================
+================================= ===============================================================================
 """
 
 from collections.abc import Mapping
@@ -117,7 +117,7 @@ def problem_of_delassus(
         matrix, notes, is_asymmetric = repair.delassus(sp.csr_array(sp.csr_array(matrix)[order][:, order]))
         attributes: dict[str, Any] = {"provenance": provenance | notes, "allow_asymmetric": is_asymmetric}
     else:
-        attributes = {"provenance": provenance}  # which is refused below
+        attributes = {"provenance": provenance}  # ``from_delassus`` raises
     return ContactProblem.from_delassus(matrix, _in_order(c, order), mu, dim, laws=laws, **attributes)
 
 

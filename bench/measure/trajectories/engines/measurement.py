@@ -4,6 +4,7 @@ As a program, ``python -m proxbench.bench.measure.trajectories.engines.measureme
 run and prints it as the last line of its output.
 """
 
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -118,5 +119,12 @@ def _solved_again(one: SolvedProblem) -> float:
     return judge(one.problem, solution.impulses).residual
 
 
+def stay_on_one_core() -> None:
+    """Let this process use one core, where the system allows it: threads that hand work over would wait otherwise."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
 if __name__ == "__main__":
+    stay_on_one_core()
     print(msgspec.json.encode(measure_setting(*sys.argv[1:])).decode())
