@@ -98,13 +98,15 @@ def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
 
 
 def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> None:
+    from ...report.layout.text import counted
+
     if is_judged:
         print(
             "\nown model: residual of the convex program that the engine solves; Coulomb: the judge's residual;\n"
             "separation: largest velocity at which a loaded contact opens [m/s], 0 under Coulomb's law\n"
         )
     empty = f", {summary.empty} without contact left out" if summary.empty else ""
-    print(f"captured  {len(summary.files)} steps into {output}, at most {summary.laws} laws{empty}")
+    print(f"captured  {counted(len(summary.files), 'step')} into {output}, at most {summary.laws} laws{empty}")
     taken = summary.engine_rows - summary.refused.total()
     print(f"rows      {taken} of {summary.engine_rows} taken")
     for reason, count in summary.refused.items():
