@@ -187,7 +187,7 @@ def test_a_study_has_no_page() -> None:
     class Study(Run):
         is_study = property(lambda self: True)
 
-    with pytest.raises(BenchError, match="trajectories"):
+    with pytest.raises(BenchError, match="study of simulations"):
         Study(**vars(load(REFERENCE))).page()
 
 
