@@ -111,6 +111,17 @@ def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float 
         assert carried == pytest.approx(heights[lower + 1], rel=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
+@pytest.mark.parametrize("heavy_on_top", [False, True])
+def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top: bool) -> None:
+    scene = BoxStack(10, ratio, heavy_on_top)
+    moreau = MidpointRule(scene.system(), create("Robust"), Stop(1e-8, 20_000, np.inf), 1e-3)
+    for step in moreau.steps(scene.start(), 10_000):
+        assert step.status is Status.SOLVED
+        assert scene.drift(step.state) <= 1e-9
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
