@@ -1,6 +1,6 @@
 """Contacts of cylinders with capsules, cylinders and polyhedra, by the library coal."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -10,11 +10,20 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...errors import ProblemError
 from ..bodies.rigid.polyhedron import Polyhedron
-from ..bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
+from ..bodies.rigid.round_shapes import Capsule, Cylinder
 from ..bodies.rigid.shapes import Box, Shape
+from .polyhedra import packed
+
+_Body = tuple[Shape, FloatArray, FloatArray]
 
 CURVED_SAMPLES = 12
 """Points of the patch where an end of a cylinder lies on a face."""
+
+FLATNESS = 1e-3
+"""Height over the size of the smaller body up to which points belong to a patch."""
+
+NEARLY_ALONG = 1.0 - 1e-5
+"""Cosine of the angle to the normal of a contact up to which the tangent plane of a shape gives its heights."""
 
 
 def find_with_coal(
@@ -22,8 +31,8 @@ def find_with_coal(
 ) -> tuple[IntArray, FloatArray]:
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
-    All points of a patch have the same gap. Features number them in the order of coal, and last while the patch keeps
-    its number of points.
+    coal gives the points and the normal of a patch, and one gap for all; the gap of each point comes from the tangent
+    planes of the shapes. Features number the points in the order of coal: they last while their number does.
 
     Args:
         shapes: of all bodies; none of a pair is a half-space.
@@ -38,29 +47,78 @@ def find_with_coal(
     coal = _coal()
     keys: list[tuple[int, int, int]] = []
     numbers: list[FloatArray] = []
-    request = coal.CollisionRequest()
-    request.security_margin = margin
-    patch_request = coal.ContactPatchRequest()
-    patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
     for i, j in pairs.tolist():
-        bodies = (
-            _geometry(shapes[i]),
-            coal.Transform3s(rotations[i], centres[i]),
-            _geometry(shapes[j]),
-            coal.Transform3s(rotations[j], centres[j]),
-        )
-        result, patches = coal.CollisionResult(), coal.ContactPatchResult()
-        if not coal.collide(*bodies, request, result):
-            continue
-        coal.computeContactPatch(*bodies, result, patch_request, patches)
-        for number in range(patches.numContactPatches()):
-            patch = patches.getContactPatch(number)
-            if patch.penetration_depth < margin:
-                tail = (*-patch.getNormal(), patch.penetration_depth)
-                for k in range(patch.size()):
-                    keys.append((i, j, k))
-                    numbers.append(np.array([*patch.getPoint(k), *tail]))
+        bodies = tuple((shapes[body], centres[body], rotations[body]) for body in (i, j))
+        for number, (point, normal, gap) in enumerate(_patch(coal, *bodies, margin)):
+            if gap < margin:
+                keys.append((i, j, number))
+                numbers.append(np.array([*point, *-normal, gap]))
     return np.array(keys, dtype=np.int64).reshape(-1, 3), np.array(numbers, dtype=np.float64).reshape(-1, 7)
+
+
+def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tuple[FloatArray, FloatArray, float]]:
+    """Yield point [m], normal from first to second, and gap [m] of each point of the patch of two bodies."""
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    request.security_margin = margin
+    patch_request, patches = coal.ContactPatchRequest(), coal.ContactPatchResult()
+    patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
+    patch_request.setPatchTolerance(FLATNESS * min(first[0].bounding_radius, second[0].bounding_radius))
+    if not coal.collide(*_placed(coal, first), *_placed(coal, second), request, result):
+        return
+    normal = np.array(result.getContact(0).normal)
+    placed = (*_placed(coal, first, normal), *_placed(coal, second, normal))
+    coal.computeContactPatch(*placed, result, patch_request, patches)
+    if not patches.numContactPatches():
+        return
+    patch = patches.getContactPatch(0)
+    if patch.size() == 1:
+        yield np.array(patch.getPoint(0)), normal, patch.penetration_depth
+        return
+    (one, one_offset), (other, other_offset) = _tangent_plane(*first, normal), _tangent_plane(*second, -normal)
+    for number in range(patch.size()):
+        point = np.array(patch.getPoint(number))
+        above = (one_offset - one @ point) / (one @ normal)
+        below = (other_offset - other @ point) / (other @ -normal)
+        yield point + 0.5 * (above - below) * normal, normal, -float(above + below)
+
+
+def _placed(coal: Any, body: _Body, normal: FloatArray | None = None) -> tuple[Any, Any]:
+    """Return geometry and pose of a body.
+
+    coal finds a single point instead of a patch where the normal points against the axis of a cylinder, so that a
+    cylinder is turned round then, which does not change it.
+    """
+    shape, centre, rotation = body
+    if normal is not None and isinstance(shape, Cylinder) and rotation[:, 2] @ normal < 0.0:
+        rotation = rotation * np.array([1.0, -1.0, -1.0])
+    return _geometry(shape), coal.Transform3s(rotation, centre)
+
+
+def _tangent_plane(
+    shape: Shape, centre: FloatArray, rotation: FloatArray, outward: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return outward normal and offset of the plane that touches a shape and is nearly across ``outward``."""
+    local = rotation.T @ outward
+    radial = np.array([local[0], local[1], 0.0])
+    radial /= max(float(np.linalg.norm(radial)), 1e-300)
+    if isinstance(shape, Cylinder):
+        candidates = np.array([radial, [0.0, 0.0, np.copysign(1.0, local[2])]])
+    elif isinstance(shape, Capsule):
+        candidates = radial[None]
+    else:
+        flat = packed((shape,))
+        candidates = flat.normals
+    normal = candidates[np.argmax(candidates @ local)]
+    if normal @ local < NEARLY_ALONG:
+        normal = local
+    if isinstance(shape, Cylinder):
+        reach = shape.radius * np.hypot(normal[0], normal[1]) + 0.5 * shape.length * abs(normal[2])
+    elif isinstance(shape, Capsule):
+        reach = shape.radius + 0.5 * shape.length * abs(normal[2])
+    else:
+        reach = (flat.vertices @ normal).max()
+    in_world = rotation @ normal
+    return in_world, float(reach + in_world @ centre)
 
 
 def _coal() -> Any:
@@ -79,8 +137,6 @@ def _geometry(shape: Shape) -> Any:
     coal = _coal()
     if isinstance(shape, Box):
         return coal.Box(*shape.size)
-    if isinstance(shape, Sphere):
-        return coal.Sphere(shape.radius)
     if isinstance(shape, Capsule):
         return coal.Capsule(shape.radius, shape.length)
     if isinstance(shape, Cylinder):
