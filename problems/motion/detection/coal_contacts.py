@@ -19,6 +19,11 @@ _Body = tuple[Shape, FloatArray, FloatArray]
 CURVED_SAMPLES = 12
 """Points of the patch where an end of a cylinder lies on a face."""
 
+TOLERANCE = 1e-10
+"""Error of gaps [m]; with 1e-6, the default of coal, gaps of curved shapes are wrong by 2e-6."""
+
+MAX_ITERATIONS = 256
+
 FLATNESS = 1e-3
 """Height over the size of the smaller body up to which points belong to a patch."""
 
@@ -60,6 +65,8 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     """Yield point [m], normal from first to second, and gap [m] of each point of the patch of two bodies."""
     request, result = coal.CollisionRequest(), coal.CollisionResult()
     request.security_margin = margin
+    request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+    request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
     patch_request, patches = coal.ContactPatchRequest(), coal.ContactPatchResult()
     patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
     patch_request.setPatchTolerance(FLATNESS * min(first[0].bounding_radius, second[0].bounding_radius))

@@ -57,7 +57,9 @@ def test_a_prism_of_many_sides_has_the_inertia_of_a_cylinder() -> None:
     angles = 2 * np.pi * np.arange(32) / 32
     corners = np.array([[np.cos(a), np.sin(a), z] for a in angles for z in (-0.5, 0.5)])
     shape, _ = convex_polyhedron(corners)
-    assert np.sort(shape.inertia) == pytest.approx(np.sort(Cylinder(1.0, 1.0).inertia), rel=4 / 3 * np.pi**2 / 32**2 * 1.1)
+    assert np.sort(shape.inertia) == pytest.approx(
+        np.sort(Cylinder(1.0, 1.0).inertia), rel=4 / 3 * np.pi**2 / 32**2 * 1.1
+    )
 
 
 @pytest.mark.parametrize(
