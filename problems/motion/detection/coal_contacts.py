@@ -24,11 +24,11 @@ TOLERANCE = 1e-10
 
 MAX_ITERATIONS = 256
 
-APART = 0.02
+APART = 0.005
 """Gap over the size of the smaller body at which the nearest points are found."""
 
-PASSES = 3
-"""Times that bodies are moved to that gap along a better normal."""
+MAX_PASSES = 20
+"""Most times that bodies are moved to that gap along a better normal; two or three do, more where rims touch rims."""
 
 FLATNESS = 1e-3
 """Height over the size of the smaller body up to which points belong to a patch."""
@@ -79,7 +79,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
     request.security_margin = max(margin, 2.0 * APART * size)
     way, gap = np.zeros(3), 0.0
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         moved = second[0], second[1] + way, second[2]
         result = coal.CollisionResult()
         if not coal.collide(*_placed(coal, first), *_placed(coal, moved), request, result):

@@ -203,11 +203,11 @@ def test_patches_of_coal_keep_their_gap_under_a_motion_of_everything_and_exchang
     pytest.importorskip("coal")
     poses = poses_with_gap(*pair, gap, seed)
     moved = moved_together(poses, np.random.default_rng(seed))
-    expected = contacts(*pair, poses, 0.1).gap.min()
+    expected, bound = contacts(*pair, poses, 0.1).gap.min(), 2e-6 if pair[1] == CYLINDER else 1e-8
     if gap >= 0.0:  # bodies that penetrate may have a shorter way out than back
-        assert expected == pytest.approx(gap, abs=1e-8)
-    assert contacts(*pair, moved, 0.1).gap.min() == pytest.approx(expected, abs=1e-8)
-    assert contacts(pair[1], pair[0], poses[::-1].copy(), 0.1).gap.min() == pytest.approx(expected, abs=1e-8)
+        assert expected == pytest.approx(gap, abs=bound)
+    assert contacts(*pair, moved, 0.1).gap.min() == pytest.approx(expected, abs=bound)
+    assert contacts(pair[1], pair[0], poses[::-1].copy(), 0.1).gap.min() == pytest.approx(expected, abs=bound)
 
 
 @pytest.mark.parametrize("turned", [0.0, np.pi], ids=["one end", "other end"])
