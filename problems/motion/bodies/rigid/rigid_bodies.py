@@ -91,8 +91,8 @@ class RigidBodies:
         joints: joints between bodies.
 
     Raises:
-        ProblemError: if arrays are of unequal length, a mass or a moment of inertia is not positive, no body has such
-            moments, or a coefficient is out of range.
+        ProblemError: if arrays are of unequal length, a body that moves is unbounded, a mass or a moment of inertia is
+            not positive, no body has such moments, or a coefficient is out of range.
     """
 
     shapes: Sequence[Shape]
@@ -114,6 +114,9 @@ class RigidBodies:
         if masses.shape != (len(self.shapes),) or not (masses > 0).all() or not np.isfinite(masses).all():
             raise ProblemError(f"masses must be {len(self.shapes)} positive numbers, one a shape.")
         object.__setattr__(self, "masses", masses)
+        for body, shape in enumerate(self.shapes):
+            if shape.bounding_radius == np.inf:
+                raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
         self._check_inertias()
         for name in ("friction", "rolling_friction"):
             value = getattr(self, name)
