@@ -158,6 +158,12 @@ def nearest_inside(p, p_end, q, q_end):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def is_between(fraction, half):  # type: ignore[no-untyped-def]
+    """Return whether a fraction of a segment, which may have no length, lies between its ends."""
+    return half > 0.0 and fraction > 0.0 and fraction < 1.0
+
+
+@njit(cache=True)
 def _write_balls(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
     """Write the contact of two balls, x of the first body, if they are close; ``fallback`` points from y to x."""
     normal = x - y
@@ -173,7 +179,10 @@ def _write_balls(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin
 
 @njit(cache=True)
 def _segments(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Write the contacts of two segments with radii: of each end with the other segment, and between the ends."""
+    """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
+
+    Two ends are in contact if each is the nearest to the other, else the nearer part is in contact instead.
+    """
     fallback = np.cross(p[1] - p[0], q[1] - q[0])
     length = np.sqrt(dot(fallback, fallback))
     if length > PARALLEL * half_p * half_q:
@@ -183,14 +192,15 @@ def _segments(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # 
     for end in range(2 if half_p > 0.0 else 1):
         t = nearest_on_segment(p[end], q[0], q[1])
         other = q[0] + t * (q[1] - q[0])
-        count = _write_balls(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
-    if half_p == 0.0:
-        return count
+        if is_between(t, half_q) or nearest_on_segment(other, p[0], p[1]) == end:
+            count = _write_balls(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
     for end in range(2 if half_q > 0.0 else 1):
         s = nearest_on_segment(q[end], p[0], p[1])
-        if 0.0 < s < 1.0:
+        if is_between(s, half_p):
             other = p[0] + s * (p[1] - p[0])
             count = _write_balls(keys, numbers, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
+    if half_p == 0.0:
+        return count
     if half_q > 0.0:
         s, t = nearest_inside(p[0], p[1], q[0], q[1])
         if s >= 0.0:
