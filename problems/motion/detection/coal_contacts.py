@@ -20,7 +20,7 @@ CURVED_SAMPLES = 12
 """Points of the patch where an end of a cylinder lies on a face."""
 
 TOLERANCE = 1e-10
-"""Error of gaps [m]; with 1e-6, the default of coal, gaps of curved shapes are wrong by 2e-6."""
+"""Error of gaps [m]; gaps of curved shapes err by 2e-6 with 1e-6, the default of coal."""
 
 MAX_ITERATIONS = 256
 
@@ -29,6 +29,9 @@ APART = 0.005
 
 MAX_PASSES = 20
 """Most times that bodies are moved to that gap along a better normal; two or three do, more where rims touch rims."""
+
+MORE_WAY = (0.0, 0.01, 0.1, 1.0)
+"""Parts of the way between centres by which bodies are moved apart until coal finds a normal."""
 
 FLATNESS = 1e-3
 """Height over the size of the smaller body up to which points belong to a patch."""
@@ -74,26 +77,21 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     first, to where coal is exact, and its way is taken off the gap.
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
-    request = coal.CollisionRequest()
-    request.gjk_tolerance = request.epa_tolerance = TOLERANCE
-    request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
-    request.security_margin = max(margin, 2.0 * APART * size)
     way, gap = np.zeros(3), 0.0
     for _ in range(MAX_PASSES):
-        moved = second[0], second[1] + way, second[2]
-        result = coal.CollisionResult()
-        if not coal.collide(*_placed(coal, first), *_placed(coal, moved), request, result):
+        result, last_way = _collide(coal, first, second, way, margin)
+        if result is None:
             return
         contact = result.getContact(0)
         normal = np.array(contact.normal)
-        gap = contact.penetration_depth - way @ normal
-        last_way, way = way, max(APART * size - gap, 0.0) * normal
+        gap = contact.penetration_depth - last_way @ normal
+        way = max(APART * size - gap, 0.0) * normal
         if np.abs(way - last_way).max() <= TOLERANCE * size:
             break
     patch_request, patches = coal.ContactPatchRequest(), coal.ContactPatchResult()
     patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
     patch_request.setPatchTolerance(FLATNESS * size)
-    placed = (*_placed(coal, first, normal), *_placed(coal, moved, normal))
+    placed = (*_placed(coal, first, normal=normal), *_placed(coal, second, last_way, normal))
     coal.computeContactPatch(*placed, result, patch_request, patches)
     if not patches.numContactPatches():
         return
@@ -109,8 +107,36 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
         yield point + 0.5 * (above - below) * normal, normal, -float(above + below)
 
 
-def _placed(coal: Any, body: _Body, normal: FloatArray | None = None) -> tuple[Any, Any]:
-    """Return geometry and pose of a body.
+def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: float) -> tuple[Any, FloatArray]:
+    """Return the collision of two bodies as coal describes it, and the way by which the second one was moved for it.
+
+    The collision is None if they are farther apart than ``margin``. coal has no normal at some poses, whatever its
+    tolerance, and bodies are moved apart a little more there.
+
+    Raises:
+        ProblemError: if coal finds no normal however far they are moved apart.
+    """
+    request = coal.CollisionRequest()
+    request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+    request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
+    between = second[1] - first[1]
+    largest = first[0].bounding_radius + second[0].bounding_radius + 2.0 * np.linalg.norm(between) + np.linalg.norm(way)
+    for more in MORE_WAY:
+        moved = way + more * between
+        request.security_margin = margin + float(np.linalg.norm(moved))
+        result = coal.CollisionResult()
+        if not coal.collide(*_placed(coal, first), *_placed(coal, second, moved), request, result):
+            return None, moved
+        contact = result.getContact(0)
+        is_unit = abs(np.linalg.norm(contact.normal) - 1.0) < FLATNESS
+        if is_unit and abs(contact.penetration_depth) <= largest:  # else 0, NaN or huge
+            return result, moved
+    names = " and a ".join(type(body[0]).__name__.lower() for body in (first, second))
+    raise ProblemError(f"coal finds no distance of a {names}; change their poses at the start a little.")
+
+
+def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: FloatArray | None = None) -> tuple[Any, Any]:
+    """Return geometry and pose of a body, moved by ``way``.
 
     coal finds a single point instead of a patch where the normal points against the axis of a cylinder, so that a
     cylinder is turned round then, which does not change it.
@@ -118,7 +144,7 @@ def _placed(coal: Any, body: _Body, normal: FloatArray | None = None) -> tuple[A
     shape, centre, rotation = body
     if normal is not None and isinstance(shape, Cylinder) and rotation[:, 2] @ normal < 0.0:
         rotation = rotation * np.array([1.0, -1.0, -1.0])
-    return _geometry(shape), coal.Transform3s(rotation, centre)
+    return _geometry(shape), coal.Transform3s(rotation, centre if way is None else centre + way)
 
 
 def _tangent_plane(
