@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from importlib import import_module
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,9 @@ APART = 0.005
 
 MAX_PASSES = 20
 """Most times that bodies are moved to that gap along a better normal; two or three do, more where rims touch rims."""
+
+TINY = np.array([0.0, 0.0, 1e-12])
+"""Distance of centres that coincide [m]."""
 
 MORE_WAY = (0.0, 0.01, 0.1, 1.0)
 """Parts of the way between centres by which bodies are moved apart until coal finds a normal."""
@@ -110,8 +114,8 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
 def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: float) -> tuple[Any, FloatArray]:
     """Return the collision of two bodies as coal describes it, and the way by which the second one was moved for it.
 
-    The collision is None if they are farther apart than ``margin``. coal has no normal at some poses, whatever its
-    tolerance, and bodies are moved apart a little more there.
+    The collision is None if they are farther apart than ``margin``. coal gives no normal, or a wrong depth, at some
+    poses, whatever its tolerance, and bodies are moved apart a little more there.
 
     Raises:
         ProblemError: if coal finds no normal however far they are moved apart.
@@ -119,8 +123,8 @@ def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: fl
     request = coal.CollisionRequest()
     request.gjk_tolerance = request.epa_tolerance = TOLERANCE
     request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
-    between = second[1] - first[1]
-    largest = first[0].bounding_radius + second[0].bounding_radius + 2.0 * np.linalg.norm(between) + np.linalg.norm(way)
+    between = second[1] - first[1] + TINY
+    size = min(first[0].bounding_radius, second[0].bounding_radius)
     for more in MORE_WAY:
         moved = way + more * between
         request.security_margin = margin + float(np.linalg.norm(moved))
@@ -128,11 +132,21 @@ def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: fl
         if not coal.collide(*_placed(coal, first), *_placed(coal, second, moved), request, result):
             return None, moved
         contact = result.getContact(0)
-        is_unit = abs(np.linalg.norm(contact.normal) - 1.0) < FLATNESS
-        if is_unit and abs(contact.penetration_depth) <= largest:  # else 0, NaN or huge
+        normal = np.array(contact.normal)
+        if not abs(np.abs(normal).max() - 0.75) < 0.3:  # 0, NaN or huge
+            continue
+        apart = _separation(first, second, moved, normal)
+        is_right = abs(apart - contact.penetration_depth) < FLATNESS * size
+        if is_right and apart > _separation(first, second, moved, between / np.linalg.norm(between)) - FLATNESS * size:
             return result, moved
     names = " and a ".join(type(body[0]).__name__.lower() for body in (first, second))
     raise ProblemError(f"coal finds no distance of a {names}; change their poses at the start a little.")
+
+
+def _separation(first: _Body, second: _Body, way: FloatArray, normal: FloatArray) -> float:
+    """Return the distance of two bodies along a unit vector [m]; the gap is the largest of all directions."""
+    between = second[1] + way - first[1]
+    return float(between @ normal) - _reach(first, normal) - _reach(second, -normal)
 
 
 def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: FloatArray | None = None) -> tuple[Any, Any]:
@@ -159,19 +173,23 @@ def _tangent_plane(
     elif isinstance(shape, Capsule):
         candidates = radial[None]
     else:
-        flat = packed((shape,))
-        candidates = flat.normals
+        candidates = packed((shape,)).normals
     normal = candidates[np.argmax(candidates @ local)]
     if normal @ local < NEARLY_ALONG:
         normal = local
-    if isinstance(shape, Cylinder):
-        reach = shape.radius * np.hypot(normal[0], normal[1]) + 0.5 * shape.length * abs(normal[2])
-    elif isinstance(shape, Capsule):
-        reach = shape.radius + 0.5 * shape.length * abs(normal[2])
-    else:
-        reach = (flat.vertices @ normal).max()
     in_world = rotation @ normal
-    return in_world, float(reach + in_world @ centre)
+    return in_world, _reach((shape, centre, rotation), in_world) + float(in_world @ centre)
+
+
+def _reach(body: _Body, direction: FloatArray) -> float:
+    """Return how far a body reaches from its centre along a unit vector [m]."""
+    shape, _, rotation = body
+    x, y, z = local = rotation.T @ direction
+    if isinstance(shape, Cylinder):
+        return shape.radius * hypot(x, y) + 0.5 * shape.length * abs(float(z))
+    if isinstance(shape, Capsule):
+        return shape.radius + 0.5 * shape.length * abs(float(z))
+    return float((packed((shape,)).vertices @ local).max())
 
 
 def _coal() -> Any:
