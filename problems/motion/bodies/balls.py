@@ -23,6 +23,7 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..detection.broad_phase import overlapping_pairs
 from ..detection.contact_keys import ContactKeys
+from .contact_frame import write_frame
 from .surfaces import Surface
 from .system import ActiveContacts, Overlaps, StepAssembly
 
@@ -249,21 +250,6 @@ def _pair_geometry(pairs, centres, radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _frame(normal, dim, rows):  # type: ignore[no-untyped-def]
-    """Write N and T (planar) or N, T1, T2 (spatial; Duff et al. 2017, which jumps only at n_z = 0) into ``rows``."""
-    x, y, z = normal
-    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
-    if dim == 2:
-        rows[1, 0], rows[1, 1] = -y, x
-        return
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    rows[1, 0], rows[1, 1], rows[1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-    rows[2, 0], rows[2, 1], rows[2, 2] = b, sign + y * y * a, -y
-
-
-@njit(cache=True)
 def _force_directions(first, second, normals, radii, dofs_per_ball, rows_per_contact):  # type: ignore[no-untyped-def]
     """Return W in pairs of pieces (starts, chunks, values): the relative velocity of each contact point, row by row.
 
@@ -277,7 +263,7 @@ def _force_directions(first, second, normals, radii, dofs_per_ball, rows_per_con
     for c in range(n_contacts):
         for axis in range(dim):
             unit[axis] = normals[c, axis]
-        _frame(unit, dim, rows)
+        write_frame(unit, dim, rows)
         at, i, j = 2 * c * length, first[c], second[c]
         _write_piece(rows, dim, rows_per_contact, dofs_per_ball, 1.0, radii[i], values, at)
         chunks[2 * c] = i

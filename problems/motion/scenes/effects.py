@@ -1,23 +1,28 @@
-"""Effects of a scene of balls, such as gravity and friction; an effect that is not listed costs nothing.
+"""Effects of a scene, such as gravity and friction; an effect that is not listed costs nothing.
 
-Each effect is a class that adds itself to a ``BallSystem``; steppers and solvers know none of them.
+Each effect is a class that adds itself to a system of balls or, but for ``Planar``, of rigid bodies; steppers and
+solvers know none of them.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from ...arrays import FloatArray
 from ...errors import ProblemError
-from ..bodies.balls import DISC_INERTIA, BallSystem
+from ..bodies.balls import DISC_INERTIA, BallSystem, PairFriction
+from ..bodies.rigid.rigid_bodies import RigidBodies
 from ..bodies.surfaces import Surface
+
+System = TypeVar("System", BallSystem, RigidBodies)
+"""The systems that effects act on."""
 
 
 class Effect(Protocol):
-    """An effect."""
+    """An effect on balls."""
 
     def added_to(self, system: BallSystem) -> BallSystem:
         """Return the system with this effect."""
@@ -34,7 +39,7 @@ class Conservative(Protocol):
 
 
 class Force(ABC):
-    """An effect that accelerates the centres of balls.
+    """An effect that accelerates the centres of bodies.
 
     The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative. A class
     that overrides ``accelerate`` and not the potential energy, or not ``is_dissipative``, is neither.
@@ -45,7 +50,7 @@ class Force(ABC):
 
     is_dissipative: ClassVar[bool] = False
 
-    def added_to(self, system: BallSystem) -> BallSystem:
+    def added_to(self, system: System) -> System:
         """Return the system with this force."""
         potential = None
         if self.is_dissipative and self._describes_its_force("is_dissipative"):
@@ -139,13 +144,13 @@ class Friction:
     """Coulomb friction at all contacts, and with it the rotation of balls.
 
     Attributes:
-        coefficient: μ.
+        coefficient: μ, or keys of pairs of bodies ↦ μ of each.
     """
 
-    coefficient: float
+    coefficient: float | PairFriction
 
-    def added_to(self, system: BallSystem) -> BallSystem:
-        """Return the system with friction laws and rotational degrees of freedom."""
+    def added_to(self, system: System) -> System:
+        """Return the system with friction laws, and with rotational degrees of freedom of balls."""
         return replace(system, friction=self.coefficient)
 
 
@@ -154,14 +159,14 @@ class Restitution:
     """Newton's impact law at all contacts, γ⁺ = −ε γ⁻.
 
     Attributes:
-        normal: ε_N.
+        normal: ε_N; for rigid bodies also keys of their pairs ↦ ε_N of each.
         tangential: ε_T.
     """
 
     normal: float
     tangential: float = 0.0
 
-    def added_to(self, system: BallSystem) -> BallSystem:
+    def added_to(self, system: System) -> System:
         """Return the system with restitution."""
         return replace(system, restitution_normal=self.normal, restitution_tangential=self.tangential)
 
@@ -189,11 +194,20 @@ def ball_system(
     Raises:
         ProblemError: if an effect is listed twice, or a number is out of range.
     """
-    names = [type(effect).__name__ for effect in effects]
-    for name in names:
-        if names.count(name) > 1:
-            raise ProblemError(f"the effect {name} is listed {names.count(name)} times; list it once.")
+    check_distinct(effects)
     system = BallSystem(radii, masses, surfaces, dimension=3)
     for effect in effects:
         system = effect.added_to(system)
     return system
+
+
+def check_distinct(effects: Sequence[object]) -> None:
+    """Check that no effect is listed twice.
+
+    Raises:
+        ProblemError: for the first that is.
+    """
+    names = [type(effect).__name__ for effect in effects]
+    for name in names:
+        if names.count(name) > 1:
+            raise ProblemError(f"the effect {name} is listed {names.count(name)} times; list it once.")

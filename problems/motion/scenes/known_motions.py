@@ -3,21 +3,21 @@
 import inspect
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, fields
 from functools import partial
 from typing import Any
 
 from ...arrays import FloatArray
 from ..bodies.balls import BallSystem
+from ..bodies.rigid.rigid_bodies import RigidBodies
 from .bouncing import BouncingBall
 from .effects import Gravity
 from .impacts import NewtonsCradle, ObliqueImpact
-from .inclines import BlockOnIncline, SphereOnIncline
+from .inclines import BlockOnIncline, SlidingSphere, SphereOnIncline
 from .options import Option
 from .resting import Stack, VGroove
-from .rolling import SlidingSphere
-from .scene import Scene, SceneKind, kinetic_energy
+from .scene import ClosedFormScene, Scene, SceneKind, kinetic_energy
 
 STEP_SIZE = 1e-3
 """Δt [s] of a fixed step."""
@@ -26,17 +26,29 @@ LENGTH = 0.1
 """Length of scenes without a radius [m], over which penetrations are given."""
 
 
-def _kind(made: Any, summary: str, duration: float = 1.0) -> SceneKind:
-    """Return the entry of the class ``made``, which is simulated for ``duration`` [s] by default."""
+def scene_kind(made: Any, summary: str, duration: float = 1.0, *, has_few_contacts: bool = True) -> SceneKind:
+    """Return the entry of a class whose fields are the options of its scene.
+
+    Args:
+        made: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``.
+        summary: what it is, for people.
+        duration: how long it is simulated by default [s].
+        has_few_contacts: as in ``Scene``.
+    """
     meanings = _meanings(made)
     options = {field.name: _option(field, meanings.get(field.name, "")) for field in fields(made)}
-    return SceneKind(summary, options, partial(_built, made, duration))
+    return SceneKind(summary, options, partial(_built, made, duration, has_few_contacts))
 
 
-def _built(made: Any, duration: float, name: str, options: Mapping[str, Any]) -> Scene:
+def _built(made: Any, duration: float, has_few_contacts: bool, name: str, options: Mapping[str, Any]) -> Scene:
     motion = made(**options)
     system, start = motion.system(), motion.start()
     balls, weight = system if isinstance(system, BallSystem) else None, Gravity(getattr(motion, "gravity", 0.0))
+    potential_energy: Callable[[FloatArray], float] | None
+    if balls is not None:
+        potential_energy = partial(_weight, balls, weight)
+    else:
+        potential_energy = system.potential_energy if isinstance(system, RigidBodies) else motion.potential_energy
     return Scene(
         name,
         options,
@@ -46,10 +58,11 @@ def _built(made: Any, duration: float, name: str, options: Mapping[str, Any]) ->
         step_size=STEP_SIZE,
         duration=duration,
         kinetic_energy=kinetic_energy(system, start),
-        potential_energy=partial(_weight, balls, weight) if balls else motion.potential_energy,
+        potential_energy=potential_energy,
         n_balls=balls.n_balls if balls else 0,
-        has_few_contacts=True,
-        exact=motion.exact,
+        has_few_contacts=has_few_contacts,
+        exact=motion.exact if isinstance(motion, ClosedFormScene) else None,
+        observables=getattr(motion, "observables", ()),
     )
 
 
@@ -78,13 +91,13 @@ def _meanings(made: type) -> dict[str, str]:
 
 
 KNOWN_MOTIONS: Mapping[str, SceneKind] = {
-    "bouncing_ball": _kind(BouncingBall, "a ball that bounces infinitely often in finite time", 1.5),
-    "sliding_sphere": _kind(SlidingSphere, "a sphere that slides at first and then rolls"),
-    "oblique_impact": _kind(ObliqueImpact, "a sphere that hits level ground obliquely"),
-    "newtons_cradle": _kind(NewtonsCradle, "a row of balls that touch, struck by the first one"),
-    "sphere_on_incline": _kind(SphereOnIncline, "a sphere that rolls or slides down an incline"),
-    "block_on_incline": _kind(BlockOnIncline, "a block that slides, stops or stays on an incline"),
-    "stack": _kind(Stack, "balls at rest one upon the other"),
-    "v_groove": _kind(VGroove, "a sphere in a groove, level or inclined"),
+    "bouncing_ball": scene_kind(BouncingBall, "a ball that bounces infinitely often in finite time", 1.5),
+    "sliding_sphere": scene_kind(SlidingSphere, "a sphere that slides at first and then rolls"),
+    "oblique_impact": scene_kind(ObliqueImpact, "a sphere that hits level ground obliquely"),
+    "newtons_cradle": scene_kind(NewtonsCradle, "a row of balls that touch, struck by the first one"),
+    "sphere_on_incline": scene_kind(SphereOnIncline, "a sphere that rolls or slides down an incline"),
+    "block_on_incline": scene_kind(BlockOnIncline, "a block that slides, stops or stays on an incline"),
+    "stack": scene_kind(Stack, "balls at rest one upon the other"),
+    "v_groove": scene_kind(VGroove, "a sphere in a groove, level or inclined"),
 }
 """Scenes with an exact answer by name."""

@@ -11,10 +11,17 @@ from ...names import check_options, read_name
 from .funnel import FUNNEL, PILE
 from .known_motions import KNOWN_MOTIONS
 from .options import complete
+from .rigid.registry import RIGID_SCENES
 from .scene import Scene, SceneKind
 from .woodpecker import WOODPECKER
 
-SCENES: Mapping[str, SceneKind] = {"funnel": FUNNEL, "pile": PILE, "woodpecker": WOODPECKER, **KNOWN_MOTIONS}
+SCENES: Mapping[str, SceneKind] = {
+    "funnel": FUNNEL,
+    "pile": PILE,
+    "woodpecker": WOODPECKER,
+    **KNOWN_MOTIONS,
+    **RIGID_SCENES,
+}
 """Scenes by name."""
 
 EXAMPLE = "funnel(balls=300)"

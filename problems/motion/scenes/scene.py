@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...arrays import FloatArray
 from ...errors import ProblemError
 from ..bodies.balls import BallSystem
+from ..bodies.rigid.rigid_bodies import RigidBodies
 from ..bodies.surfaces import Plane
 from ..bodies.system import MechanicalSystem, System
 from ..state import State
@@ -209,7 +210,7 @@ class ClosedFormScene(ABC):
 
 def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float]:
     """Return u ↦ T [J] of a system, with its mass matrix at ``start``."""
-    if isinstance(system, BallSystem):
+    if isinstance(system, BallSystem | RigidBodies):
         return system.kinetic_energy
     if isinstance(system, MechanicalSystem):
         mass = system.mass(start.position)
@@ -218,7 +219,7 @@ def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float
     return lambda velocity: 0.5 * float(velocity @ np.linalg.solve(inverse, velocity))
 
 
-def check_positive(scene: ClosedFormScene, what: str, *names: str) -> None:
+def check_positive(scene: object, what: str, *names: str) -> None:
     """Check the attributes ``names`` of a scene, which messages call ``what``.
 
     Raises:

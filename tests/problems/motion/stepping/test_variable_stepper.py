@@ -11,10 +11,9 @@ from proxbench.problems import ContactProblem, ProblemError
 from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
 from proxbench.problems.motion.scenes.impacts import NewtonsCradle, ObliqueImpact
-from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SphereOnIncline
+from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SlidingSphere, SphereOnIncline
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.resting import Stack, VGroove
-from proxbench.problems.motion.scenes.rolling import SlidingSphere
 from proxbench.problems.motion.scenes.scene import ClosedFormScene, bare_scene
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, OVERLAP, PERIOD, section_start, woodpecker
 from proxbench.problems.motion.state import State

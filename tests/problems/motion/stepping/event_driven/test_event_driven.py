@@ -10,8 +10,7 @@ from proxbench.problems import ContactProblem, ProblemError
 from proxbench.problems.motion.bodies.balls import SPHERE_INERTIA
 from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
-from proxbench.problems.motion.scenes.inclines import BlockOnIncline
-from proxbench.problems.motion.scenes.rolling import SlidingSphere
+from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SlidingSphere
 from proxbench.problems.motion.scenes.scene import bare_scene
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, published_start, section_start, woodpecker
 from proxbench.problems.motion.state import State

@@ -1,0 +1,18 @@
+"""The frame N, T1, T2 of a contact from its normal."""
+
+from numba import njit
+
+
+@njit(cache=True)
+def write_frame(normal, dim, rows):  # type: ignore[no-untyped-def]
+    """Write N and T (planar) or N, T1, T2 (spatial; Duff et al. 2017, which jumps only at n_z = 0) into ``rows``."""
+    x, y, z = normal
+    rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
+    if dim == 2:
+        rows[1, 0], rows[1, 1] = -y, x
+        return
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    rows[1, 0], rows[1, 1], rows[1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    rows[2, 0], rows[2, 1], rows[2, 2] = b, sign + y * y * a, -y

@@ -1,0 +1,1 @@
+"""Rigid bodies with faces: shapes, orientations, and the system that steppers move."""

@@ -1,0 +1,66 @@
+"""Force directions of contacts between rigid bodies, written straight into pieces."""
+
+import numpy as np
+from numba import njit
+
+from ....arrays import FloatArray
+from ....contact.matrices.pieces import Pieces
+from ...detection.narrow_phase import ContactSet
+from ..contact_frame import write_frame
+from .orientation import rotation_matrices
+
+ROLLING_LANES = ((), (0,), (1, 2), (1, 2, 0))
+"""Axes of N, T1, T2 about which rolling friction acts: none, spinning, rolling, both."""
+
+
+def force_directions(contacts: ContactSet, poses: FloatArray, n_linear: int, n_rolling: int) -> Pieces:
+    """Return W of contacts: the relative velocity of each contact point, row by row, then that of rotation.
+
+    γ_d = d·(v_i + ω_i × r_i − v_j − ω_j × r_j) for d = N, T1, T2, and ω_d = d·(ω_i − ω_j), with n from j to i.
+
+    Args:
+        contacts: the contacts; second bodies from ``len(poses)`` on are fixed.
+        poses: (x, quaternion) of each moving body, shape (n, 7).
+        n_linear: rows of velocity, 1 or 3.
+        n_rolling: rows of angular velocity, 0 to 3, see ``ROLLING_LANES``.
+    """
+    turning = np.array(ROLLING_LANES[n_rolling], dtype=np.int64)
+    pairs = (contacts.first, contacts.second, contacts.point, contacts.normal)
+    bodies = (np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:]))
+    starts, chunks, values = _force_directions(*pairs, *bodies, n_linear, turning)
+    return Pieces(starts, chunks, values, len(poses))
+
+
+@njit(cache=True)
+def _force_directions(first, second, points, normals, centres, rotations, n_linear, turning):  # type: ignore[no-untyped-def]
+    """Return starts, chunks and values of W in pairs of pieces; that of a fixed body is zero on the idle chunk."""
+    n_contacts, n_bodies, width = len(first), len(centres), n_linear + len(turning)
+    chunks = np.full(2 * n_contacts, n_bodies, dtype=np.int64)
+    values = np.zeros((2 * n_contacts, width, 6))
+    frame = np.zeros((3, 3))
+    for c in range(n_contacts):
+        write_frame(normals[c], 3, frame)
+        for side in range(2):
+            body = first[c] if side == 0 else second[c]
+            if body < 0 or body >= n_bodies:
+                continue
+            sign = 1.0 if side == 0 else -1.0
+            chunks[2 * c + side] = body
+            _write_piece(
+                sign, points[c] - centres[body], rotations[body], frame, n_linear, turning, values[2 * c + side]
+            )
+    return 2 * np.arange(n_contacts + 1), chunks, values
+
+
+@njit(cache=True)
+def _write_piece(sign, arm, rotation, frame, n_linear, turning, piece):  # type: ignore[no-untyped-def]
+    """Write the rows of a contact on one body; d·(ω × r) is Ω·Rᵀ(r × d) in body axes."""
+    for lane in range(len(piece)):
+        is_linear = lane < n_linear
+        axis = lane if is_linear else turning[lane - n_linear]
+        x, y, z = frame[axis]
+        if is_linear:
+            piece[lane, 0], piece[lane, 1], piece[lane, 2] = sign * x, sign * y, sign * z
+            x, y, z = arm[1] * z - arm[2] * y, arm[2] * x - arm[0] * z, arm[0] * y - arm[1] * x
+        for k in range(3):
+            piece[lane, 3 + k] = sign * (rotation[0, k] * x + rotation[1, k] * y + rotation[2, k] * z)

@@ -1,0 +1,63 @@
+"""Coefficients of contacts by the materials of their two bodies."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ....arrays import FloatArray, IntArray
+from ....errors import ProblemError
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialPairs:
+    """A coefficient for each pair of materials, which a system takes as its friction or its restitution.
+
+    ``MaterialPairs(("steel", "steel", "wood"), {("steel", "steel"): 0.15, ("steel", "wood"): 0.4}, n_fixed=1)``
+
+    Attributes:
+        materials: the material of each body, fixed ones last.
+        coefficients: of each pair of materials, in either order.
+        n_fixed: number of fixed bodies, which touch no other fixed one.
+
+    Raises:
+        ProblemError: if a coefficient is not finite or negative, or two bodies make a pair that has none.
+    """
+
+    materials: Sequence[str]
+    coefficients: Mapping[tuple[str, str], float]
+    n_fixed: int = 0
+
+    def __post_init__(self) -> None:
+        for (one, other), value in self.coefficients.items():
+            if not 0.0 <= value < np.inf:
+                raise ProblemError(f"the coefficient of {one} on {other} must be finite and not negative, got {value}.")
+        n_moving = len(self.materials) - self.n_fixed
+        for body, one in enumerate(self.materials[:n_moving]):
+            for other in self.materials[body + 1 :]:
+                if not {(one, other), (other, one)} & self.coefficients.keys():
+                    raise ProblemError(f"the coefficient of {one} on {other} is missing; add ({one!r}, {other!r}).")
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return sorted(set(self.materials))
+
+    @cached_property
+    def _material_of_body(self) -> IntArray:
+        return np.array([self._names.index(name) for name in self.materials], dtype=np.int64)
+
+    @cached_property
+    def _table(self) -> FloatArray:
+        names = self._names
+        table = np.zeros((len(names), len(names)))
+        for (one, other), value in self.coefficients.items():
+            if one in names and other in names:
+                table[names.index(one), names.index(other)] = table[names.index(other), names.index(one)] = value
+        return table
+
+    def __call__(self, pairs: IntArray) -> FloatArray:
+        """Return the coefficient of each contact, shape (n_contacts,), from the keys of its pair of bodies."""
+        first, second = np.divmod(pairs, len(self.materials))
+        coefficients: FloatArray = self._table[self._material_of_body[first], self._material_of_body[second]]
+        return coefficients

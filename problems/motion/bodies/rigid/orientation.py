@@ -1,0 +1,174 @@
+"""Orientations of rigid bodies: unit quaternions (w, x, y, z), which turn vectors in body axes into world axes.
+
+A body that turns with the angular velocity ω [rad/s], in body axes, for s seconds goes from q to q ⊗ exp(s ω/2).
+"""
+
+import numpy as np
+from numba import njit
+
+from ....arrays import FloatArray
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+"""The orientation whose body axes are the world axes."""
+
+
+def product(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the products first ⊗ second, both of shape (n, 4): the rotation ``second``, then ``first``."""
+    w, x, y, z = first.T
+    a, b, c, d = second.T
+    return np.column_stack(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ]
+    )
+
+
+def exponential(vectors: FloatArray) -> FloatArray:
+    """Return the rotations about ``vectors`` by their length [rad], shapes (n, 3) and (n, 4)."""
+    rotations: FloatArray = _exponential(np.ascontiguousarray(vectors, dtype=np.float64))
+    return rotations
+
+
+def about(axis: tuple[float, float, float], angle: float) -> FloatArray:
+    """Return the rotation about ``axis``, of any length, by ``angle`` [rad], shape (4,)."""
+    unit = np.array(axis) / np.linalg.norm(axis)
+    rotation: FloatArray = exponential(angle * unit[None, :])[0]
+    return rotation
+
+
+def rotation_matrices(quaternions: FloatArray) -> FloatArray:
+    """Return the rotations from body to world axes, shapes (n, 4) and (n, 3, 3).
+
+    Quaternions need not have the length 1: extrapolated ones miss it by the error of a step.
+    """
+    matrices: FloatArray = _rotation_matrices(np.ascontiguousarray(quaternions, dtype=np.float64))
+    return matrices
+
+
+def moved(position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
+    """Return the poses of bodies that move uniformly for ``seconds``.
+
+    Args:
+        position: (x, quaternion) of each body, shape (7 n,).
+        velocity: (v in world axes, ω in body axes) of each body, shape (6 n,).
+        seconds: time [s], of any sign.
+
+    Returns:
+        Poses with unit quaternions, shape (7 n,).
+    """
+    poses: FloatArray = _moved(position, velocity, seconds)
+    return poses
+
+
+def free_spins(spins: FloatArray, inertias: FloatArray, seconds: float) -> FloatArray:
+    """Return the angular velocities after a step without moments, by the implicit midpoint rule on Euler's equations.
+
+    J (ω_E − ω_B) = −Δt ω_m × J ω_m with ω_m = (ω_B + ω_E)/2. Multiplied by ω_m and by J ω_m, the right side vanishes,
+    and the left one is the change of ½ ωᵀJω and of ½ |Jω|²: both stay as they are.
+
+    Args:
+        spins: ω_B in body axes [rad/s], shape (n, 3).
+        inertias: principal moments J [kg m²], shape (n, 3).
+        seconds: Δt [s].
+
+    Returns:
+        ω_E in body axes [rad/s], shape (n, 3).
+    """
+    after: FloatArray = _free_spins(spins, inertias, seconds)
+    return after
+
+
+@njit(cache=True)
+def _half_turn(x, y, z, scale):  # type: ignore[no-untyped-def]
+    """Return the quaternion of a rotation by the vector (x, y, z) times ``scale``."""
+    x, y, z = 0.5 * scale * x, 0.5 * scale * y, 0.5 * scale * z
+    squared = x * x + y * y + z * z
+    if squared < 1e-8:  # sin(a)/a by its series, exact to rounding
+        ratio = 1.0 - squared / 6.0 * (1.0 - squared / 20.0)
+        return np.sqrt(1.0 - squared * ratio * ratio), ratio * x, ratio * y, ratio * z
+    angle = np.sqrt(squared)
+    ratio = np.sin(angle) / angle
+    return np.cos(angle), ratio * x, ratio * y, ratio * z
+
+
+@njit(cache=True)
+def _exponential(vectors):  # type: ignore[no-untyped-def]
+    rotations = np.empty((len(vectors), 4))
+    for i in range(len(vectors)):
+        w, x, y, z = _half_turn(vectors[i, 0], vectors[i, 1], vectors[i, 2], 1.0)
+        rotations[i, 0], rotations[i, 1], rotations[i, 2], rotations[i, 3] = w, x, y, z
+    return rotations
+
+
+@njit(cache=True)
+def _rotation_matrices(quaternions):  # type: ignore[no-untyped-def]
+    matrices = np.empty((len(quaternions), 3, 3))
+    for i in range(len(quaternions)):
+        w, x, y, z = quaternions[i]
+        double = 2.0 / (w * w + x * x + y * y + z * z)
+        matrices[i, 0, 0] = 1.0 - double * (y * y + z * z)
+        matrices[i, 0, 1] = double * (x * y - w * z)
+        matrices[i, 0, 2] = double * (x * z + w * y)
+        matrices[i, 1, 0] = double * (x * y + w * z)
+        matrices[i, 1, 1] = 1.0 - double * (x * x + z * z)
+        matrices[i, 1, 2] = double * (y * z - w * x)
+        matrices[i, 2, 0] = double * (x * z - w * y)
+        matrices[i, 2, 1] = double * (y * z + w * x)
+        matrices[i, 2, 2] = 1.0 - double * (x * x + y * y)
+    return matrices
+
+
+@njit(cache=True)
+def _moved(position, velocity, seconds):  # type: ignore[no-untyped-def]
+    after = np.empty_like(position)
+    for i in range(len(position) // 7):
+        p, u = 7 * i, 6 * i
+        for axis in range(3):
+            after[p + axis] = position[p + axis] + seconds * velocity[u + axis]
+        a, b, c, d = _half_turn(velocity[u + 3], velocity[u + 4], velocity[u + 5], seconds)
+        w, x, y, z = position[p + 3], position[p + 4], position[p + 5], position[p + 6]
+        turned_w = w * a - x * b - y * c - z * d
+        turned_x = w * b + x * a + y * d - z * c
+        turned_y = w * c - x * d + y * a + z * b
+        turned_z = w * d + x * c - y * b + z * a
+        length = np.sqrt(turned_w**2 + turned_x**2 + turned_y**2 + turned_z**2)
+        after[p + 3], after[p + 4] = turned_w / length, turned_x / length
+        after[p + 5], after[p + 6] = turned_y / length, turned_z / length
+    return after
+
+
+MAX_NEWTON_STEPS = 20
+"""Most Newton steps of one free rotation; a step that turns a body by less than a radian takes four."""
+
+
+@njit(cache=True)
+def _free_spins(spins, inertias, seconds):  # type: ignore[no-untyped-def]
+    after = spins.copy()
+    for i in range(len(spins)):
+        j, begin, end = inertias[i], spins[i], after[i]
+        scale = np.abs(j * begin).max()
+        last = np.inf
+        for _ in range(MAX_NEWTON_STEPS):
+            m0, m1, m2 = 0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1]), 0.5 * (begin[2] + end[2])
+            r0 = j[0] * (end[0] - begin[0]) + seconds * (j[2] - j[1]) * m1 * m2
+            r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0
+            r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1
+            size = max(abs(r0), abs(r1), abs(r2))
+            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # only rounding is left
+                break
+            last = size
+            half = 0.5 * seconds
+            a01, a02 = half * (j[2] - j[1]) * m2, half * (j[2] - j[1]) * m1
+            a10, a12 = half * (j[0] - j[2]) * m2, half * (j[0] - j[2]) * m0
+            a20, a21 = half * (j[1] - j[0]) * m1, half * (j[1] - j[0]) * m0
+            c00, c01, c02 = j[1] * j[2] - a12 * a21, a02 * a21 - a01 * j[2], a01 * a12 - a02 * j[1]
+            c10, c11, c12 = a12 * a20 - a10 * j[2], j[0] * j[2] - a02 * a20, a02 * a10 - j[0] * a12
+            c20, c21, c22 = a10 * a21 - j[1] * a20, a01 * a20 - j[0] * a21, j[0] * j[1] - a01 * a10
+            determinant = j[0] * c00 + a01 * c10 + a02 * c20
+            end[0] -= (c00 * r0 + c01 * r1 + c02 * r2) / determinant
+            end[1] -= (c10 * r0 + c11 * r1 + c12 * r2) / determinant
+            end[2] -= (c20 * r0 + c21 * r1 + c22 * r2) / determinant
+    return after

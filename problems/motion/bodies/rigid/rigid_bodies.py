@@ -1,0 +1,299 @@
+"""Systems of rigid bodies of any shape, among fixed ones.
+
+    q = (x, quaternion)   7 numbers a body: the centre of mass, and the rotation of its principal axes
+    u = (v, ω)            6 numbers a body: v in world axes, ω in body axes, so that M is constant and diagonal
+
+A contact has the row N, with friction T1 and T2 too, and after them the axes of rolling friction. Contacts are written
+straight into W in pieces, two bodies a contact or one; where there are joints, their rows follow those of the contacts.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from ....arrays import FloatArray, IntArray
+from ....contact.laws import Laws
+from ....contact.matrices.factors import InverseMass
+from ....errors import ProblemError
+from ...detection.broad_phase import overlapping_pairs
+from ...detection.contact_keys import ContactKeys
+from ...detection.narrow_phase import MAX_FEATURES, ContactSet, find_contacts
+from ..balls import Acceleration, PairFriction, Potential
+from ..system import ActiveContacts, Overlaps, StepAssembly
+from .force_directions import force_directions
+from .materials import MaterialPairs
+from .orientation import IDENTITY, free_spins, moved
+from .shapes import Shape
+
+
+@dataclass(frozen=True)
+class FixedBody:
+    """A body without degrees of freedom.
+
+    Attributes:
+        shape: its shape.
+        centre: the origin of its body axes [m].
+        orientation: their rotation, a unit quaternion.
+    """
+
+    shape: Shape
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float, float] = IDENTITY
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """The rows of all joints at one position.
+
+    Attributes:
+        row_counts: rows of each joint, shape (n_joints,).
+        laws: their force laws.
+        directions: W, shape (n_dofs, n_rows).
+    """
+
+    row_counts: IntArray
+    laws: Laws
+    directions: sp.csc_array[Any]
+
+
+class Joints(Protocol):
+    """What the system asks of its joints."""
+
+    def rows_at(self, poses: FloatArray) -> JointRows:
+        """Return the rows at poses (x, quaternion), shape (n, 7)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBodies:
+    """Rigid bodies, fixed ones, and the effects on them; ``scenes.effects`` adds an effect.
+
+    Attributes:
+        shapes: one a body.
+        masses: m [kg], shape (n,).
+        fixed: bodies without degrees of freedom; they count on after the others.
+        inertias: principal moments J [kg m²], shape (n, 3); those of homogeneous bodies if None.
+        accelerations: accelerations of the centres by forces other than contact forces.
+        potentials: potential energy of each of ``accelerations``, None where it is not known.
+        friction: μ of all contacts, or keys of pairs of bodies ↦ μ of each; None for contacts without friction.
+        restitution_normal: ε_N of all contacts, or keys of pairs ↦ ε_N of each.
+        restitution_tangential: ε_T of all contacts.
+        rolling_friction: μ_r [m] of all contacts.
+        rolling_axes: rows of rolling friction: 0 none, 1 spinning about the normal, 2 rolling, 3 both with one bound.
+        is_gyroscopic: whether ω × Jω turns the axis of rotation; else ω stays in body axes unless a moment acts.
+        joints: joints between bodies.
+
+    Raises:
+        ProblemError: if arrays are of unequal length, a mass or a moment of inertia is not positive, no body has such
+            moments, or a coefficient is out of range.
+    """
+
+    shapes: Sequence[Shape]
+    masses: FloatArray
+    fixed: Sequence[FixedBody] = ()
+    inertias: FloatArray | None = None
+    accelerations: Sequence[Acceleration] = ()
+    potentials: Sequence[Potential | None] = ()
+    friction: float | PairFriction | None = None
+    restitution_normal: float | PairFriction = 0.0
+    restitution_tangential: float = 0.0
+    rolling_friction: float = 0.0
+    rolling_axes: int = 0
+    is_gyroscopic: bool = False
+    joints: Joints | None = None
+
+    def __post_init__(self) -> None:
+        masses = np.ascontiguousarray(self.masses, dtype=np.float64)
+        if masses.shape != (len(self.shapes),) or not (masses > 0).all() or not np.isfinite(masses).all():
+            raise ProblemError(f"masses must be {len(self.shapes)} positive numbers, one a shape.")
+        object.__setattr__(self, "masses", masses)
+        self._check_inertias()
+        for name in ("friction", "rolling_friction"):
+            value = getattr(self, name)
+            if not (value is None or callable(value) or 0.0 <= value < np.inf):
+                raise ProblemError(f"{name} must be finite and not negative, got {value}.")
+        for name in ("restitution_normal", "restitution_tangential"):
+            value = getattr(self, name)
+            if isinstance(value, MaterialPairs):
+                value = max(value.coefficients.values(), default=0.0)
+            if not (callable(value) or 0.0 <= value <= 1.0):
+                raise ProblemError(f"{name} must be between 0 and 1, got {value}.")
+        if self.rolling_axes not in (0, 1, 2, 3):
+            raise ProblemError(f"rolling_axes must be 0, 1, 2 or 3, got {self.rolling_axes}.")
+
+    def _check_inertias(self) -> None:
+        if self.moments.shape != (self.n_bodies, 3):
+            raise ProblemError(f"inertias must have shape ({self.n_bodies}, 3), got {self.moments.shape}.")
+        for body, (j_x, j_y, j_z) in enumerate(self.moments.tolist()):
+            largest = max(j_x, j_y, j_z)
+            if not (min(j_x, j_y, j_z) > 0.0 and largest < np.inf):
+                raise ProblemError(f"inertias[{body}] must be positive, got {(j_x, j_y, j_z)}.")
+            if 2.0 * largest > (1.0 + 1e-12) * (j_x + j_y + j_z):
+                raise ProblemError(
+                    f"no body has the moments of inertia {(j_x, j_y, j_z)} of inertias[{body}]: the largest must not "
+                    "exceed the sum of the others."
+                )
+
+    @cached_property
+    def moments(self) -> FloatArray:
+        """Principal moments of inertia J [kg m²], shape (n, 3)."""
+        if self.inertias is not None:
+            return np.ascontiguousarray(self.inertias, dtype=np.float64)
+        densities = self.masses / np.array([shape.volume for shape in self.shapes])
+        moments: FloatArray = densities[:, None] * np.array([shape.inertia for shape in self.shapes]).reshape(-1, 3)
+        return moments
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of bodies that move."""
+        return len(self.masses)
+
+    @property
+    def linear_rows(self) -> int:
+        """Rows of a contact for velocities: 1 without friction, else 3."""
+        return 1 if self.friction is None else 3
+
+    @property
+    def rows_per_contact(self) -> int:
+        """Rows of one contact."""
+        return self.linear_rows + self.rolling_axes
+
+    @cached_property
+    def inverse_mass(self) -> InverseMass:
+        """M⁻¹, diagonal."""
+        return InverseMass.create(1.0 / self._mass_diagonal)
+
+    @cached_property
+    def _mass_diagonal(self) -> FloatArray:
+        diagonal: FloatArray = np.column_stack([*[self.masses] * 3, self.moments]).ravel()
+        return diagonal
+
+    @cached_property
+    def _all_shapes(self) -> Sequence[Shape]:
+        return (*self.shapes, *(body.shape for body in self.fixed))
+
+    @cached_property
+    def _fixed_poses(self) -> FloatArray:
+        return np.array([(*body.centre, *body.orientation) for body in self.fixed]).reshape(-1, 7)
+
+    @cached_property
+    def _radii(self) -> FloatArray:
+        return np.array([shape.bounding_radius for shape in self._all_shapes])
+
+    @cached_property
+    def _keys(self) -> ContactKeys:
+        return ContactKeys(len(self._all_shapes), MAX_FEATURES)
+
+    def poses(self, position: FloatArray) -> FloatArray:
+        """Return (x [m], quaternion) of each body, shape (n, 7), of a position vector q, shape (7 n,)."""
+        return position.reshape(self.n_bodies, 7)
+
+    def centres(self, position: FloatArray) -> FloatArray:
+        """Return the centres of mass [m], shape (n, 3), of a position vector q."""
+        return self.poses(position)[:, :3]
+
+    def twists(self, velocity: FloatArray) -> FloatArray:
+        """Return (v, ω) of each body, shape (n, 6), of a velocity vector u."""
+        return velocity.reshape(self.n_bodies, 6)
+
+    def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
+        """Return the bodies moved along v and turned by ω; quaternions stay of unit length."""
+        return moved(position, velocity, seconds)
+
+    def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
+        """Linearise at q_M: gaps and W of the contacts that penetrate there, and of the joints."""
+        poses, free = self.poses(midpoint), self.twists(velocity).copy()
+        for acceleration in self.accelerations:
+            free[:, :3] += seconds * acceleration(poses[:, :3], self.twists(velocity)[:, :3], self.masses)
+        if self.is_gyroscopic:
+            free[:, 3:] = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds)
+        contacts = self._active_contacts(poses)
+        if self.joints is not None:
+            contacts = self._with_joints(contacts, self.joints.rows_at(poses))
+        return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+
+    def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
+        """Return keys, ascending, and gaps [m] of the contacts with a gap below ``limit``."""
+        found = self.contacts_within(self.poses(position), limit)
+        near = found.gap < limit
+        return self._encoded(found)[near], found.gap[near]
+
+    def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
+        """Return all contacts that penetrate, or None if none of them is deeper than ``tolerated`` [m]."""
+        poses = self.poses(position)
+        found = self.contacts_within(poses, 0.0)
+        if not (found.gap < -tolerated).any():
+            return None
+        return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass)
+
+    def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
+        """Return the contacts with a gap of less than ``margin`` [m], ordered by bodies and feature."""
+        everything = np.concatenate([poses, self._fixed_poses])
+        return find_contacts(self._all_shapes, everything, self._near_pairs(everything[:, :3], margin), margin)
+
+    def _near_pairs(self, centres: FloatArray, margin: float) -> IntArray:
+        """Return the pairs whose bounding spheres are closer than ``margin``, by first, then second body."""
+        n = self.n_bodies
+        near = [overlapping_pairs(centres[:n], self._radii[:n] + 0.5 * margin)]
+        for body in range(n, len(centres)):
+            distance = np.linalg.norm(centres[:n] - centres[body], axis=1)
+            touching = np.flatnonzero(distance < self._radii[:n] + self._radii[body] + margin)
+            near.append(np.column_stack([touching, np.full(len(touching), body)]))
+        pairs = np.concatenate(near)
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+    def _encoded(self, found: ContactSet) -> IntArray:
+        return self._keys.encode(found.first, found.second, found.feature)
+
+    def _active_contacts(self, poses: FloatArray) -> ActiveContacts | None:
+        found = self.contacts_within(poses, 0.0)
+        if not len(found.gap):
+            return None
+        keys, width = self._encoded(found), self.rows_per_contact
+        pairs = self._keys.pairs(keys)
+        friction = self.friction(pairs) if callable(self.friction) else self.friction or 0.0
+        laws = Laws.contacts(friction, self.linear_rows, len(keys))
+        if self.rolling_axes:
+            laws = laws.with_rolling(self.rolling_friction, self.rolling_axes)
+        restitution = np.zeros((len(keys), width))
+        restitution[:, 1 : self.linear_rows] = self.restitution_tangential
+        normal = self.restitution_normal
+        restitution[:, 0] = normal(pairs) if callable(normal) else normal
+        directions = force_directions(found, poses, self.linear_rows, self.rolling_axes)
+        return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
+
+    def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts:
+        """Return the contacts with the rows of the joints after theirs; the keys of joints follow all others."""
+        counts, n_rows = joints.row_counts, joints.laws.n_rows
+        keys = self._keys.n_bodies**2 * self._keys.n_features + np.arange(len(counts))
+        no_gap, none = np.zeros(len(counts)), np.zeros(n_rows)
+        width = max(self.rows_per_contact, int(counts.max(initial=1)))
+        if contacts is None:
+            return ActiveContacts(keys, no_gap, joints.laws, joints.directions, none, width, counts)
+        own = contacts.directions
+        assert not isinstance(own, sp.csc_array)
+        return ActiveContacts(
+            np.concatenate([contacts.keys, keys]),
+            np.concatenate([contacts.gap, no_gap]),
+            Laws.together([contacts.laws, joints.laws]),
+            sp.csc_array(sp.hstack([own.to_csc(), joints.directions])),
+            np.concatenate([contacts.restitution, none]),
+            width,
+            np.concatenate([np.full(len(contacts.keys), contacts.width), counts]),
+        )
+
+    @property
+    def potential_energy(self) -> Callable[[FloatArray], float] | None:
+        """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
+        known = [potential for potential in self.potentials if potential is not None]
+        if len(known) != len(self.accelerations):
+            return None
+        return lambda position: sum(potential(self.centres(position), self.masses) for potential in known)
+
+    def kinetic_energy(self, velocity: FloatArray) -> float:
+        """Return ½ uᵀ M u [J]."""
+        return 0.5 * float(velocity @ (self._mass_diagonal * velocity))

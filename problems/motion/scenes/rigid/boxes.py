@@ -1,0 +1,251 @@
+"""Boxes on a plane: on an incline, tipping, and thrown."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, hypot, inf, sin, tan
+
+import numpy as np
+
+from ....arrays import FloatArray
+from ....errors import ProblemError
+from ...bodies.rigid.orientation import about, product, rotation_matrices
+from ...bodies.rigid.rigid_bodies import FixedBody, RigidBodies
+from ...bodies.rigid.shapes import Box, HalfSpace
+from ...state import State
+from ..effects import Friction, Gravity
+from ..inclines import BlockOnIncline
+from ..scene import OVERLAP, ClosedFormScene, Observable, check_positive
+from .effects import rigid_bodies
+
+Size = tuple[float, ...]
+"""Edge lengths along the three body axes [m]."""
+
+ACROSS = (0.0, 1.0, 0.0)
+"""Horizontal direction across an incline that descends along x."""
+
+UP = (0.0, 0.0, 1.0)
+
+
+def incline(slope: float) -> FixedBody:
+    """Return the half-space below a plane through the origin, which descends along x at ``slope`` [rad]."""
+    return FixedBody(HalfSpace(), orientation=tuple(about(ACROSS, slope)))
+
+
+def upward(slope: float) -> FloatArray:
+    """Return the unit normal of an incline, shape (3,)."""
+    return np.array([sin(slope), 0.0, cos(slope)])
+
+
+def downhill(slope: float) -> FloatArray:
+    """Return the direction in which an incline descends, shape (3,)."""
+    return np.array([cos(slope), 0.0, -sin(slope)])
+
+
+def _check_box(size: Size, slope: float) -> None:
+    if len(size) != 3 or not all(0.0 < edge < inf for edge in size):
+        raise ProblemError(f"size of a box must be three positive numbers, got {size}.")
+    if not 0.0 <= slope < 0.5 * np.pi:
+        raise ProblemError(f"slope of an incline must be from 0 to below π/2, got {slope}.")
+
+
+class SlidingBox(ClosedFormScene):
+    """A box on an incline that slides, stops or stays, and does not tip."""
+
+    slope: float
+    friction: float
+    speed: float
+    size: Size
+    turn: float
+    mass: float
+    gravity: float
+
+    @cached_property
+    def block(self) -> BlockOnIncline:
+        """The same motion in coordinates along and normal to the incline."""
+        return BlockOnIncline(self.slope, self.friction, self.speed, self.mass, self.gravity)
+
+    @property
+    def reach(self) -> float:
+        """Distance from the middle of its base to the edge in the direction of motion [m]."""
+        along, across = abs(cos(self.turn)), abs(sin(self.turn))
+        edges = [0.5 * edge / part for edge, part in zip(self.size, (along, across), strict=False) if part > 0.0]
+        return min(edges)
+
+    def check(self) -> None:
+        """Raise ``ProblemError`` if a number is out of range, or the box would tip.
+
+        Friction μ N, or what it takes to hold the box, at the base and half the height below the centre is balanced by
+        pressure at the distance μ h/2 from the middle, which must be under the box.
+        """
+        _check_box(self.size, self.slope)
+        check_positive(self, "a box", "mass")
+        held = min(self.friction, tan(self.slope)) if self.speed == 0.0 else self.friction
+        if 0.5 * held * self.size[2] > self.reach:
+            raise ProblemError(
+                f"a box of size {self.size} tips when friction of {held:.4g} holds its base; "
+                "lower its friction or its height, or simulate a tipping_box."
+            )
+
+    def system(self) -> RigidBodies:
+        """Return the box on its incline."""
+        effects = (Gravity(self.gravity), Friction(self.friction))
+        return rigid_bodies([Box(self.size)], np.array([self.mass]), [incline(self.slope)], effects)
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
+        block = self.block.exact(time)
+        centre = (0.5 * self.size[2] - OVERLAP) * upward(self.slope) + block.position[0] * downhill(self.slope)
+        orientation = product(about(ACROSS, self.slope)[None], about(UP, self.turn)[None])[0]
+        velocity = np.concatenate([block.velocity[0] * downhill(self.slope), np.zeros(3)])
+        return State(time, np.concatenate([centre, orientation]), velocity)
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """How far the centre is above its height at the start, normal to the incline."""
+        return (Observable("lift", self.lift, label="lift [m]", head="lift"),)
+
+    def lift(self, state: State) -> float:
+        """Return how far the centre is above its height at the start, normal to the incline [m]."""
+        return float(state.position[:3] @ upward(self.slope)) - 0.5 * self.size[2] + OVERLAP
+
+
+@dataclass(frozen=True)
+class BoxOnIncline(SlidingBox):
+    """A box on an incline that descends along x: it slides if tan θ > μ, and stops or stays otherwise.
+
+    Attributes:
+        slope: θ [rad].
+        friction: μ.
+        speed: initial velocity downhill [m/s]; negative for a box that is pushed up.
+        size: edge lengths along the incline, across it and normal to it [m].
+        turn: rotation about the normal [rad].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if θ is outside [0, π/2), the size is not positive, or the box would tip.
+    """
+
+    slope: float = 0.5
+    friction: float = 0.4
+    speed: float = 0.0
+    size: Size = (0.2, 0.2, 0.1)
+    turn: float = 0.0
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        self.check()
+
+
+@dataclass(frozen=True)
+class ThrownBox(SlidingBox):
+    """A box thrown along level ground, which slides to a stop with the acceleration −μ g and does not lift.
+
+    Attributes:
+        speed: initial velocity along x [m/s].
+        friction: μ.
+        size: edge lengths along, across and normal to the ground [m].
+        turn: rotation about the vertical [rad].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if the size is not positive, or the box would tip.
+    """
+
+    speed: float = 6.0
+    friction: float = 0.5
+    size: Size = (0.1, 0.1, 0.1)
+    turn: float = 0.0
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    slope = 0.0
+
+    def __post_init__(self) -> None:
+        self.check()
+
+
+@dataclass(frozen=True)
+class TippingBox:
+    """A box at rest on an incline, which tips over its lower edge if width/height < tan θ, and stays otherwise.
+
+    Attributes:
+        slope: θ [rad].
+        friction: μ.
+        size: edge lengths along the incline (width), across it, and normal to it (height) [m].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if θ is outside [0, π/2), the size is not positive, or the friction does not hold the base.
+    """
+
+    slope: float = 0.5
+    friction: float = 0.8
+    size: Size = (0.1, 0.1, 0.25)
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        _check_box(self.size, self.slope)
+        check_positive(self, "a box", "mass")
+        if self.holding_friction > self.friction:
+            raise ProblemError(
+                f"friction of a tipping box must be at least {self.holding_friction:.4g} to hold its lower edge, got "
+                f"{self.friction}; raise it, or simulate a box_on_incline."
+            )
+
+    @property
+    def arm(self) -> float:
+        """Distance of the centre from the edge [m], half the diagonal."""
+        return 0.5 * hypot(self.size[0], self.size[2])
+
+    @property
+    def lean(self) -> float:
+        """Angle of the line from the lower edge to the centre beyond the vertical [rad]; the box tips if positive."""
+        return self.slope - float(np.arctan2(self.size[0], self.size[2]))
+
+    @property
+    def tips(self) -> bool:
+        """Whether it tips: width/height < tan θ."""
+        return self.size[0] < self.size[2] * tan(self.slope)
+
+    @property
+    def angular_acceleration(self) -> float:
+        """Angular acceleration at the onset [rad/s²], m g R sin(lean)/J with J = 4/3 m R² about the edge; 0 at rest."""
+        return 0.75 * self.gravity / self.arm * sin(self.lean) if self.tips else 0.0
+
+    @property
+    def holding_friction(self) -> float:
+        """Friction over normal force at the onset: (g sin θ − α h/2)/(g cos θ + α w/2), tan θ at rest."""
+        turning, (width, _, height) = self.angular_acceleration, self.size
+        held = self.gravity * sin(self.slope) - 0.5 * turning * height
+        return held / (self.gravity * cos(self.slope) + 0.5 * turning * width)
+
+    def angular_velocity(self, angle: float) -> float:
+        """Return the rate [rad/s] at which the box turns about its edge after ``angle`` [rad], by energy."""
+        fall = cos(self.lean) - cos(self.lean + angle)
+        return float(np.sqrt(1.5 * self.gravity / self.arm * fall)) if self.tips else 0.0
+
+    def tilt(self, state: State) -> float:
+        """Return the angle by which the box has turned from the incline downhill [rad]."""
+        turned = rotation_matrices(state.position[None, 3:7])[0]
+        return float(np.arctan2(turned[0, 2], turned[2, 2])) - self.slope
+
+    def system(self) -> RigidBodies:
+        """Return the box on its incline."""
+        effects = (Gravity(self.gravity), Friction(self.friction))
+        return rigid_bodies([Box(self.size)], np.array([self.mass]), [incline(self.slope)], effects)
+
+    def start(self) -> State:
+        """Return the box at rest."""
+        centre = (0.5 * self.size[2] - OVERLAP) * upward(self.slope)
+        return State(0.0, np.concatenate([centre, about(ACROSS, self.slope)]), np.zeros(6))
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The angle by which the box has turned."""
+        return (Observable("tilt", self.tilt, label="tilt [rad]", head="tilt"),)

@@ -1,0 +1,26 @@
+"""Coefficients by pair of materials: one for each pair in either order, and none that is missing."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.bodies.rigid.materials import MaterialPairs
+
+COEFFICIENTS = {("steel", "steel"): 0.15, ("wood", "steel"): 0.4, ("wood", "rubber"): 0.9, ("steel", "rubber"): 0.8}
+
+
+def test_each_pair_of_bodies_has_the_coefficient_of_its_materials_in_either_order() -> None:
+    pairs = MaterialPairs(("steel", "wood", "steel", "rubber"), COEFFICIENTS, n_fixed=1)
+    keys = np.array([0 * 4 + 1, 0 * 4 + 2, 1 * 4 + 2, 1 * 4 + 3, 2 * 4 + 3])
+    assert pairs(keys).tolist() == [0.4, 0.15, 0.4, 0.9, 0.8]
+
+
+def test_a_missing_pair_is_named_unless_both_bodies_are_fixed_or_the_same() -> None:
+    with pytest.raises(ProblemError, match="wood on wood is missing"):
+        MaterialPairs(("wood", "steel", "wood"), COEFFICIENTS)
+    MaterialPairs(("steel", "wood", "rubber", "rubber"), COEFFICIENTS, n_fixed=2)
+
+
+@pytest.mark.parametrize("value", [-0.1, float("inf"), float("nan")])
+def test_a_coefficient_out_of_range_is_named(value: float) -> None:
+    with pytest.raises(ProblemError, match="steel on wood must be finite"):
+        MaterialPairs(("steel",), {("steel", "wood"): value})

@@ -1,0 +1,120 @@
+"""Boxes on an incline, thrown, tipping and in a stack, against their closed forms."""
+
+from collections.abc import Iterator
+from math import cos, sin, tan
+
+import numpy as np
+import pytest
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.rigid.boxes import BoxOnIncline, SlidingBox, ThrownBox, TippingBox
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.problems.motion.stepping.step import Step
+from proxbench.solvers import Status, Stop, create
+
+
+def steps(scene: SlidingBox | TippingBox, time_step: float, count: int) -> Iterator[Step]:
+    moreau = MidpointRule(scene.system(), create("Robust"), Stop(1e-12, 100_000), time_step)
+    for step in moreau.steps(scene.start(), count):
+        assert step.status in (None, Status.SOLVED)
+        yield step
+
+
+def largest_errors(scene: SlidingBox, time_step: float, count: int) -> tuple[float, float]:
+    """Return the largest errors of position and velocity."""
+    position = velocity = 0.0
+    for step in steps(scene, time_step, count):
+        exact = scene.exact(step.state.time)
+        position = max(position, float(np.abs(step.state.position - exact.position).max()))
+        velocity = max(velocity, float(np.abs(step.state.velocity - exact.velocity).max()))
+    return position, velocity
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+@pytest.mark.parametrize(
+    ("slope", "friction", "speed"), [(0.5, 0.4, 0.0), (0.5, 0.4, 1.0), (0.3, 0.31, 0.0), (0.0, 0.3, 0.0)]
+)
+def test_a_box_on_an_incline_follows_its_closed_form(slope: float, friction: float, speed: float, turn: float) -> None:
+    """Accelerations are constant, so the midpoint rule makes no error but that of the solver."""
+    scene = BoxOnIncline(slope=slope, friction=friction, speed=speed, turn=turn)
+    position, velocity = largest_errors(scene, 1e-3, 200)
+    assert position <= 1e-9
+    assert velocity <= 1e-9
+
+
+@pytest.mark.parametrize(("excess", "slides"), [(1e-4, True), (-1e-4, False)])
+def test_a_box_slides_if_the_slope_exceeds_its_friction(excess: float, slides: bool) -> None:
+    scene = BoxOnIncline(slope=0.4, friction=tan(0.4) - excess)
+    *_, last = steps(scene, 1e-3, 100)
+    expected = 9.81 * (sin(0.4) - scene.friction * cos(0.4)) * 0.1 if slides else 0.0
+    assert np.linalg.norm(last.state.velocity[:3]) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, np.pi / 4])
+def test_a_thrown_box_slides_to_a_stop_and_does_not_lift(turn: float) -> None:
+    scene = ThrownBox(turn=turn)
+    stop = 6.0 / (0.5 * 9.81)
+    lifts, time_step = [], 5e-3
+    for step in steps(scene, time_step, 250):
+        lifts.append(scene.lift(step.state))
+        if step.state.time < stop - time_step:
+            assert step.state.velocity[0] == pytest.approx(6.0 - 0.5 * 9.81 * step.state.time, abs=1e-8)
+    assert step.state.time > stop
+    assert np.abs(lifts).max() <= 1e-9
+    assert np.abs(step.state.velocity).max() <= 1e-9
+    assert step.state.position[0] == pytest.approx(6.0**2 / (2.0 * 0.5 * 9.81), abs=0.5 * 0.5 * 9.81 * time_step**2)
+
+
+@pytest.mark.parametrize(("width", "tips"), [(0.99, True), (1.01, False)])
+def test_a_box_tips_if_it_is_narrower_than_its_height_times_the_slope(width: float, tips: bool) -> None:
+    height, slope = 0.25, 0.5
+    scene = TippingBox(slope, size=(width * height * tan(slope), 0.1, height))
+    assert scene.tips is tips
+    *_, last = steps(scene, 1e-3, 100)
+    if tips:  # the angle of an inverted pendulum grows slowly at first
+        assert scene.tilt(last.state) > 0.9 * 0.5 * scene.angular_acceleration * 0.1**2 > 1e-4
+    else:
+        assert abs(scene.tilt(last.state)) <= 1e-9
+
+
+def test_a_tipping_box_begins_with_the_angular_acceleration_of_its_closed_form_and_turns_about_its_edge() -> None:
+    scene = TippingBox()
+    assert scene.angular_acceleration == pytest.approx(
+        1.5 * 9.81 * (0.25 * sin(0.5) - 0.1 * cos(0.5)) / (0.1**2 + 0.25**2), rel=1e-14
+    )
+    first = next(steps(scene, 1e-5, 1))
+    assert first.state.velocity[4] == pytest.approx(scene.angular_acceleration * 1e-5, rel=1e-6)
+    errors = []
+    for time_step in (2e-3, 1e-3, 5e-4):
+        *_, last = steps(scene, time_step, round(0.2 / time_step))
+        errors.append(abs(last.state.velocity[4] - scene.angular_velocity(scene.tilt(last.state))))
+    assert errors[0] < 0.02 * scene.angular_velocity(0.1)
+    assert errors[1] < 0.6 * errors[0]
+    assert errors[2] < 0.6 * errors[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("box_on_incline(slope=2.0)", "slope of an incline"),
+        ("box_on_incline(size=(0.1, 0.2))", "three positive numbers"),
+        ("box_on_incline(size=(0.1, 0.1, 0.5))", "simulate a tipping_box"),
+        ("thrown_box(size=(0.1, 0.1, 0.3))", "tips when friction of 0.5"),
+        ("thrown_box(mass=0.0)", "mass of a box must be positive"),
+        ("tipping_box(friction=0.1)", "to hold its lower edge"),
+    ],
+)
+def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        make_scene(text)
+
+
+def test_the_scenes_are_in_the_registry_with_what_they_observe() -> None:
+    observed = {"box_on_incline": "lift", "thrown_box": "lift", "tipping_box": "tilt"}
+    for name, observable in observed.items():
+        scene = make_scene(name)
+        assert [one.name for one in scene.observables] == [observable]
+        assert scene.observables[0].compute(scene.start) == pytest.approx(0.0, abs=1e-15)
+        assert scene.potential_energy is not None
+        assert isinstance(scene.start, State)
