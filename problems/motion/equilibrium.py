@@ -113,7 +113,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
         ProblemError: if the margin is negative, or the system has none.
     """
     if not 0.0 <= margin < np.inf:
-        raise ProblemError(f"margin must be a length that is not negative, got {margin}.")
+        raise ProblemError(f"`margin` must be a length that is not negative, got {margin}.")
     if margin > 0.0:
         if not isinstance(system, HasMargin):
             raise ProblemError(f"{type(system).__name__} finds contacts without a margin; leave out `margin`.")

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from ....problems.contact.problem import ContactProblem
     from ....problems.motion.scenes.scene import Scene
 
+LEAST_PUSH = 1e-9
+"""Largest push, over the weight, that is printed as none."""
+
 _loads = partial(typer.Option, rich_help_panel="Loads and contacts")
 
 
@@ -63,14 +66,15 @@ def statics(
 def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArray] | None":
     """Return the direction of the push and the velocities of bodies that move along it; None without a push."""
     from ....problems.motion.bodies.balls import BallSystem
+    from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
     from ...errors import BenchError
 
     bodies = scene.balls or scene.system
-    if not isinstance(bodies, BallSystem):
+    if not isinstance(bodies, BallSystem | RigidBodies):
         if given is None:
             return None
         raise BenchError(f"{scene.name} has no axes along which its bodies could be pushed; leave out --push.")
-    dimension = bodies.dimension
+    dimension = bodies.dimension if isinstance(bodies, BallSystem) else 3
     words = ["1", *["0"] * (dimension - 1)] if given is None else given.split(",")
     try:
         direction = np.array([float(word) for word in words])
@@ -99,12 +103,16 @@ def _sentence(row: dict[str, Any]) -> str:
         parts = [f"cannot stand: it begins to move with {share} of the free acceleration", row["mechanism"]]
     if row["can_stand"] and "push" in row:
         along = ",".join(f"{number:g}" for number in row["push"])
-        largest = row["largest_push"]
-        share = "any push" if largest is None else f"a push of up to {largest:.4g} of its weight"
-        parts.append(f"it bears {share} along {along}")
+        parts.append(f"it bears {_size(row['largest_push'])} along {along}")
     if "least_friction" in row:
         least = row["least_friction"]
         parts.append(
             "no friction makes it stand" if least is None else f"it needs a friction coefficient of {least:.6g}"
         )
     return f"{row['scene']} {'; '.join(parts)}"
+
+
+def _size(push: float | None) -> str:
+    if push is None:
+        return "any push"
+    return f"a push of up to {push:.4g} of its weight" if push > LEAST_PUSH else "no push"

@@ -244,7 +244,7 @@ def test_what_cannot_be_asked_is_refused_in_one_sentence() -> None:
     with pytest.raises(ProblemError, match="lacks the factors"):
         find_equilibrium(given)
     scene = Stack()
-    with pytest.raises(ProblemError, match="margin must be"):
+    with pytest.raises(ProblemError, match="`margin` must be"):
         problem_at_rest(scene.system(), scene.start(), -1.0)
     with pytest.raises(ProblemError, match="not all zero"):
         largest_push(at_rest(scene), np.zeros(15))
