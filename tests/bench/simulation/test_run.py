@@ -49,7 +49,7 @@ def stop_after(steps: int) -> Callable[[], bool]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "step"), [("pile(balls=30)", 1e-3), ("woodpecker", 1e-4)])
+@pytest.mark.parametrize(("scene", "step"), [("pile(balls=30)", 1e-3), ("woodpecker", 1e-4), ("tipping_box", 1e-3)])
 def test_a_resumed_simulation_ends_in_the_bits_of_an_uninterrupted_one(scene: str, step: float, tmp_path: Path) -> None:
     plan = make_simulation_plan(scene, stepper=Moreau(step), duration=200 * step, states=7)
     whole = simulate(plan)

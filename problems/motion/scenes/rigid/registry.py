@@ -8,7 +8,9 @@ from .boxes import BoxOnIncline, ThrownBox, TippingBox
 
 RIGID_SCENES: Mapping[str, SceneKind] = {
     "box_on_incline": scene_kind(BoxOnIncline, "a box that slides, stops or stays on an incline"),
-    "tipping_box": scene_kind(TippingBox, "a box on an incline that tips over its lower edge or stays", 0.3),
+    "tipping_box": scene_kind(
+        TippingBox, "a box on an incline that tips over its lower edge or stays", 0.3, has_few_contacts=False
+    ),
     "thrown_box": scene_kind(ThrownBox, "a box thrown along level ground, which slides to a stop", 1.5),
 }
 """Scenes of rigid bodies by name."""
