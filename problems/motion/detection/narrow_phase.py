@@ -1,21 +1,35 @@
-"""Contacts of pairs of shapes."""
+"""Contacts of pairs of shapes: boxes on half-spaces, and boxes on boxes by separating axes and clipped faces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numba import njit
 
 from ...arrays import FloatArray, IntArray
+from ...errors import ProblemError
 from ..bodies.rigid.orientation import rotation_matrices
 from ..bodies.rigid.shapes import Box, HalfSpace, Shape
 
-MAX_FEATURES = 1024
+MAX_FEATURES = 8192
+"""Number of features of a pair."""
+
+SLACK = 1e-6
+"""Length over the size of a box within which faces and points count as equal, so that features last."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactSet:
-    """Contacts, ordered by (first, second, feature)."""
+    """Contacts, ordered by first body, second body and feature.
+
+    Attributes:
+        first: first bodies, shape (n,).
+        second: second bodies, shape (n,); first < second.
+        feature: where the pair touches, the same from step to step while it lasts, shape (n,).
+        point: halfway between the surfaces [m], shape (n, 3).
+        normal: unit vectors from second to first, shape (n, 3).
+        gap: distance [m], negative where the bodies penetrate, shape (n,).
+    """
 
     first: IntArray
     second: IntArray
@@ -26,22 +40,189 @@ class ContactSet:
 
 
 def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, margin: float) -> ContactSet:
-    """Return the contacts of ``pairs`` with a gap below ``margin`` [m]."""
-    rotations = rotation_matrices(poses[:, 3:])
-    found: list[tuple[Any, ...]] = []
-    for a, b in pairs.tolist():
-        box, plane = shapes[a], shapes[b]
-        assert isinstance(box, Box)
-        assert isinstance(plane, HalfSpace)
-        normal = rotations[b, :, 2]
-        corners = poses[a, :3] + box.vertices @ rotations[a].T
-        for number, corner in enumerate(corners):
-            gap = float((corner - poses[b, :3]) @ normal)
-            if gap < margin:
-                found.append((a, b, number, corner - 0.5 * gap * normal, normal, gap))
-    n = len(found)
-    first = np.array([one[0] for one in found], dtype=np.int64)
-    second = np.array([one[1] for one in found], dtype=np.int64)
-    feature = np.array([one[2] for one in found], dtype=np.int64)
-    point, normals = (np.array([one[k] for one in found]).reshape(n, 3) for k in (3, 4))
-    return ContactSet(first, second, feature, point, normals, np.array([one[5] for one in found]))
+    """Return the contacts of ``pairs``, which ascend, with a gap below ``margin`` [m].
+
+    Raises:
+        ProblemError: for a pair of half-spaces.
+    """
+    half_sizes, is_plane = np.zeros((len(shapes), 3)), np.zeros(len(shapes), dtype=np.bool_)
+    for index, shape in enumerate(shapes):
+        if isinstance(shape, Box):
+            half_sizes[index] = 0.5 * np.array(shape.size)
+        else:
+            is_plane[index] = isinstance(shape, HalfSpace)
+    if is_plane[pairs[:, 0]].any():
+        raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
+    room = (np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7)))
+    centres = np.ascontiguousarray(poses[:, :3])
+    axes = np.ascontiguousarray(rotation_matrices(poses[:, 3:]).transpose(0, 2, 1))
+    count = _find(pairs, centres, axes, half_sizes, is_plane, margin, *room)
+    keys, numbers = room[0][:count], room[1][:count]
+    order = np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))
+    keys, numbers = keys[order], numbers[order]
+    first, second, feature = np.ascontiguousarray(keys.T)
+    return ContactSet(first, second, feature, numbers[:, :3].copy(), numbers[:, 3:6].copy(), numbers[:, 6].copy())
+
+
+@njit(cache=True)
+def _find(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
+    count = 0
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        begin = count
+        bodies = centres[i], axes[i], half_sizes[i], centres[j], axes[j], half_sizes[j]
+        if is_plane[j]:
+            count = _box_on_plane(*bodies[:5], margin, keys, numbers, count)
+        else:
+            count = _box_on_box(*bodies, margin, keys, numbers, count)
+        for c in range(begin, count):
+            keys[c, 0], keys[c, 1] = i, j
+    return count
+
+
+@njit(cache=True)
+def _write(keys, numbers, count, feature, point, normal, sign, gap):  # type: ignore[no-untyped-def]
+    """Write a contact at a point of the surface from which ``gap`` is measured along −sign · normal to the other."""
+    keys[count, 2] = feature
+    for axis in range(3):
+        numbers[count, axis] = point[axis]
+        numbers[count, 3 + axis] = sign * normal[axis]
+    numbers[count, 6] = gap
+    return count + 1
+
+
+@njit(cache=True)
+def _box_on_plane(centre, axes, half, origin, plane, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    normal, corner = plane[2], np.empty(3)
+    for number in range(8):
+        for axis in range(3):
+            corner[axis] = centre[axis]
+            for k in range(3):
+                side = 1.0 if number >> k & 1 else -1.0
+                corner[axis] += side * half[k] * axes[k, axis]
+        gap = 0.0
+        for axis in range(3):
+            gap += (corner[axis] - origin[axis]) * normal[axis]
+        if gap < margin:
+            for axis in range(3):
+                corner[axis] -= 0.5 * gap * normal[axis]
+            count = _write(keys, numbers, count, number, corner, normal, 1.0, gap)
+    return count
+
+
+@njit(cache=True)
+def _reach(direction, axes, half):  # type: ignore[no-untyped-def]
+    """Return how far a box reaches from its centre along a direction."""
+    reach = 0.0
+    for k in range(3):
+        along = 0.0
+        for axis in range(3):
+            along += direction[axis] * axes[k, axis]
+        reach += half[k] * abs(along)
+    return reach
+
+
+@njit(cache=True)
+def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of two boxes in the direction in which they overlap least, faces before edges."""
+    way, slack = c_b - c_a, SLACK * (h_a.max() + h_b.max())
+    best, kind = -np.inf, -1
+    for number in range(6):
+        axis = r_a[number] if number < 3 else r_b[number - 3]
+        apart = abs(np.dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
+        if apart >= margin:
+            return count
+        if apart > best + (0.0 if kind < 0 else slack):
+            best, kind = apart, number
+    for number in range(9):
+        axis = np.cross(r_a[number // 3], r_b[number % 3])
+        length = np.sqrt(np.dot(axis, axis))
+        if length < 1e-6:
+            continue
+        axis /= length
+        apart = abs(np.dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
+        if apart >= margin:
+            return count
+        if apart > best + slack:
+            best, kind = apart, 6 + number
+    if kind < 3:
+        return _faces(c_a, r_a, h_a, c_b, r_b, h_b, kind, -1.0, margin, keys, numbers, count)
+    if kind < 6:
+        return _faces(c_b, r_b, h_b, c_a, r_a, h_a, kind - 3, 1.0, margin, keys, numbers, count)
+    return _edges(c_a, r_a, h_a, c_b, r_b, h_b, (kind - 6) // 3, (kind - 6) % 3, best, keys, numbers, count)
+
+
+@njit(cache=True)
+def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Clip the face of the other box that faces the reference face by the sides of the latter."""
+    way = c_o - c_r
+    out = 1.0 if np.dot(way, r_r[axis]) >= 0.0 else -1.0
+    normal = out * r_r[axis]
+    facing, most = 0, -1.0
+    for k in range(3):
+        along = abs(np.dot(normal, r_o[k]))
+        if along > most + SLACK:
+            facing, most = k, along
+    side = -1.0 if np.dot(normal, r_o[facing]) > 0.0 else 1.0
+    p, q = (facing + 1) % 3, (facing + 2) % 3
+    polygon, edges = np.empty((16, 3)), np.empty(16, dtype=np.int64)
+    for corner in range(4):
+        s = 1.0 if corner == 1 or corner == 2 else -1.0
+        t = 1.0 if corner >= 2 else -1.0
+        polygon[corner] = c_o + side * h_o[facing] * r_o[facing] + s * h_o[p] * r_o[p] + t * h_o[q] * r_o[q]
+        edges[corner] = corner
+    n = 4
+    for plane in range(4):
+        k = (axis + 1 + plane // 2) % 3
+        across = (1.0 if plane % 2 else -1.0) * r_r[k]
+        n, polygon, edges = _clip(polygon, edges, n, across, np.dot(across, c_r) + h_r[k], SLACK * h_r[k], 4 + plane)
+    reference = (6 if sign > 0.0 else 0) + 2 * axis + (1 if out > 0.0 else 0)
+    pair_of_faces = 6 * reference + 2 * facing + (1 if side > 0.0 else 0)
+    for k in range(min(n, 8)):
+        gap = np.dot(polygon[k] - c_r, normal) - h_r[axis]
+        if gap < margin:
+            feature = 64 * pair_of_faces + 8 * edges[k - 1 if k else n - 1] + edges[k]
+            count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, normal, sign, gap)
+    return count
+
+
+@njit(cache=True)
+def _clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
+    """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners."""
+    left, left_edges, m = np.empty((16, 3)), np.empty(16, dtype=np.int64), 0
+    for k in range(n):
+        here, there = polygon[k], polygon[(k + 1) % n]
+        over, next_over = np.dot(across, here) - limit, np.dot(across, there) - limit
+        if over <= slack:
+            left[m], left_edges[m] = here, edges[k]
+            m += 1
+        if (over <= slack) != (next_over <= slack):
+            left[m] = here + over / (over - next_over) * (there - here)
+            left_edges[m] = number if over <= slack else edges[k]
+            m += 1
+    return m, left, left_edges
+
+
+@njit(cache=True)
+def _edges(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contact of the edges along axes a and b that face each other."""
+    normal = np.cross(r_a[a], r_b[b])
+    normal /= np.sqrt(np.dot(normal, normal))
+    if np.dot(c_b - c_a, normal) < 0.0:
+        normal = -normal
+    on_a, on_b, feature = c_a.copy(), c_b.copy(), 3 * a + b
+    for k in range(3):
+        s = 1.0 if np.dot(normal, r_a[k]) > 0.0 else -1.0
+        t = -1.0 if np.dot(normal, r_b[k]) > 0.0 else 1.0
+        if k != a:
+            on_a += s * h_a[k] * r_a[k]
+            feature = 2 * feature + (1 if s > 0.0 else 0)
+        if k != b:
+            on_b += t * h_b[k] * r_b[k]
+            feature = 2 * feature + (1 if t > 0.0 else 0)
+    along_a, along_b, between = r_a[a], r_b[b], on_b - on_a
+    cosine, toward_a, toward_b = np.dot(along_a, along_b), np.dot(between, along_a), np.dot(between, along_b)
+    way_a = (toward_a - cosine * toward_b) / (1.0 - cosine * cosine)
+    way_b = (cosine * toward_a - toward_b) / (1.0 - cosine * cosine)
+    middle = 0.5 * (on_a + way_a * along_a + on_b + way_b * along_b)
+    return _write(keys, numbers, count, 4608 + feature, middle, normal, -1.0, gap)

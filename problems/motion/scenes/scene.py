@@ -170,7 +170,6 @@ class SceneKind:
 def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, start: State) -> Scene:
     """Return the scene of a system and its first state, with the usual numbers for all else."""
     balls = system if isinstance(system, BallSystem) else None
-    has_potential = isinstance(system, BallSystem | RigidBodies)
     return Scene(
         name,
         options,
@@ -180,7 +179,7 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
         step_size=STEP_SIZE,
         duration=1.0,
         kinetic_energy=kinetic_energy(system, start),
-        potential_energy=system.potential_energy if has_potential else None,
+        potential_energy=system.potential_energy if isinstance(system, BallSystem | RigidBodies) else None,
         n_balls=0 if balls is None else balls.n_balls,
     )
 

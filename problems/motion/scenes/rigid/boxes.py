@@ -1,4 +1,4 @@
-"""Boxes on a plane: on an incline, tipping, and thrown."""
+"""Boxes on a plane and on each other: on an incline, tipping, thrown, and in a stack."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from ...state import State
 from ..effects import Friction, Gravity
 from ..inclines import BlockOnIncline
 from ..scene import OVERLAP, ClosedFormScene, Observable, check_positive
-from .effects import rigid_bodies
+from .effects import BodyEffect, rigid_bodies
 
 Size = tuple[float, ...]
 """Edge lengths along the three body axes [m]."""
@@ -249,3 +249,69 @@ class TippingBox:
     def observables(self) -> Sequence[Observable]:
         """The angle by which the box has turned."""
         return (Observable("tilt", self.tilt, label="tilt [rad]", head="tilt"),)
+
+
+@dataclass(frozen=True)
+class BoxStack(ClosedFormScene):
+    """Equal boxes one upon the other, at rest on level ground; their masses grow or fall from below by equal factors.
+
+    Attributes:
+        n_boxes: number of boxes.
+        ratio: mass of the heaviest box over that of the lightest.
+        heavy_on_top: whether masses grow upwards.
+        friction: μ, or None for contacts without friction.
+        overlap: depth of every contact at the start [m].
+        size: edge lengths of a box [m].
+        mass: that of the lightest box [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if there is no box, the size is not positive, or the ratio or the overlap is out of range.
+    """
+
+    n_boxes: int = 10
+    ratio: float = 1.0
+    heavy_on_top: bool = False
+    friction: float | None = 0.5
+    overlap: float = OVERLAP
+    size: Size = (0.2, 0.2, 0.1)
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        _check_box(self.size, 0.0)
+        check_positive(self, "a stack of boxes", "n_boxes", "mass")
+        if not 1.0 <= self.ratio < inf:
+            raise ProblemError(f"ratio of a stack must be at least 1, got {self.ratio}.")
+        if not 0.0 <= self.overlap < self.size[2]:
+            raise ProblemError(f"overlap of a stack must be from 0 to below the height of a box, got {self.overlap}.")
+
+    @property
+    def masses(self) -> FloatArray:
+        """Masses from below [kg], shape (n_boxes,)."""
+        growing = self.mass * self.ratio ** np.linspace(0.0, 1.0, self.n_boxes)
+        return growing if self.heavy_on_top else growing[::-1]
+
+    def system(self) -> RigidBodies:
+        """Return the boxes on the ground z = 0."""
+        effects: list[BodyEffect] = [Gravity(self.gravity)]
+        if self.friction is not None:
+            effects.append(Friction(self.friction))
+        return rigid_bodies([Box(self.size)] * self.n_boxes, self.masses, [incline(0.0)], effects)
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]: it stays as it is."""
+        poses = np.zeros((self.n_boxes, 7))
+        poses[:, 2] = (np.arange(self.n_boxes) + 0.5) * self.size[2] - (np.arange(self.n_boxes) + 1) * self.overlap
+        poses[:, 3] = 1.0
+        return State(time, poses.ravel(), np.zeros(6 * self.n_boxes))
+
+    def drift(self, state: State) -> float:
+        """Return the largest distance of a centre from its place at the start [m]."""
+        way = (state.position - self.exact(0.0).position).reshape(-1, 7)[:, :3]
+        return float(np.linalg.norm(way, axis=1).max())
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The largest distance of a box from its place."""
+        return (Observable("drift", self.drift, label="drift [m]", head="drift"),)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from ..known_motions import scene_kind
 from ..scene import SceneKind
-from .boxes import BoxOnIncline, ThrownBox, TippingBox
+from .boxes import BoxOnIncline, BoxStack, ThrownBox, TippingBox
 
 RIGID_SCENES: Mapping[str, SceneKind] = {
     "box_on_incline": scene_kind(BoxOnIncline, "a box that slides, stops or stays on an incline"),
@@ -12,5 +12,6 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
         TippingBox, "a box on an incline that tips over its lower edge or stays", 0.3, has_few_contacts=False
     ),
     "thrown_box": scene_kind(ThrownBox, "a box thrown along level ground, which slides to a stop", 1.5),
+    "box_stack": scene_kind(BoxStack, "boxes at rest one upon the other", 10.0, has_few_contacts=False),
 }
 """Scenes of rigid bodies by name."""

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.rigid.boxes import BoxOnIncline, SlidingBox, ThrownBox, TippingBox
+from proxbench.problems.motion.scenes.rigid.boxes import BoxOnIncline, BoxStack, SlidingBox, ThrownBox, TippingBox
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Status, Stop, create
 
 
-def steps(scene: SlidingBox | TippingBox, time_step: float, count: int) -> Iterator[Step]:
+def steps(scene: SlidingBox | TippingBox | BoxStack, time_step: float, count: int) -> Iterator[Step]:
     moreau = MidpointRule(scene.system(), create("Robust"), Stop(1e-12, 100_000), time_step)
     for step in moreau.steps(scene.start(), count):
         assert step.status in (None, Status.SOLVED)
@@ -94,6 +94,23 @@ def test_a_tipping_box_begins_with_the_angular_acceleration_of_its_closed_form_a
     assert errors[2] < 0.6 * errors[1]
 
 
+@pytest.mark.parametrize("friction", [None, 0.5])
+@pytest.mark.parametrize("heavy_on_top", [False, True])
+def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float | None, heavy_on_top: bool) -> None:
+    scene = BoxStack(4, ratio=1000.0, heavy_on_top=heavy_on_top, friction=friction)
+    for step in steps(scene, 1e-3, 20):
+        assert scene.drift(step.state) <= 1e-9
+    assert step.contacts is not None
+    normal = step.contacts.normals(step.impulses)
+    first, second, _ = scene.system()._keys.decode(step.contacts.keys)
+    on_ground = normal[second >= 4].sum()
+    assert on_ground == pytest.approx(scene.masses.sum() * 9.81 * 1e-3, rel=1e-9)
+    heights: dict[int, float] = dict(enumerate(np.cumsum(scene.masses[::-1])[::-1] * 9.81 * 1e-3))
+    for lower in range(3):
+        carried = normal[(first == lower) & (second == lower + 1)].sum()
+        assert carried == pytest.approx(heights[lower + 1], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -103,6 +120,9 @@ def test_a_tipping_box_begins_with_the_angular_acceleration_of_its_closed_form_a
         ("thrown_box(size=(0.1, 0.1, 0.3))", "tips when friction of 0.5"),
         ("thrown_box(mass=0.0)", "mass of a box must be positive"),
         ("tipping_box(friction=0.1)", "to hold its lower edge"),
+        ("box_stack(n_boxes=0)", "n_boxes of a stack of boxes must be positive"),
+        ("box_stack(ratio=0.5)", "ratio of a stack must be at least 1"),
+        ("box_stack(overlap=0.2)", "overlap of a stack"),
     ],
 )
 def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
@@ -111,7 +131,7 @@ def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
 
 
 def test_the_scenes_are_in_the_registry_with_what_they_observe() -> None:
-    observed = {"box_on_incline": "lift", "thrown_box": "lift", "tipping_box": "tilt"}
+    observed = {"box_on_incline": "lift", "thrown_box": "lift", "tipping_box": "tilt", "box_stack": "drift"}
     for name, observable in observed.items():
         scene = make_scene(name)
         assert [one.name for one in scene.observables] == [observable]
