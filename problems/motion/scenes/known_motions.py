@@ -47,8 +47,11 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
     potential_energy: Callable[[FloatArray], float] | None
     if balls is not None:
         potential_energy = partial(_weight, balls, weight)
+    elif isinstance(system, RigidBodies):
+        system.check_start(start.position)
+        potential_energy = system.potential_energy
     else:
-        potential_energy = system.potential_energy if isinstance(system, RigidBodies) else motion.potential_energy
+        potential_energy = motion.potential_energy
     return Scene(
         name,
         options,

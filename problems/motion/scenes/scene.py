@@ -168,7 +168,13 @@ class SceneKind:
 
 
 def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, start: State) -> Scene:
-    """Return the scene of a system and its first state, with the usual numbers for all else."""
+    """Return the scene of a system and its first state, with the usual numbers for all else.
+
+    Raises:
+        ProblemError: if rigid bodies penetrate each other deeply at the start.
+    """
+    if isinstance(system, RigidBodies):
+        system.check_start(start.position)
     balls = system if isinstance(system, BallSystem) else None
     return Scene(
         name,

@@ -29,6 +29,9 @@ from .materials import MaterialPairs
 from .orientation import IDENTITY, free_spins, moved
 from .shapes import Shape
 
+MAX_START_DEPTH = 0.05
+"""Deepest penetration at the start of a motion over the bounding radius of the smaller body."""
+
 
 @dataclass(frozen=True)
 class FixedBody:
@@ -244,6 +247,25 @@ class RigidBodies:
         """Return the contacts with a gap of less than ``margin`` [m], ordered by bodies and feature."""
         everything = np.concatenate([poses, self._fixed_poses])
         return find_contacts(self._all_shapes, everything, self._near_pairs(everything[:, :3], margin), margin)
+
+    def check_start(self, position: FloatArray) -> None:
+        """Check that bodies do not penetrate each other deeply where a motion starts.
+
+        Raises:
+            ProblemError: for the deepest contact, if it is deeper than ``MAX_START_DEPTH`` of the smaller body.
+        """
+        found = self.contacts_within(self.poses(position), 0.0)
+        depth = -found.gap / np.minimum(self._radii[found.first], self._radii[found.second])
+        if depth.max(initial=0.0) > MAX_START_DEPTH:
+            worst = int(depth.argmax())
+            one, other = (
+                f"fixed body {body - self.n_bodies}" if body >= self.n_bodies else f"body {body}"
+                for body in (int(found.first[worst]), int(found.second[worst]))
+            )
+            raise ProblemError(
+                f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart, to less than "
+                f"{MAX_START_DEPTH:g} of the smaller one's radius."
+            )
 
     def _near_pairs(self, centres: FloatArray, margin: float) -> IntArray:
         """Return the pairs whose bounding spheres are closer than ``margin``, by first, then second body."""

@@ -153,6 +153,36 @@ def test_an_asymmetric_top_converges_with_the_second_order_and_keeps_its_angular
     np.testing.assert_allclose(momenta[1], momenta[0], atol=1e-5)
 
 
+def test_the_angular_momentum_in_space_stays_within_a_bound_of_second_order_over_many_steps() -> None:
+    """The body tumbles over forty times; a drift would grow with the time, not fall with Δt²."""
+    system = RigidBodies([BOX], np.ones(1), inertias=np.array([[1.0, 2.0, 3.0]]), is_gyroscopic=True)
+    start = State(0.0, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.01, 10.0, 0.01]))
+
+    def momentum(state: State) -> Array:
+        turned = rotation_matrices(state.position[None, 3:])[0]
+        spatial: Array = turned @ (system.moments[0] * state.velocity[3:])
+        return spatial
+
+    errors = []
+    for count in (5_000, 10_000):
+        steps = stepper(system, 40.0 / count).steps(start, count)
+        errors.append(max(float(np.abs(momentum(step.state) - momentum(start)).max()) for step in steps))
+    assert errors[0] < 1e-3 * np.linalg.norm(momentum(start))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_a_box_that_spins_on_its_base_is_slowed_by_spinning_resistance_as_in_closed_form() -> None:
+    """However its weight is spread over the corners, the moment is μ_r m g until it stops."""
+    system = on_ground([Gravity(), RollingResistance(0.002, "spinning")])
+    start = State(0.0, np.array([0.0, 0.0, 0.05 - 1e-9, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]))
+    slowing = 0.002 * 9.81 / system.moments[0, 2]
+    for step in stepper(system).steps(start, 400):
+        expected = max(0.5 - slowing * step.state.time, 0.0)
+        assert step.state.velocity[5] == pytest.approx(expected, abs=1e-9 if expected != 0.0 else 1e-8)
+        assert np.abs(step.state.velocity[:5]).max() <= 1e-9
+    assert 0.0 < 0.5 / slowing < 0.4
+
+
 def test_a_box_that_penetrates_is_lifted_and_levelled_by_the_projection() -> None:
     system = on_ground([])
     position = np.concatenate([[0.0, 0.0, 0.04], about((1.0, 0.0, 0.0), 0.05)])

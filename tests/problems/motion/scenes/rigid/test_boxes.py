@@ -111,6 +111,17 @@ def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float 
         assert carried == pytest.approx(heights[lower + 1], rel=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
+@pytest.mark.parametrize("heavy_on_top", [False, True])
+def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top: bool) -> None:
+    scene = BoxStack(10, ratio, heavy_on_top)
+    moreau = MidpointRule(scene.system(), create("Robust"), Stop(1e-8, 20_000, np.inf), 1e-3)
+    for step in moreau.steps(scene.start(), 10_000):
+        assert step.status is Status.SOLVED
+        assert scene.drift(step.state) <= 1e-9
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -123,6 +134,8 @@ def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float 
         ("box_stack(n_boxes=0)", "n_boxes of a stack of boxes must be positive"),
         ("box_stack(ratio=0.5)", "ratio of a stack must be at least 1"),
         ("box_stack(overlap=0.2)", "overlap of a stack"),
+        ("box_stack(n_boxes=3, overlap=0.02)", "penetrate by 0.02 m at the start; move them apart"),
+        ("box_stack(n_boxes=1, overlap=0.02)", "body 0 and fixed body 0 penetrate by 0.02 m at the start"),
     ],
 )
 def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
