@@ -1,4 +1,7 @@
-"""Contacts of pairs of shapes: boxes on half-spaces, and boxes on boxes by separating axes and clipped faces."""
+"""Contacts of pairs of shapes: boxes on half-spaces, and boxes on boxes by separating axes and clipped faces.
+
+Pairs with a polyhedron among them are found in ``polyhedra``.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,9 +12,11 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 from ...errors import ProblemError
 from ..bodies.rigid.orientation import rotation_matrices
+from ..bodies.rigid.polyhedron import Polyhedron
 from ..bodies.rigid.shapes import Box, HalfSpace, Shape
+from .polyhedra import find_polyhedra
 
-MAX_FEATURES = 8192
+MAX_FEATURES = 1 << 26
 """Number of features of a pair."""
 
 SLACK = 1e-6
@@ -45,19 +50,23 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     Raises:
         ProblemError: for a pair of half-spaces.
     """
-    half_sizes, is_plane = np.zeros((len(shapes), 3)), np.zeros(len(shapes), dtype=np.bool_)
+    half_sizes, is_plane, has_faces = np.zeros((len(shapes), 3)), *np.zeros((2, len(shapes)), dtype=np.bool_)
     for index, shape in enumerate(shapes):
         if isinstance(shape, Box):
             half_sizes[index] = 0.5 * np.array(shape.size)
-        else:
-            is_plane[index] = isinstance(shape, HalfSpace)
+        is_plane[index], has_faces[index] = isinstance(shape, HalfSpace), isinstance(shape, Polyhedron)
     if is_plane[pairs[:, 0]].any():
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
-    room = (np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7)))
-    centres = np.ascontiguousarray(poses[:, :3])
-    axes = np.ascontiguousarray(rotation_matrices(poses[:, 3:]).transpose(0, 2, 1))
-    count = _find(pairs, centres, axes, half_sizes, is_plane, margin, *room)
+    is_general = has_faces[pairs].any(axis=1)
+    boxes = pairs[~is_general]
+    room = (np.empty((8 * len(boxes), 3), dtype=np.int64), np.empty((8 * len(boxes), 7)))
+    centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
+    axes = np.ascontiguousarray(rotations.transpose(0, 2, 1))
+    count = _find(boxes, centres, axes, half_sizes, is_plane, margin, *room)
     keys, numbers = room[0][:count], room[1][:count]
+    if is_general.any():
+        others = find_polyhedra(tuple(shapes), centres, rotations, pairs[is_general], margin)
+        keys, numbers = np.concatenate([keys, others[0]]), np.concatenate([numbers, others[1]])
     order = np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))
     keys, numbers = keys[order], numbers[order]
     first, second, feature = np.ascontiguousarray(keys.T)

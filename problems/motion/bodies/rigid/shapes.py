@@ -1,4 +1,4 @@
-"""Shapes of rigid bodies: boxes and half-spaces."""
+"""Shapes of rigid bodies: boxes, half-spaces and convex polyhedra."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,6 +7,7 @@ from math import hypot, inf
 import numpy as np
 
 from ....arrays import FloatArray
+from .polyhedron import Polyhedron
 
 
 @dataclass(frozen=True)
@@ -53,4 +54,4 @@ class HalfSpace:
     bounding_radius = inf
 
 
-Shape = Box | HalfSpace
+Shape = Box | HalfSpace | Polyhedron

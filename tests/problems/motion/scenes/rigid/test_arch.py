@@ -6,9 +6,19 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.motion.equilibrium import bisect, find_equilibrium, largest_push, least_friction
+from proxbench.problems.motion.equilibrium import (
+    bisect,
+    find_equilibrium,
+    largest_push,
+    least_friction,
+    problem_at_rest,
+)
 from proxbench.problems.motion.mechanism import FIXED, Motion, mechanism_text, pair_motions
+from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.rigid.arch import Arch
+from proxbench.problems.motion.scenes.rigid.prisms import prism
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.solvers import Stop, create
 
 from ...exact_contacts import Point, bodies_at_rest
 
@@ -45,8 +55,9 @@ def at_rest(arch: Arch, stone: Stone = round_stone) -> ContactProblem:
     for joint in range(arch.stones + 1):
         is_last = joint == arch.stones
         first, second = (joint - 1, FIXED) if is_last else (joint, joint - 1)
-        normal = -arch.normal(joint) if is_last else arch.normal(joint)
-        points += [Point(first, second, corner, normal) for corner in arch.joint(joint)]
+        x, z = -arch.normal(joint) if is_last else arch.normal(joint)
+        corners = prism(arch.joint(joint), arch.width)
+        points += [Point(first, second, corner, np.array([x, 0.0, z])) for corner in corners]
     return bodies_at_rest(centres, [mass] * arch.stones, np.full((arch.stones, 3), inertia), points, arch.friction)
 
 
@@ -115,8 +126,63 @@ def test_the_answer_depends_on_neither_size_nor_weight() -> None:
             assert find_equilibrium(at_rest(arch)).can_stand is stands
 
 
+@pytest.mark.parametrize("stones", [2, 7, 20])
+def test_the_scene_has_the_contacts_of_its_joints(stones: int) -> None:
+    arch = Arch(stones, 0.3)
+    problem = problem_at_rest(arch.system(), arch.start())
+    assert problem.n_contacts == 4 * (stones + 1)
+    found, exact = find_equilibrium(problem), find_equilibrium(at_rest(arch, straight_stone))
+    assert found.can_stand is exact.can_stand
+
+
+def test_the_scene_has_the_limit_of_straight_stones() -> None:
+    def stands(thickness: float) -> bool:
+        arch = Arch(7, thickness)
+        return find_equilibrium(problem_at_rest(arch.system(), arch.start())).can_stand
+
+    assert bisect(stands, 0.05, 0.2, 1e-6) == pytest.approx(0.09570, abs=1e-5)
+
+
+def largest_displacement(arch: Arch, time_step: float, tolerance: float) -> float:
+    """Return how far a stone moves within a second, up to a millimetre [m]."""
+    rule = MidpointRule(arch.system(), create("NSGS"), Stop(tolerance, 20_000), time_step)
+    moved = 0.0
+    for step in rule.steps(arch.start(), round(1.0 / time_step)):
+        moved = arch.moved(step.state)
+        if moved > 1e-3:
+            break
+    return moved
+
+
+@pytest.mark.parametrize(("thickness", "stands"), [(0.0948, False), (0.0966, True)])
+def test_in_motion_an_arch_falls_or_stands_one_per_cent_beside_the_limit(thickness: float, stands: bool) -> None:
+    assert (largest_displacement(Arch(7, thickness), 5e-3, 1e-4) < 1e-4) is stands
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stones", PUBLISHED)
+def test_the_limit_in_motion_is_that_of_equilibrium(stones: int) -> None:
+    exact = least_thickness(stones, 0.8, straight_stone)
+
+    def stands(thickness: float) -> bool:
+        return largest_displacement(Arch(stones, thickness), 5e-3, 1e-4) < 1e-3
+
+    found = bisect(stands, 0.97 * exact, 1.03 * exact, 1e-4 * exact)
+    assert found == pytest.approx(exact, rel=2e-3)
+    assert found == pytest.approx(PUBLISHED[stones], rel=1e-2)
+
+
+def test_the_scene_is_registered_with_its_displacement() -> None:
+    scene = make_scene("arch(stones=9, thickness=0.15)")
+    assert [observable.compute(scene.start) for observable in scene.observables] == [0.0]
+
+
 def test_an_arch_out_of_range_is_named() -> None:
     with pytest.raises(ProblemError, match="stones"):
         Arch(1)
     with pytest.raises(ProblemError, match="thickness"):
         Arch(7, 1.0)
+    with pytest.raises(ProblemError, match="overlap"):
+        Arch(overlap=0.1)
+    with pytest.raises(ProblemError, match="radius"):
+        Arch(radius=0.0)

@@ -1,0 +1,119 @@
+"""Convex polyhedra as shapes of rigid bodies: the hull of given points, in the principal axes of its mass."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
+
+from ....arrays import FloatArray, IntArray
+from ....errors import ProblemError
+
+MAX_FACES = 64
+"""Most faces of a polyhedron."""
+
+MAX_CORNERS = 32
+"""Most corners of a face."""
+
+ALIKE = 1e-9
+"""Length over the size of a polyhedron, and angle, below which points, faces and directions count as one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedron:
+    """A convex polyhedron; ``convex_polyhedron`` makes one from its corners.
+
+    Attributes:
+        vertices: corners in body axes [m], shape (n, 3).
+        faces: corners of each face, counter-clockwise seen from outside.
+        volume: [m³].
+        inertia: principal moments of inertia for a density of 1 [m⁵], shape (3,).
+    """
+
+    vertices: FloatArray
+    faces: tuple[tuple[int, ...], ...]
+    volume: float
+    inertia: FloatArray
+
+    @cached_property
+    def bounding_radius(self) -> float:
+        """Radius of the sphere about the centre of mass that holds the shape [m]."""
+        return float(np.linalg.norm(self.vertices, axis=1).max())
+
+
+def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
+    """Return a homogeneous convex polyhedron and its pose: where its corners are the given points.
+
+    Args:
+        points: corners [m], shape (n, 3), in any order.
+
+    Returns:
+        The polyhedron, and (centre of mass [m], quaternion), shape (7,).
+
+    Raises:
+        ProblemError: if points are missing, not finite or not corners of their hull, if they are flat, or a polyhedron
+            has more than ``MAX_FACES`` faces or ``MAX_CORNERS`` corners of a face.
+    """
+    corners = np.array(points, dtype=np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4 or not np.isfinite(corners).all():
+        raise ProblemError(
+            f"a polyhedron needs at least 4 finite points (x, y, z), got an array of shape {corners.shape}."
+        )
+    try:
+        hull = ConvexHull(corners)
+    except QhullError:
+        raise ProblemError("the points of a polyhedron lie in one plane; give it a thickness.") from None
+    inside = np.setdiff1d(np.arange(len(corners)), hull.vertices)
+    if len(inside):
+        raise ProblemError(
+            f"point {inside[0]} of a polyhedron is not a corner of the convex hull; leave it out, or divide the body."
+        )
+    faces = _faces(corners, hull)
+    if len(faces) > MAX_FACES or max(map(len, faces)) > MAX_CORNERS:
+        raise ProblemError(f"a polyhedron has at most {MAX_FACES} faces of at most {MAX_CORNERS} corners each.")
+    volume, centre, inertia = _mass_properties(corners, faces)
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 2] = -axes[:, 2]
+    x, y, z, w = Rotation.from_matrix(axes).as_quat()
+    return Polyhedron((corners - centre) @ axes, faces, volume, moments), np.array([*centre, w, x, y, z])
+
+
+def _faces(corners: FloatArray, hull: ConvexHull) -> tuple[tuple[int, ...], ...]:
+    """Return the faces of a hull, triangles in one plane united, each counter-clockwise seen from outside."""
+    size = np.ptp(corners, axis=0).max()
+    scaled = hull.equations / np.array([1.0, 1.0, 1.0, size])
+    faces: list[tuple[int, ...]] = []
+    left = np.arange(len(scaled))
+    while len(left):
+        alike = np.abs(scaled[left] - scaled[left[0]]).max(axis=1) < ALIKE**0.5
+        normal = hull.equations[left[0], :3]
+        faces.append(_around(corners, np.unique(hull.simplices[left[alike]]), normal))
+        left = left[~alike]
+    return tuple(faces)
+
+
+def _around(corners: FloatArray, face: IntArray, normal: FloatArray) -> tuple[int, ...]:
+    """Return the corners of a face in the order of their angles about its normal."""
+    arms = corners[face] - corners[face].mean(axis=0)
+    first = arms[0] / np.linalg.norm(arms[0])
+    angles = np.arctan2(arms @ np.cross(normal, first), arms @ first)
+    return tuple(face[np.argsort(angles)].tolist())
+
+
+def _mass_properties(corners: FloatArray, faces: tuple[tuple[int, ...], ...]) -> tuple[float, FloatArray, FloatArray]:
+    """Return volume, centre of mass and tensor of inertia about it, for a density of 1, as a sum over tetrahedra."""
+    middle = corners.mean(axis=0)
+    triangles = [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
+    edges = corners[np.array(triangles)] - middle  # from the apex that all tetrahedra share
+    volumes = np.linalg.det(edges) / 6.0
+    volume = float(volumes.sum())
+    centre = np.einsum("t,tij->j", volumes, edges) / (4.0 * volume)
+    sums = edges.sum(axis=1)
+    # ∫ x xᵀ over a tetrahedron at the origin is V/20 (Σ vᵢ vᵢᵀ + s sᵀ) with s = Σ vᵢ
+    second = (np.einsum("t,tij,tik->jk", volumes, edges, edges) + np.einsum("t,tj,tk->jk", volumes, sums, sums)) / 20.0
+    second -= volume * np.outer(centre, centre)
+    inertia: FloatArray = np.trace(second) * np.eye(3) - second
+    return volume, middle + centre, inertia

@@ -1,0 +1,325 @@
+"""Contacts of convex polyhedra, boxes among them, with each other and with half-spaces.
+
+Two polyhedra touch in the direction in which they overlap least, among the normals of their faces and the normals of
+pairs of edges (separating axes). Where it is that of a face, the face of the other one that looks towards it is clipped
+by its sides, and each corner that is left is a contact. Where it is that of two edges, they have one contact.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ...arrays import FloatArray, IntArray
+from ..bodies.rigid.polyhedron import ALIKE, MAX_CORNERS, MAX_FACES, Polyhedron
+from ..bodies.rigid.shapes import Box
+
+SLACK = 1e-6
+"""Length over the size of bodies within which faces, edges and points count as equal, so that features last."""
+
+EDGE_NUMBERS = 2 * MAX_CORNERS
+"""Numbers of the edges of a clipped face: its own, and the sides that clip it."""
+
+FACE_FEATURES = 2 * MAX_FACES * MAX_FACES * EDGE_NUMBERS * EDGE_NUMBERS
+"""Number of features of faces on faces; those of edges on edges follow."""
+
+ROOM = 2 * MAX_CORNERS
+"""Most contacts of a pair."""
+
+_BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
+"""Corners of the faces of a box, numbered as in ``Box.vertices``."""
+
+
+class Packed(NamedTuple):
+    """The polyhedra among some shapes, for kernels; starts have one entry a shape and one more.
+
+    Attributes:
+        vertices: corners in body axes [m].
+        vertex_start: first corner of each shape.
+        normals: outward normals of faces in body axes.
+        face_start: first face of each shape.
+        loops: corners of faces, numbered within their shape.
+        loop_start: first corner of each face.
+        edges: two corners of each edge, numbered within their shape.
+        directions: one edge of each direction that the edges of a shape have, numbered as ``edges``.
+        edge_start: first edge of each shape.
+        direction_start: first direction of each shape.
+    """
+
+    vertices: FloatArray
+    vertex_start: IntArray
+    normals: FloatArray
+    face_start: IntArray
+    loops: IntArray
+    loop_start: IntArray
+    edges: IntArray
+    edge_start: IntArray
+    directions: IntArray
+    direction_start: IntArray
+
+
+@lru_cache(maxsize=16)
+def packed(shapes: tuple[object, ...]) -> Packed:
+    """Return the polyhedra and boxes among shapes; other shapes have no faces."""
+    vertices: list[list[float]] = []
+    normals: list[list[float]] = []
+    loops: list[int] = []
+    edges: list[tuple[int, int]] = []
+    directions: list[int] = []
+    starts: dict[str, list[int]] = {name: [0] for name in ("vertex", "face", "edge", "direction")}
+    loop_start = [0]
+    for shape in shapes:
+        corners, faces = _corners_and_faces(shape)
+        vertices += corners.tolist()
+        for face in faces:
+            normals.append(_normal(corners, face))
+            loops += face
+            loop_start.append(len(loops))
+        own = sorted({(min(pair), max(pair)) for face in faces for pair in pairwise((*face, face[0]))})
+        directions += [len(edges) + number for number in _distinct_directions(corners, own)]
+        edges += own
+        for name, found in (("vertex", vertices), ("face", normals), ("edge", edges), ("direction", directions)):
+            starts[name].append(len(found))
+    whole = {name: np.array(found, dtype=np.int64) for name, found in starts.items()}
+    return Packed(
+        np.array(vertices, dtype=np.float64).reshape(-1, 3),
+        whole["vertex"],
+        np.array(normals, dtype=np.float64).reshape(-1, 3),
+        whole["face"],
+        np.array(loops, dtype=np.int64),
+        np.array(loop_start, dtype=np.int64),
+        np.array(edges, dtype=np.int64).reshape(-1, 2),
+        whole["edge"],
+        np.array(directions, dtype=np.int64),
+        whole["direction"],
+    )
+
+
+def _corners_and_faces(shape: object) -> tuple[FloatArray, Sequence[tuple[int, ...]]]:
+    if isinstance(shape, Polyhedron):
+        return shape.vertices, shape.faces
+    return (shape.vertices, _BOX_FACES) if isinstance(shape, Box) else (np.zeros((0, 3)), ())
+
+
+def _normal(corners: FloatArray, face: Sequence[int]) -> list[float]:
+    """Return the outward normal of a face by the areas of its projections (Newell)."""
+    points = corners[list(face)]
+    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    return (normal / np.linalg.norm(normal)).tolist()  # type: ignore[no-any-return]
+
+
+def _distinct_directions(corners: FloatArray, edges: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the number of one edge of each direction."""
+    found: list[int] = []
+    units = [(corners[b] - corners[a]) / np.linalg.norm(corners[b] - corners[a]) for a, b in edges]
+    for number, unit in enumerate(units):
+        if all(np.linalg.norm(np.cross(unit, units[other])) > ALIKE**0.5 for other in found):
+            found.append(number)
+    return found
+
+
+def find_polyhedra(
+    shapes: tuple[object, ...], centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+) -> tuple[IntArray, FloatArray]:
+    """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
+
+    Args:
+        shapes: of all bodies; second bodies without faces are half-spaces.
+        centres: of the bodies [m], shape (n_bodies, 3).
+        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        pairs: pairs of bodies, shape (n_pairs, 2).
+        margin: gap [m] below which a contact is reported.
+    """
+    keys, numbers = np.empty((ROOM * len(pairs), 3), dtype=np.int64), np.empty((ROOM * len(pairs), 7))
+    count = _find(pairs, centres, rotations, packed(shapes), margin, keys, numbers)
+    return keys[:count], numbers[:count]
+
+
+@njit(cache=True)
+def _placed(points, starts, shape, centre, rotation):  # type: ignore[no-untyped-def]
+    """Return the points of a shape in world axes."""
+    start = starts[shape]
+    placed = np.empty((starts[shape + 1] - start, 3))
+    for k in range(len(placed)):
+        for axis in range(3):
+            placed[k, axis] = centre[axis]
+            for m in range(3):
+                placed[k, axis] += rotation[axis, m] * points[start + k, m]
+    return placed
+
+
+@njit(cache=True)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _least(points, direction):  # type: ignore[no-untyped-def]
+    least = np.inf
+    for k in range(len(points)):
+        least = min(least, _dot(points[k], direction))
+    return least
+
+
+@njit(cache=True)
+def _find(pairs, centres, rotations, packed, margin, keys, numbers):  # type: ignore[no-untyped-def]
+    count, origin = 0, np.zeros(3)
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        begin = count
+        corners_i = _placed(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
+        if packed.face_start[j] == packed.face_start[j + 1]:
+            count = _on_plane(corners_i, centres[j], rotations[j], margin, keys, numbers, count)
+        else:
+            corners_j = _placed(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
+            normals_i = _placed(packed.normals, packed.face_start, i, origin, rotations[i])
+            normals_j = _placed(packed.normals, packed.face_start, j, origin, rotations[j])
+            bodies = corners_i, normals_i, corners_j, normals_j
+            count = _touching(packed, i, j, *bodies, centres[j] - centres[i], margin, keys, numbers, count)
+        for c in range(begin, count):
+            keys[c, 0], keys[c, 1] = i, j
+    return count
+
+
+@njit(cache=True)
+def _write(keys, numbers, count, feature, point, normal, gap):  # type: ignore[no-untyped-def]
+    keys[count, 2] = feature
+    for axis in range(3):
+        numbers[count, axis] = point[axis]
+        numbers[count, 3 + axis] = normal[axis]
+    numbers[count, 6] = gap
+    return count + 1
+
+
+@njit(cache=True)
+def _on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    normal = np.ascontiguousarray(rotation[:, 2])
+    for k in range(len(corners)):
+        gap = _dot(corners[k] - centre, normal)
+        if gap < margin:
+            count = _write(keys, numbers, count, k, corners[k] - 0.5 * gap * normal, normal, gap)
+    return count
+
+
+@njit(cache=True)
+def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of two polyhedra; faces go before edges, and those of the first body before the second's."""
+    size = np.sqrt(_dot(way, way))
+    best, kind, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
+    n_i, n_j = len(normals_i), len(normals_j)
+    for face in range(n_i + n_j):
+        if face < n_i:
+            corner = corners_i[packed.loops[packed.loop_start[first_loop_i + face]]]
+            apart = _least(corners_j, normals_i[face]) - _dot(corner, normals_i[face])
+        else:
+            corner = corners_j[packed.loops[packed.loop_start[first_loop_j + face - n_i]]]
+            apart = _least(corners_i, normals_j[face - n_i]) - _dot(corner, normals_j[face - n_i])
+        if apart >= margin:
+            return count
+        if kind < 0 or apart > best + SLACK * size:
+            best, kind = apart, face
+    edge, best_axis = -1, np.zeros(3)
+    for a in range(packed.direction_start[i], packed.direction_start[i + 1]):
+        along_i = _along(packed, i, corners_i, packed.directions[a])
+        for b in range(packed.direction_start[j], packed.direction_start[j + 1]):
+            axis = np.cross(along_i, _along(packed, j, corners_j, packed.directions[b]))
+            length = np.sqrt(_dot(axis, axis))
+            if length < SLACK:
+                continue
+            axis /= length if _dot(axis, way) >= 0.0 else -length
+            apart = _least(corners_j, axis) + _least(corners_i, -axis)
+            if apart >= margin:
+                return count
+            if apart > best + SLACK * size:
+                best, edge = apart, packed.directions[a]
+                best_axis[:] = axis
+    if edge >= 0:
+        return _edges(packed, i, j, corners_i, corners_j, best_axis, best, keys, numbers, count)
+    first, second = (corners_i, normals_i), (corners_j, normals_j)
+    if kind < n_i:
+        return _faces(packed, i, j, *first, *second, kind, -1.0, margin, keys, numbers, count)
+    return _faces(packed, j, i, *second, *first, kind - n_i, 1.0, margin, keys, numbers, count)
+
+
+@njit(cache=True)
+def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
+    """Return the unit vector along an edge."""
+    along = corners[packed.edges[edge, 1]] - corners[packed.edges[edge, 0]]
+    return along / np.sqrt(_dot(along, along))
+
+
+@njit(cache=True)
+def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Clip the face of body ``o`` that looks towards a face of body ``r`` by the sides of the latter."""
+    normal, facing, most = normals_r[face], 0, np.inf
+    for k in range(len(normals_o)):
+        along = _dot(normal, normals_o[k])
+        if along < most - SLACK:
+            facing, most = k, along
+    begin, end = packed.loop_start[packed.face_start[o] + facing], packed.loop_start[packed.face_start[o] + facing + 1]
+    polygon, edges, n = np.empty((ROOM, 3)), np.empty(ROOM, dtype=np.int64), end - begin
+    for k in range(n):
+        polygon[k], edges[k] = corners_o[packed.loops[begin + k]], k
+    begin, end = packed.loop_start[packed.face_start[r] + face], packed.loop_start[packed.face_start[r] + face + 1]
+    base = corners_r[packed.loops[begin]]
+    for k in range(end - begin):
+        here = corners_r[packed.loops[begin + k]]
+        there = corners_r[packed.loops[begin + (k + 1) % (end - begin)]]
+        across = np.cross(there - here, normal)
+        length = np.sqrt(_dot(across, across))
+        across /= length
+        n, polygon, edges = _clip(polygon, edges, n, across, _dot(across, here), SLACK * length, MAX_CORNERS + k)
+    number = (face * MAX_FACES + facing) * 2 + (1 if sign > 0.0 else 0)
+    for k in range(n):
+        gap = _dot(polygon[k] - base, normal)
+        if gap < margin:
+            feature = (number * EDGE_NUMBERS + edges[k - 1 if k else n - 1]) * EDGE_NUMBERS + edges[k]
+            count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, sign * normal, gap)
+    return count
+
+
+@njit(cache=True)
+def _clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
+    """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners."""
+    left, left_edges, m = np.empty((ROOM, 3)), np.empty(ROOM, dtype=np.int64), 0
+    for k in range(n):
+        here, there = polygon[k], polygon[(k + 1) % n]
+        over, next_over = _dot(across, here) - limit, _dot(across, there) - limit
+        if over <= slack:
+            left[m], left_edges[m] = here, edges[k]
+            m += 1
+        if (over <= slack) != (next_over <= slack):
+            left[m] = here + over / (over - next_over) * (there - here)
+            left_edges[m] = number if over <= slack else edges[k]
+            m += 1
+    return m, left, left_edges
+
+
+@njit(cache=True)
+def _edges(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contact of the outermost edge of body ``i`` along ``axis`` and that of body ``j`` against it."""
+    a = _outermost(packed, i, corners_i, axis)
+    b = _outermost(packed, j, corners_j, -axis)
+    on_i, on_j = corners_i[packed.edges[a, 0]], corners_j[packed.edges[b, 0]]
+    along_i, along_j, between = _along(packed, i, corners_i, a), _along(packed, j, corners_j, b), on_j - on_i
+    cosine, toward_i, toward_j = _dot(along_i, along_j), _dot(between, along_i), _dot(between, along_j)
+    sine = max(1.0 - cosine * cosine, SLACK * SLACK)
+    way_i, way_j = (toward_i - cosine * toward_j) / sine, (cosine * toward_i - toward_j) / sine
+    middle = 0.5 * (on_i + way_i * along_i + on_j + way_j * along_j)
+    n_edges = packed.edge_start[j + 1] - packed.edge_start[j]
+    feature = FACE_FEATURES + (a - packed.edge_start[i]) * n_edges + (b - packed.edge_start[j])
+    return _write(keys, numbers, count, feature, middle, -axis, gap)
+
+
+@njit(cache=True)
+def _outermost(packed, body, corners, axis):  # type: ignore[no-untyped-def]
+    """Return the edge that reaches farthest along an axis with both of its ends."""
+    best, farthest = packed.edge_start[body], -np.inf
+    for edge in range(packed.edge_start[body], packed.edge_start[body + 1]):
+        reach = _dot(corners[packed.edges[edge, 0]], axis) + _dot(corners[packed.edges[edge, 1]], axis)
+        if reach > farthest:
+            best, farthest = edge, reach
+    return best
