@@ -26,13 +26,7 @@ _FRAMEWORK = f"{__name__.partition('.')[0]}."
 _BORROWED = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
 """Modules that the framework relies on."""
 
-_CACHES = {
-    "__slotnames__",
-    "__protocol_attrs__",
-    "__non_callable_proto_members__",
-    "__annotations__",
-    "_abc_impl",
-}
+_CACHES = {"__slotnames__", "__protocol_attrs__", "__non_callable_proto_members__", "__annotations__", "_abc_impl"}
 """Attributes that Python itself adds to classes."""
 
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))

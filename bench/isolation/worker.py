@@ -32,14 +32,7 @@ from ..store.outcome import FAULTS, Outcome
 from .child import Assignment
 from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
-from .process_tree import (
-    descendants,
-    describe_exit,
-    processor_seconds,
-    running,
-    send,
-    writers,
-)
+from .process_tree import descendants, describe_exit, processor_seconds, running, send, writers
 from .supervisor import END, GO_ON, STOP
 
 REQUEST_SECONDS = 60.0

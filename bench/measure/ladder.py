@@ -190,9 +190,7 @@ Keep = Callable[[LadderCase[Any], float], None]
 
 
 def measure_ladder(
-    cases: Sequence[LadderCase[Any]],
-    keep: Keep = lambda case, value: None,
-    core: MeasuringCore | None = None,
+    cases: Sequence[LadderCase[Any]], keep: Keep = lambda case, value: None, core: MeasuringCore | None = None
 ) -> None:
     """Measure the remaining levels of each case once.
 

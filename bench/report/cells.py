@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...problems.contact.model import Model
 from ..store.condition import EXCLUDED_MARK
 from ..store.ratios import EXCLUDED
 from .accuracy import accuracy_tag, shown_means
@@ -63,7 +64,10 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
 def shown_results(
     results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results as texts: times that tie with the least have a mark, and the fastest ones are ``bold``."""
+    """Return results as texts: times that tie with the least have a mark, and the fastest ones are ``bold``.
+
+    The column *by model* shows the residual by the model of each solver, if that of one of them is not Coulomb's law.
+    """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     both = zip(results["reason"], results["notes"], strict=True)
@@ -73,11 +77,20 @@ def shown_results(
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
         cells = zip(shown.index, shown[head].map(duration), strict=True)
         shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
-    for head, form in (("residual", ".0e"), ("iter.", ".0f")):
-        shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
+    own = shown.pop("model_residual")
+    if not is_study and not is_of_coulomb(results):
+        shown.insert(shown.columns.get_loc("residual") + 1, "by model", own)
+    for head, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
+        if head in shown:
+            shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
     if is_study:
         return shown.drop(columns=["contacts", "family"]).rename(columns={"residual": "error", "iter.": "solves"})
     return shown
+
+
+def is_of_coulomb(cases: pd.DataFrame) -> bool:
+    """Return whether all solvers of some cases solve Coulomb's law."""
+    return bool((cases["model"] == str(Model.COULOMB)).all())
 
 
 def shown_points(points: pd.DataFrame) -> pd.DataFrame:

@@ -26,6 +26,7 @@ from .accuracy import (
 )
 from .cells import (
     TIME,
+    is_of_coulomb,
     shown_families,
     shown_points,
     shown_problems,
@@ -51,6 +52,9 @@ _MARKS = (
 )
 """Legend of the marks of times."""
 
+_BY_MODEL = "By model: the least residual by the model of the solver."
+"""Legend of the residuals under other models than Coulomb's law."""
+
 _FAMILIES = (
     "By family: problems that the judge confirms as solved, of those that the solver supports, and the shifted "
     "geometric mean time over those that all solvers support."
@@ -64,8 +68,9 @@ MOST_TABLES = 20
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row per case: time to each accuracy [s], the best judged residual, its iterations, outcome and reason.
 
-    Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual, iterations,
-    outcome, reason, notes (of the finest point with notes).
+    Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual (by Coulomb's
+    law), model_residual (the best one by the model of the solver), iterations, outcome, reason, notes (of the finest
+    point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]
@@ -77,8 +82,11 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     trusted = attempted_points(frames)
     trusted = trusted[trusted["outcome"] != Outcome.WRONG].sort_values("residual", kind="stable")
     best = trusted.drop_duplicates(CASE)[[*CASE, "residual", "iterations"]]
-    table = cases.assign(**seconds).merge(best, how="left", on=CASE)
-    return table.astype({"residual": float, "iterations": float}).assign(**case_endings(frames).reset_index(drop=True))
+    under_model = trusted.groupby(CASE, as_index=False)["model_residual"].min()
+    table = cases.assign(**seconds).merge(best, how="left", on=CASE).merge(under_model, how="left", on=CASE)
+    return table.astype({"residual": float, "model_residual": float, "iterations": float}).assign(
+        **case_endings(frames).reset_index(drop=True)
+    )
 
 
 def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
@@ -184,7 +192,7 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
         shown = shown_results(rows, standings, frames.is_study)
         shown = shown.drop(columns=["problem", "family", "contacts", "why"], errors="ignore")
         console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
-        optional = ("iter.", "solves", "residual", "error", "ended")
+        optional = ("iter.", "solves", "by model", "residual", "error", "ended")
         fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
         print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
@@ -249,6 +257,7 @@ def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
     least = " of a simulation, to that error" if frames.is_study else least
     times = f"{columns} the least median time{least}; – means never reached."
     times += "" if frames.is_study else f" {_MARKS}"
+    times += "" if frames.is_study or is_of_coulomb(frames.cases) else f" {_BY_MODEL}"
     return times if summary.empty else f"{times}\n{_summary_legend(summary)}"
 
 

@@ -52,6 +52,7 @@ def _notes(comparison: Comparison) -> str:
         "of up to ten steps under Coulomb's law; *Robust*: that of Proxbench's solver on the same problems. In bold:",
         "the setting with the least wall time among the most accurate ones of an engine, by the first error.",
         "",
+        *(["Interrupted: some runs are missing.", ""] if comparison.is_interrupted else []),
         f"Versions: {versions}. Rounds: {comparison.rounds}. Processor: {comparison.machine['processor']}.",
         f"Load of the machine before and after: {before:.1f}, {after:.1f}.",
         "",

@@ -30,10 +30,13 @@ def engines(
 ) -> int:
     """Compare physics engines: the time of a simulated second against the error of the motion.
 
-    Each run has a process and a thread of its own. The engines need the extra "engines".
+    Each run has a process and a thread of its own. Ctrl-C keeps the finished runs. The engines need the extra
+    "engines".
     """
     import msgspec
 
+    from ....problems.representation import counted
+    from ...errors import InterruptedWorkError
     from ...measure.trajectories.engines.run import compare_engines
     from ...report.layout.output_file import refuse_taken, write_file
     from ...report.layout.text import print_json
@@ -53,6 +56,8 @@ def engines(
         print_json(data)
     else:
         print(text)
+    if comparison.is_interrupted:
+        raise InterruptedWorkError(f"interrupted after {counted(len(comparison.measurements), 'run')}.")
     return int(any(run.failure for run in comparison.measurements))
 
 

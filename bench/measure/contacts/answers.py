@@ -44,11 +44,7 @@ class JudgedAnswers:
 
 
 def judge_answers(
-    problem: ContactProblem,
-    model: Model,
-    tolerance: float,
-    status: Status,
-    rows: Sequence[FloatArray],
+    problem: ContactProblem, model: Model, tolerance: float, status: Status, rows: Sequence[FloatArray]
 ) -> JudgedAnswers:
     """Judge the answers to one tolerance.
 

@@ -343,10 +343,7 @@ class Case(LadderCase[MeasuredRound]):
             return self._curve
         residual, problem = Residual(self.problem), self.problem
         rows = iterates.reshape(len(iterations), problem.n_rows)
-        return Curve(
-            iteration=iterations,
-            residual=[residual.judged(problem, impulses) for impulses in rows],
-        )
+        return Curve(iteration=iterations, residual=[residual.judged(problem, impulses) for impulses in rows])
 
 
 @lru_cache(maxsize=4)

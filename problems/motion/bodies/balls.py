@@ -36,8 +36,8 @@ DISC_INERTIA = 0.5
 Acceleration = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """(centres, velocities, masses) ↦ acceleration of the centres [m/s²]; shapes (n, d), (n, d), (n,) and (n, d)."""
 
-PairFriction = Callable[[IntArray], FloatArray]
-"""Keys of pairs of bodies ↦ μ of their contacts, both of shape (n_contacts,)."""
+PairCoefficient = Callable[[IntArray], FloatArray]
+"""Keys of pairs of bodies ↦ a coefficient of their contacts, μ or ε_N, both of shape (n_contacts,)."""
 
 Potential = Callable[[FloatArray, FloatArray], float]
 """(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
@@ -56,7 +56,7 @@ class BallSystem:
         potentials: potential energy of each of ``accelerations``, None where it is not known.
         friction: μ of all contacts, or keys of pairs of bodies ↦ μ of each; None for balls without friction and without
             rotation.
-        restitution_normal: ε_N of all contacts.
+        restitution_normal: ε_N of all contacts, or keys of pairs ↦ ε_N of each.
         restitution_tangential: ε_T of all contacts.
         inertia_factor: J/(m r²).
 
@@ -70,8 +70,8 @@ class BallSystem:
     dimension: int
     accelerations: Sequence[Acceleration] = ()
     potentials: Sequence[Potential | None] = ()
-    friction: float | PairFriction | None = None
-    restitution_normal: float = 0.0
+    friction: float | PairCoefficient | None = None
+    restitution_normal: float | PairCoefficient = 0.0
     restitution_tangential: float = 0.0
     inertia_factor: float = SPHERE_INERTIA
 
@@ -86,8 +86,9 @@ class BallSystem:
         if not (self.friction is None or callable(self.friction) or 0.0 <= self.friction < np.inf):
             raise ProblemError(f"friction must be finite and not negative, got {self.friction}.")
         for name in ("restitution_normal", "restitution_tangential"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ProblemError(f"{name} must be between 0 and 1, got {getattr(self, name)}.")
+            value = getattr(self, name)
+            if not (callable(value) and name == "restitution_normal") and not 0.0 <= value <= 1.0:
+                raise ProblemError(f"{name} must be between 0 and 1, got {value}.")
 
     @property
     def n_balls(self) -> int:
@@ -179,7 +180,8 @@ class BallSystem:
             return None
         directions = self._directions(first, second, normal, self.rows_per_contact)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
-        restitution[:, 0] = self.restitution_normal
+        rebound = self.restitution_normal
+        restitution[:, 0] = rebound(self._keys.pairs(keys)) if callable(rebound) else rebound
         friction = self.friction(self._keys.pairs(keys)) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
         return ActiveContacts(keys, gap, laws, directions, restitution.ravel(), self.rows_per_contact)

@@ -19,6 +19,9 @@ from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 
+MAX_PATTERNS = 64
+"""Number of sets of active contacts that a general system keeps ready, the last ones."""
+
 
 @dataclass(frozen=True, eq=False)
 class ActiveContacts:
@@ -327,6 +330,8 @@ class MechanicalSystem:
                 self.width,
                 None if self.has_equal_rows else counts,
             )
+            if len(self._active) == MAX_PATTERNS:
+                del self._active[next(iter(self._active))]
             self._active[pattern] = (np.flatnonzero(is_row), found)
         return self._active[pattern]
 

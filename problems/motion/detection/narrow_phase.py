@@ -1,6 +1,6 @@
 """Contacts of pairs of shapes: boxes on half-spaces, and boxes on boxes by separating axes and clipped faces.
 
-Pairs with a polyhedron among them are found in ``polyhedra``.
+Other pairs are found in ``polyhedra``, ``round_bodies`` and ``cylinders``, and the rest by coal.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,12 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 from ...errors import ProblemError
 from ..bodies.rigid.orientation import rotation_matrices
-from ..bodies.rigid.polyhedron import Polyhedron
-from ..bodies.rigid.shapes import Box, HalfSpace, Shape
+from ..bodies.rigid.shapes import Shape
+from .coal_contacts import find_with_coal
+from .cylinders import find_cylinders
 from .polyhedra import find_polyhedra
+from .round_bodies import CYLINDER, PLANE, SEGMENT, find_round
+from .shape_numbers import ShapeNumbers, shape_numbers
 
 MAX_FEATURES = 1 << 26
 """Number of features of a pair."""
@@ -47,26 +50,56 @@ class ContactSet:
 def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, margin: float) -> ContactSet:
     """Return the contacts of ``pairs``, which ascend, with a gap below ``margin`` [m].
 
+    Args:
+        shapes: of all bodies, fixed ones after the others.
+        poses: (x [m], quaternion) of each, shape (n_bodies, 7).
+        pairs: pairs of bodies, shape (n_pairs, 2), for instance those whose bounding spheres are close.
+        margin: gap below which a contact is reported [m].
+
     Raises:
-        ProblemError: for a pair of half-spaces.
+        ProblemError: for a half-space as first body, and for pairs that need coal where it is not installed.
     """
-    half_sizes, is_plane, has_faces = np.zeros((len(shapes), 3)), *np.zeros((2, len(shapes)), dtype=np.bool_)
-    for index, shape in enumerate(shapes):
-        if isinstance(shape, Box):
-            half_sizes[index] = 0.5 * np.array(shape.size)
-        is_plane[index], has_faces[index] = isinstance(shape, HalfSpace), isinstance(shape, Polyhedron)
-    if is_plane[pairs[:, 0]].any():
+    if not len(pairs):
+        return _contact_set([(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))])
+    shapes = tuple(shapes)
+    numbers = shape_numbers(shapes)
+    kind, second_kind = numbers.round_shapes.kind[pairs].T
+    if (kind == PLANE).any():
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
-    is_general = has_faces[pairs].any(axis=1)
-    boxes = pairs[~is_general]
-    room = (np.empty((8 * len(boxes), 3), dtype=np.int64), np.empty((8 * len(boxes), 7)))
+    is_box = numbers.is_box[pairs[:, 0]] & (numbers.is_box[pairs[:, 1]] | (second_kind == PLANE))
+    is_cylinder = (kind == CYLINDER) | (second_kind == CYLINDER)
+    is_round = ~is_cylinder & ((kind == SEGMENT) | (second_kind == SEGMENT))
+    is_ball = numbers.is_ball[pairs].any(axis=1)
+    is_closed_form = is_cylinder & ((second_kind == PLANE) | is_ball)
+    is_general = ~(is_box | is_cylinder | is_round)
     centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
-    axes = np.ascontiguousarray(rotations.transpose(0, 2, 1))
-    count = _find(boxes, centres, axes, half_sizes, is_plane, margin, *room)
-    keys, numbers = room[0][:count], room[1][:count]
+    parts = []
+    if is_box.any():
+        parts.append(_find_boxes(numbers, centres, rotations, pairs[is_box], margin))
     if is_general.any():
-        others = find_polyhedra(tuple(shapes), centres, rotations, pairs[is_general], margin)
-        keys, numbers = np.concatenate([keys, others[0]]), np.concatenate([numbers, others[1]])
+        parts.append(find_polyhedra(shapes, centres, rotations, pairs[is_general], margin))
+    if is_round.any():
+        parts.append(find_round(numbers.round_shapes, numbers.packed, centres, rotations, pairs[is_round], margin))
+    if is_closed_form.any():
+        parts.append(find_cylinders(numbers.round_shapes, centres, rotations, pairs[is_closed_form], margin))
+    if (is_cylinder & ~is_closed_form).any():
+        parts.append(find_with_coal(shapes, centres, rotations, pairs[is_cylinder & ~is_closed_form], margin))
+    return _contact_set(parts)
+
+
+def _find_boxes(
+    numbers: ShapeNumbers, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+) -> tuple[IntArray, FloatArray]:
+    room = (np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7)))
+    axes = np.ascontiguousarray(rotations.transpose(0, 2, 1))
+    is_plane = numbers.round_shapes.kind == PLANE
+    count = _find(pairs, centres, axes, numbers.half_sizes, is_plane, margin, *room)
+    return room[0][:count], room[1][:count]
+
+
+def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
+    """Return contacts of several kinds of pairs in the order of bodies and features."""
+    keys, numbers = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     order = np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))
     keys, numbers = keys[order], numbers[order]
     first, second, feature = np.ascontiguousarray(keys.T)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...errors import ProblemError
-from ..bodies.balls import DISC_INERTIA, BallSystem, PairFriction
+from ..bodies.balls import DISC_INERTIA, BallSystem, PairCoefficient
 from ..bodies.rigid.rigid_bodies import RigidBodies
 from ..bodies.surfaces import Surface
 
@@ -147,7 +147,7 @@ class Friction:
         coefficient: μ, or keys of pairs of bodies ↦ μ of each.
     """
 
-    coefficient: float | PairFriction
+    coefficient: float | PairCoefficient
 
     def added_to(self, system: System) -> System:
         """Return the system with friction laws, and with rotational degrees of freedom of balls."""
@@ -159,11 +159,11 @@ class Restitution:
     """Newton's impact law at all contacts, γ⁺ = −ε γ⁻.
 
     Attributes:
-        normal: ε_N; for rigid bodies also keys of their pairs ↦ ε_N of each.
+        normal: ε_N, or keys of pairs of bodies ↦ ε_N of each.
         tangential: ε_T.
     """
 
-    normal: float
+    normal: float | PairCoefficient
     tangential: float = 0.0
 
     def added_to(self, system: System) -> System:

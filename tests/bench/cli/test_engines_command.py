@@ -64,6 +64,25 @@ def test_one_document_holds_all_runs(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert [run["errors"] for run in found["measurements"]] == 5 * [ERRORS]
 
 
+@pytest.mark.usefixtures("no_processes")
+def test_an_interrupted_comparison_keeps_its_finished_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(scene: str, engine: str, setting: str) -> Measurement:
+        if setting == "Coulomb":
+            raise KeyboardInterrupt
+        return measured(scene, engine, setting)
+
+    monkeypatch.setattr(run, "_in_own_process", interrupted)
+    file = tmp_path / "engines.json"
+    assert run_command(["engines", "thrown-cube", "--engine", "rapier", "--output", str(file)]) == 130
+    printed = capsys.readouterr()
+    assert "proxbench: interrupted after 2 runs." in printed.err
+    assert "Interrupted: some runs are missing." in printed.out
+    found = json.loads(file.read_text())
+    assert [one["setting"] for one in found["measurements"]] == ["default", "16 iterations"]
+
+
 def test_without_an_engine_the_command_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace as changed
 from proxbench.bench import load
 from proxbench.bench.report.accuracy import attempts, problems_table, summary_table, times_to_accuracies
-from proxbench.bench.report.cells import duration
+from proxbench.bench.report.cells import duration, shown_results
 from proxbench.bench.report.tables import (
     print_tables,
     results_table,
@@ -49,7 +49,9 @@ def test_what_was_solved_after_the_limit_is_never_ranked() -> None:
 def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> None:
     table = results_table(load(finished_run)).set_index(["problem", "solver"])
     assert len(table) == 15
-    assert table.loc[("funnel-30", "ClarabelSOCP"), "outcome"] == Outcome.RELAXED
+    relaxed = table.loc[("funnel-30", "ClarabelSOCP")]
+    assert relaxed["outcome"] == Outcome.RELAXED, relaxed["reason"]
+    assert relaxed["model_residual"] <= 1e-6 < relaxed["residual"]
     assert "convex" in str(table.loc[("funnel-30", "ClarabelSOCP"), "reason"])
     assert table.loc[("funnel-30", "Misbehaving(lie)"), "outcome"] == Outcome.WRONG
     assert table.loc[("funnel-30", "Misbehaving(raise)"), "outcome"] == Outcome.CRASHED
@@ -80,6 +82,13 @@ def test_what_an_interrupted_run_has_left_counts_among_no_failures(finished_run:
         ).any()
     before, after = (problems_table(one).set_index("problem").loc["funnel-30", "solvers"] for one in (whole, run))
     assert after == before - 2
+
+
+def test_residuals_by_the_model_are_shown_only_beside_other_models_than_coulomb_s(finished_run: Path) -> None:
+    table = results_table(load(finished_run))
+    shown = shown_results(table, {}).set_index(["problem", "solver"])
+    assert float(shown.loc[("funnel-30", "ClarabelSOCP"), "by model"]) <= 1e-6
+    assert "by model" not in shown_results(table[table["model"] == "coulomb"], {})
 
 
 def test_the_convex_model_reaches_no_accuracy_where_contacts_slide(finished_run: Path) -> None:

@@ -1,5 +1,6 @@
 """Runs over scenes, engines and settings, interleaved: each in a process of its own, on one thread."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -30,6 +31,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         rounds: how often each setting ran.
         load: load of the machine over one minute, before and after.
         machine: as runs store it.
+        is_interrupted: whether Ctrl-C ended the comparison; runs of the last round are missing then.
     """
 
     measurements: tuple[Measurement, ...]
@@ -37,6 +39,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     rounds: int
     load: tuple[float, float]
     machine: dict[str, Any]
+    is_interrupted: bool = False
 
     def best(self, scene: str, engine: str) -> Measurement | None:
         """Return the best setting of an engine: the fastest among the most accurate by the first error of the scene."""
@@ -61,7 +64,8 @@ def compare_engines(
 ) -> Comparison:
     """Measure each setting of the engines on the scenes.
 
-    Each round runs all settings once, so that a change of the machine's load meets all of them.
+    Each round runs all settings once, so that a change of the machine's load meets all of them. Ctrl-C ends the
+    comparison, and the finished runs are returned.
 
     Args:
         scenes: names; all if empty.
@@ -79,17 +83,21 @@ def compare_engines(
     versions = {engine: version_of(engine) for engine in engines or ENGINES}
     before = os.getloadavg()[0]
     found: dict[tuple[str, str, str], Measurement] = {}
-    for _ in range(rounds):
-        for key in _settings(scenes or SCENES, versions):
+    is_interrupted = False
+    try:
+        for _, key in itertools.product(range(rounds), _settings(scenes or SCENES, versions)):
             run = (measure or _in_own_process)(*key)
             found[key] = _faster(found.get(key), run)
             on_run(run)
+    except KeyboardInterrupt:
+        is_interrupted = True
     return Comparison(
         measurements=tuple(found.values()),
         versions=versions,
         rounds=rounds,
         load=(before, os.getloadavg()[0]),
         machine=describe_machine(),
+        is_interrupted=is_interrupted,
     )
 
 

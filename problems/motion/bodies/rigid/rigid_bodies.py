@@ -22,7 +22,7 @@ from ....errors import ProblemError
 from ...detection.broad_phase import overlapping_pairs
 from ...detection.contact_keys import ContactKeys
 from ...detection.narrow_phase import MAX_FEATURES, ContactSet, find_contacts
-from ..balls import Acceleration, PairFriction, Potential
+from ..balls import Acceleration, PairCoefficient, Potential
 from ..system import ActiveContacts, Overlaps, StepAssembly
 from .force_directions import force_directions
 from .materials import MaterialPairs
@@ -92,8 +92,8 @@ class RigidBodies:
         margin: gap [m] below which contacts are active; 0 in motion.
 
     Raises:
-        ProblemError: if arrays are of unequal length, a mass or a moment of inertia is not positive, no body has such
-            moments, or a coefficient is out of range.
+        ProblemError: if arrays are of unequal length, a body that moves is unbounded, a mass or a moment of inertia is
+            not positive, no body has such moments, or a coefficient is out of range.
     """
 
     shapes: Sequence[Shape]
@@ -102,8 +102,8 @@ class RigidBodies:
     inertias: FloatArray | None = None
     accelerations: Sequence[Acceleration] = ()
     potentials: Sequence[Potential | None] = ()
-    friction: float | PairFriction | None = None
-    restitution_normal: float | PairFriction = 0.0
+    friction: float | PairCoefficient | None = None
+    restitution_normal: float | PairCoefficient = 0.0
     restitution_tangential: float = 0.0
     rolling_friction: float = 0.0
     rolling_axes: int = 0
@@ -116,6 +116,9 @@ class RigidBodies:
         if masses.shape != (len(self.shapes),) or not (masses > 0).all() or not np.isfinite(masses).all():
             raise ProblemError(f"masses must be {len(self.shapes)} positive numbers, one a shape.")
         object.__setattr__(self, "masses", masses)
+        for body, shape in enumerate(self.shapes):
+            if shape.bounding_radius == np.inf:
+                raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
         self._check_inertias()
         for name in ("friction", "rolling_friction"):
             value = getattr(self, name)
@@ -125,7 +128,7 @@ class RigidBodies:
             value = getattr(self, name)
             if isinstance(value, MaterialPairs):
                 value = max(value.coefficients.values(), default=0.0)
-            if not (callable(value) or 0.0 <= value <= 1.0):
+            if not (callable(value) and name == "restitution_normal") and not 0.0 <= value <= 1.0:
                 raise ProblemError(f"{name} must be between 0 and 1, got {value}.")
         if self.rolling_axes not in (0, 1, 2, 3):
             raise ProblemError(f"rolling_axes must be 0, 1, 2 or 3, got {self.rolling_axes}.")
@@ -293,8 +296,8 @@ class RigidBodies:
             laws = laws.with_rolling(self.rolling_friction, self.rolling_axes)
         restitution = np.zeros((len(keys), width))
         restitution[:, 1 : self.linear_rows] = self.restitution_tangential
-        normal = self.restitution_normal
-        restitution[:, 0] = normal(pairs) if callable(normal) else normal
+        rebound = self.restitution_normal
+        restitution[:, 0] = rebound(pairs) if callable(rebound) else rebound
         directions = force_directions(found, poses, self.linear_rows, self.rolling_axes)
         return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
 

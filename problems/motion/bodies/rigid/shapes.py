@@ -1,4 +1,4 @@
-"""Shapes of rigid bodies: boxes, half-spaces and convex polyhedra."""
+"""Shapes of rigid bodies: boxes, half-spaces, convex polyhedra, spheres, capsules and cylinders."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,7 +7,9 @@ from math import hypot, inf
 import numpy as np
 
 from ....arrays import FloatArray
+from ....errors import ProblemError
 from .polyhedron import Polyhedron
+from .round_shapes import Capsule, Cylinder, Sphere, require_lengths
 
 
 @dataclass(frozen=True)
@@ -16,9 +18,18 @@ class Box:
 
     Attributes:
         size: edge lengths along the body axes [m].
+
+    Raises:
+        ProblemError: if they are not three positive, finite numbers.
     """
 
     size: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.size) != 3:
+            raise ProblemError(f"size of a box must be three edge lengths, got {self.size}.")
+        for index, edge in enumerate(self.size):
+            require_lengths("box", **{f"size[{index}]": edge})
 
     @property
     def volume(self) -> float:
@@ -54,4 +65,4 @@ class HalfSpace:
     bounding_radius = inf
 
 
-Shape = Box | HalfSpace | Polyhedron
+Shape = Box | HalfSpace | Polyhedron | Sphere | Capsule | Cylinder

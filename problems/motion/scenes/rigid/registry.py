@@ -7,6 +7,7 @@ from ..scene import SceneKind
 from .arch import Arch
 from .boxes import BoxOnIncline, BoxStack, ThrownBox, TippingBox
 from .card_house import CardHouse
+from .rolling import RollingCylinder, RollingSphere
 
 RIGID_SCENES: Mapping[str, SceneKind] = {
     "box_on_incline": scene_kind(BoxOnIncline, "a box that slides, stops or stays on an incline"),
@@ -14,6 +15,12 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
         TippingBox, "a box on an incline that tips over its lower edge or stays", 0.3, has_few_contacts=False
     ),
     "thrown_box": scene_kind(ThrownBox, "a box thrown along level ground, which slides to a stop", 1.5),
+    "rolling_sphere": scene_kind(
+        RollingSphere, "a sphere that rolls to rest under rolling resistance", 2.0, has_few_contacts=False
+    ),
+    "rolling_cylinder": scene_kind(
+        RollingCylinder, "a cylinder that rolls to rest under rolling resistance", 2.0, has_few_contacts=False
+    ),
     "box_stack": scene_kind(BoxStack, "boxes at rest one upon the other", 10.0, has_few_contacts=False),
     "arch": scene_kind(Arch, "a masonry arch that stands or falls by its thickness", has_few_contacts=False),
     "card_house": scene_kind(CardHouse, "a house of cards that stands if it has friction", has_few_contacts=False),

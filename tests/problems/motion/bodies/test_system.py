@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError
-from proxbench.problems.motion.bodies.system import MechanicalSystem
+from proxbench.problems.motion.bodies.system import MAX_PATTERNS, MechanicalSystem
 
 
 def two_blocks(**changes: Any) -> MechanicalSystem:
@@ -55,3 +55,22 @@ def test_a_step_has_the_contacts_that_are_closed_at_its_midpoint() -> None:
     assert step.contacts.keys.tolist() == [1]
     assert step.contacts.restitution.tolist() == [1.0]
     assert two_blocks().assemble(np.array([0.3, 0.0]), np.zeros(2), 0.1).contacts is None
+
+
+def test_contacts_that_vary_without_end_fill_no_memory() -> None:
+    count = 8
+    system = two_blocks(
+        mass=lambda position: np.eye(count),
+        force=lambda position, velocity: np.zeros(count),
+        directions=lambda position: np.eye(count),
+        friction=np.zeros(count),
+        restitution_normal=np.linspace(0.0, 1.0, count),
+        restitution_tangential=np.zeros(count),
+    )
+    for pattern in [*range(1, 2**count), 1]:
+        closed = np.array([bool(pattern & 1 << number) for number in range(count)])
+        contacts = system.assemble(np.where(closed, -1.0, 1.0), np.zeros(count), 0.1).contacts
+        assert contacts is not None
+        assert np.array_equal(contacts.keys, np.flatnonzero(closed))
+        assert np.array_equal(contacts.restitution, np.linspace(0.0, 1.0, count)[closed])
+    assert len(system._active) == MAX_PATTERNS

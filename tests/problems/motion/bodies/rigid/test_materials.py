@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.rigid.materials import MaterialPairs
+from proxbench.problems.motion.scenes.effects import Friction, Restitution, ball_system
+from proxbench.problems.motion.scenes.scene import GROUND
 
 COEFFICIENTS = {("steel", "steel"): 0.15, ("wood", "steel"): 0.4, ("wood", "rubber"): 0.9, ("steel", "rubber"): 0.8}
 
@@ -18,6 +20,18 @@ def test_a_missing_pair_is_named_unless_both_bodies_are_fixed_or_the_same() -> N
     with pytest.raises(ProblemError, match="wood on wood is missing"):
         MaterialPairs(("wood", "steel", "wood"), COEFFICIENTS)
     MaterialPairs(("steel", "wood", "rubber", "rubber"), COEFFICIENTS, n_fixed=2)
+
+
+def test_balls_take_them_as_friction_and_restitution_too() -> None:
+    friction = MaterialPairs(("steel", "wood", "rubber"), COEFFICIENTS, n_fixed=1)
+    restitution = MaterialPairs(("steel", "wood", "rubber"), {**COEFFICIENTS, ("steel", "rubber"): 0.3}, n_fixed=1)
+    effects = (Friction(friction), Restitution(restitution))
+    system = ball_system(np.full(2, 0.1), np.ones(2), [GROUND], effects)
+    position = np.array([0.0, 0.0, 0.09, 1.0, 0.0, 0.09])
+    contacts = system.assemble(position, np.zeros(12), 1e-3).contacts
+    assert contacts is not None
+    assert contacts.laws.friction_coefficient[1::2].tolist() == [0.8, 0.9]
+    assert contacts.restitution[::3].tolist() == [0.3, 0.9]
 
 
 @pytest.mark.parametrize("value", [-0.1, float("inf"), float("nan")])

@@ -241,6 +241,7 @@ def test_rows_of_joints_follow_those_of_contacts(height: float) -> None:
         ({"inertias": np.array([[1.0, 1.0, 0.0]])}, r"inertias\[0\] must be positive"),
         ({"inertias": np.array([[1.0, 1.0, 2.1]])}, "no body has the moments"),
         ({"inertias": np.ones((2, 3))}, r"must have shape \(1, 3\)"),
+        ({"shapes": [HalfSpace()]}, "body 0 is unbounded and cannot move"),
         ({"friction": -0.1}, "friction must be finite"),
         ({"rolling_friction": float("nan")}, "rolling_friction must be finite"),
         ({"restitution_normal": 1.5}, "restitution_normal must be between"),

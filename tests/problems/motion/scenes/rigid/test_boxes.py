@@ -9,6 +9,7 @@ from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.rigid.boxes import BoxOnIncline, BoxStack, SlidingBox, ThrownBox, TippingBox
 from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Status, Stop, create
@@ -64,6 +65,20 @@ def test_a_thrown_box_slides_to_a_stop_and_does_not_lift(turn: float) -> None:
     assert np.abs(lifts).max() <= 1e-9
     assert np.abs(step.state.velocity).max() <= 1e-9
     assert step.state.position[0] == pytest.approx(6.0**2 / (2.0 * 0.5 * 9.81), abs=0.5 * 0.5 * 9.81 * time_step**2)
+
+
+@pytest.mark.parametrize("name", ["box_on_incline", "box_on_incline(slope=0.3, speed=-1.0)", "thrown_box(turn=0.4)"])
+def test_a_variable_step_follows_the_exact_motion_and_locates_the_stop(name: str) -> None:
+    """Positions are longer than velocities, and extrapolated quaternions are of unit length only to its error."""
+    scene = make_scene(name)
+    taken = list(Extrapolated().steps(scene, create("SORprox"), Stop(1e-12, 100_000), scene.start, scene.duration))
+    assert scene.exact is not None
+    exact, last = scene.exact(taken[-1].end.time), taken[-1].end
+    assert last.position == pytest.approx(exact.position, abs=1e-6)
+    assert last.velocity == pytest.approx(exact.velocity, abs=1e-6)
+    stops = [switch.end for step in taken for switch in step.switches if switch.after == "stick"]
+    if name == "thrown_box(turn=0.4)":
+        assert stops == pytest.approx([6.0 / (0.5 * 9.81)] * 4, abs=2e-9)
 
 
 @pytest.mark.parametrize(("width", "tips"), [(0.99, True), (1.01, False)])

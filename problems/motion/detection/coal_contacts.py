@@ -1,0 +1,177 @@
+"""Contacts of cylinders with capsules, cylinders and polyhedra, by the library coal."""
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...errors import ProblemError
+from ..bodies.rigid.polyhedron import Polyhedron
+from ..bodies.rigid.round_shapes import Capsule, Cylinder
+from ..bodies.rigid.shapes import Box, Shape
+from .polyhedra import packed
+
+_Body = tuple[Shape, FloatArray, FloatArray]
+
+CURVED_SAMPLES = 12
+"""Points of the patch where an end of a cylinder lies on a face."""
+
+TOLERANCE = 1e-10
+"""Error of gaps [m]; with 1e-6, the default of coal, gaps of curved shapes are wrong by 2e-6."""
+
+MAX_ITERATIONS = 256
+
+APART = 0.02
+"""Gap over the size of the smaller body at which the nearest points are found."""
+
+PASSES = 3
+"""Times that bodies are moved to that gap along a better normal."""
+
+FLATNESS = 1e-3
+"""Height over the size of the smaller body up to which points belong to a patch."""
+
+NEARLY_ALONG = 1.0 - 1e-5
+"""Cosine of the angle to the normal of a contact up to which the tangent plane of a shape gives its heights."""
+
+
+def find_with_coal(
+    shapes: Sequence[Shape], centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+) -> tuple[IntArray, FloatArray]:
+    """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
+
+    coal gives the points and the normal of a patch, and one gap for all; the gap of each point comes from the tangent
+    planes of the shapes. Features number the points in the order of coal: they last while their number does.
+
+    Args:
+        shapes: of all bodies; none of a pair is a half-space.
+        centres: of the bodies [m], shape (n_bodies, 3).
+        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        pairs: pairs of bodies, shape (n_pairs, 2).
+        margin: gap [m] below which a contact is reported.
+
+    Raises:
+        ProblemError: if coal is not installed.
+    """
+    coal = _coal()
+    keys: list[tuple[int, int, int]] = []
+    numbers: list[FloatArray] = []
+    for i, j in pairs.tolist():
+        one, other = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
+        for number, (point, normal, gap) in enumerate(_patch(coal, one, other, margin)):
+            if gap < margin:
+                keys.append((i, j, number))
+                numbers.append(np.array([*point, *-normal, gap]))
+    return np.array(keys, dtype=np.int64).reshape(-1, 3), np.array(numbers, dtype=np.float64).reshape(-1, 7)
+
+
+def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tuple[FloatArray, FloatArray, float]]:
+    """Yield point [m], normal from first to second, and gap [m] of each point of the patch of two bodies.
+
+    Gaps near 0 are wrong by 1e-6 m in coal, and normals by 1e-4. Thus the second body is moved apart along the normal
+    first, to where coal is exact, and its way is taken off the gap.
+    """
+    size = min(first[0].bounding_radius, second[0].bounding_radius)
+    request = coal.CollisionRequest()
+    request.gjk_tolerance = request.epa_tolerance = TOLERANCE
+    request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
+    request.security_margin = max(margin, 2.0 * APART * size)
+    way, gap = np.zeros(3), 0.0
+    for _ in range(PASSES):
+        moved = second[0], second[1] + way, second[2]
+        result = coal.CollisionResult()
+        if not coal.collide(*_placed(coal, first), *_placed(coal, moved), request, result):
+            return
+        contact = result.getContact(0)
+        normal = np.array(contact.normal)
+        gap = contact.penetration_depth - way @ normal
+        last_way, way = way, max(APART * size - gap, 0.0) * normal
+        if np.abs(way - last_way).max() <= TOLERANCE * size:
+            break
+    patch_request, patches = coal.ContactPatchRequest(), coal.ContactPatchResult()
+    patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
+    patch_request.setPatchTolerance(FLATNESS * size)
+    placed = (*_placed(coal, first, normal), *_placed(coal, moved, normal))
+    coal.computeContactPatch(*placed, result, patch_request, patches)
+    if not patches.numContactPatches():
+        return
+    patch = patches.getContactPatch(0)
+    points = [np.array(patch.getPoint(number)) - 0.5 * last_way for number in range(patch.size())]
+    if len(points) == 1:
+        yield points[0], normal, gap
+        return
+    (one, one_offset), (other, other_offset) = _tangent_plane(*first, normal), _tangent_plane(*second, -normal)
+    for point in points:
+        above = (one_offset - one @ point) / (one @ normal)
+        below = (other_offset - other @ point) / (other @ -normal)
+        yield point + 0.5 * (above - below) * normal, normal, -float(above + below)
+
+
+def _placed(coal: Any, body: _Body, normal: FloatArray | None = None) -> tuple[Any, Any]:
+    """Return geometry and pose of a body.
+
+    coal finds a single point instead of a patch where the normal points against the axis of a cylinder, so that a
+    cylinder is turned round then, which does not change it.
+    """
+    shape, centre, rotation = body
+    if normal is not None and isinstance(shape, Cylinder) and rotation[:, 2] @ normal < 0.0:
+        rotation = rotation * np.array([1.0, -1.0, -1.0])
+    return _geometry(shape), coal.Transform3s(rotation, centre)
+
+
+def _tangent_plane(
+    shape: Shape, centre: FloatArray, rotation: FloatArray, outward: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return outward normal and offset of the plane that touches a shape and is nearly across ``outward``."""
+    local = rotation.T @ outward
+    radial = np.array([local[0], local[1], 0.0])
+    radial /= max(float(np.linalg.norm(radial)), 1e-300)
+    if isinstance(shape, Cylinder):
+        candidates = np.array([radial, [0.0, 0.0, np.copysign(1.0, local[2])]])
+    elif isinstance(shape, Capsule):
+        candidates = radial[None]
+    else:
+        flat = packed((shape,))
+        candidates = flat.normals
+    normal = candidates[np.argmax(candidates @ local)]
+    if normal @ local < NEARLY_ALONG:
+        normal = local
+    if isinstance(shape, Cylinder):
+        reach = shape.radius * np.hypot(normal[0], normal[1]) + 0.5 * shape.length * abs(normal[2])
+    elif isinstance(shape, Capsule):
+        reach = shape.radius + 0.5 * shape.length * abs(normal[2])
+    else:
+        reach = (flat.vertices @ normal).max()
+    in_world = rotation @ normal
+    return in_world, float(reach + in_world @ centre)
+
+
+def _coal() -> Any:
+    try:
+        return import_module("coal")
+    except ModuleNotFoundError:
+        raise ProblemError(
+            "contacts of a cylinder with a capsule, a cylinder or a polyhedron need coal; install it by "
+            "pip install 'proxbench[bodies]'."
+        ) from None
+
+
+@lru_cache(maxsize=1024)
+def _geometry(shape: Shape) -> Any:
+    """Return a shape as a geometry of coal."""
+    coal = _coal()
+    if isinstance(shape, Box):
+        return coal.Box(*shape.size)
+    if isinstance(shape, Capsule):
+        return coal.Capsule(shape.radius, shape.length)
+    if isinstance(shape, Cylinder):
+        return coal.Cylinder(shape.radius, shape.length)
+    assert isinstance(shape, Polyhedron)
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    points.extend(list(shape.vertices))
+    triangles.extend(
+        [coal.Triangle(face[0], face[k], face[k + 1]) for face in shape.faces for k in range(1, len(face) - 1)]
+    )
+    return coal.Convex(points, triangles)

@@ -1,0 +1,105 @@
+"""Contacts of cylinders with half-spaces and with spheres, in closed form.
+
+On a half-space, each end of a cylinder touches with the lowest point of its rim and with points that are fixed in the
+body, so that an upright cylinder stands on a face and keeps its features.
+"""
+
+import numpy as np
+from numba import njit
+
+from ...arrays import FloatArray, IntArray
+from .round_bodies import PLANE, SEGMENT, RoundShapes, dot, write
+
+RIM_POINTS = 8
+"""Points of each rim that are fixed in the body."""
+
+UPRIGHT = 1e-6
+"""Sine of the angle to a plane below which an end has no lowest point."""
+
+
+def find_cylinders(
+    shapes: RoundShapes, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+) -> tuple[IntArray, FloatArray]:
+    """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
+
+    Args:
+        shapes: of all bodies; one of each pair is a cylinder, the other one a half-space or a sphere.
+        centres: of the bodies [m], shape (n_bodies, 3).
+        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        pairs: pairs of bodies, shape (n_pairs, 2).
+        margin: gap [m] below which a contact is reported.
+    """
+    room = 2 * (RIM_POINTS + 1) * len(pairs)
+    keys, numbers = np.empty((room, 3), dtype=np.int64), np.empty((room, 7))
+    count = _find(shapes, centres, rotations, pairs, margin, keys, numbers)
+    return keys[:count], numbers[:count]
+
+
+@njit(cache=True)
+def _find(shapes, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
+    count = 0
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        begin = count
+        if shapes.kind[j] == PLANE:
+            body = centres[i], rotations[i], shapes.half[i], shapes.radius[i]
+            normal = np.ascontiguousarray(rotations[j][:, 2])
+            count = _on_plane(*body, centres[j], normal, margin, keys, numbers, count)
+        elif shapes.kind[i] == SEGMENT:
+            body = centres[j], rotations[j], shapes.half[j], shapes.radius[j]
+            count = _on_ball(*body, centres[i], shapes.radius[i], 1.0, margin, keys, numbers, count)
+        else:
+            body = centres[i], rotations[i], shapes.half[i], shapes.radius[i]
+            count = _on_ball(*body, centres[j], shapes.radius[j], -1.0, margin, keys, numbers, count)
+        for c in range(begin, count):
+            keys[c, 0], keys[c, 1] = i, j
+    return count
+
+
+@njit(cache=True)
+def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    axis = np.ascontiguousarray(rotation[:, 2])
+    steepness = dot(axis, normal)
+    down = steepness * axis - normal  # the way down within the ends
+    sine = np.sqrt(dot(down, down))
+    for end in range(2):
+        middle = centre + (half if end else -half) * axis
+        for number in range(RIM_POINTS + 1):
+            if number < RIM_POINTS:
+                angle = 2.0 * np.pi * number / RIM_POINTS
+                point = middle + radius * (np.cos(angle) * rotation[:, 0] + np.sin(angle) * rotation[:, 1])
+            elif sine > UPRIGHT:
+                point = middle + radius / sine * down
+            else:
+                continue
+            gap = dot(point - origin, normal)
+            if gap < margin:
+                feature = end * (RIM_POINTS + 1) + number
+                count = write(keys, numbers, count, feature, point - gap * normal, normal, 1.0, gap)
+    return count
+
+
+@njit(cache=True)
+def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    axis = np.ascontiguousarray(rotation[:, 2])
+    way = ball - centre
+    along = dot(way, axis)
+    across = way - along * axis
+    distance = np.sqrt(dot(across, across))
+    outward = across / distance if distance > 0.0 else np.ascontiguousarray(rotation[:, 0])
+    side = 1.0 if along >= 0.0 else -1.0
+    beyond_end, beyond_side = abs(along) - half, distance - radius
+    if beyond_end > 0.0 and beyond_side > 0.0:
+        foot = centre + side * half * axis + radius * outward
+        normal = side * beyond_end * axis + beyond_side * outward
+        height = np.sqrt(dot(normal, normal))
+        normal /= height
+    elif beyond_end > beyond_side:
+        height, normal = beyond_end, side * axis
+        foot = ball - height * normal
+    else:
+        height, normal = beyond_side, outward
+        foot = ball - height * normal
+    if height - ball_radius < margin:
+        count = write(keys, numbers, count, 0, foot, normal, sign, height - ball_radius)
+    return count

@@ -1,0 +1,329 @@
+"""Contacts of spheres and capsules with half-spaces, with each other, and with polyhedra, boxes among them.
+
+Spheres and capsules are the points within a radius of a segment; that of a sphere has length 0. Each contact is one of
+a part of one body with the whole other one: an end of a segment, an edge or a corner. A part can only touch where its
+body does, so every gap reported is a true bound, and a contact keeps its feature as long as that part is close.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ...arrays import FloatArray, IntArray
+from .polyhedra import ROOM, Packed
+
+PLANE, POLYHEDRON, SEGMENT, CYLINDER = range(4)
+"""Kinds of shapes."""
+
+PARALLEL = 1e-6
+"""Sine of the angle below which two lines count as parallel; their ends are in contact then."""
+
+ALIKE = 1e-9
+"""Difference of distances over the size of a body below which they count as equal."""
+
+CROSSING = 4
+"""Feature of two capsules that touch between their ends."""
+
+
+class RoundShapes(NamedTuple):
+    """Numbers of all shapes, for kernels.
+
+    Attributes:
+        kind: PLANE, POLYHEDRON, SEGMENT or CYLINDER, shape (n,).
+        half: half the length along z [m], 0 for spheres, shape (n,).
+        radius: r [m], shape (n,).
+    """
+
+    kind: IntArray
+    half: FloatArray
+    radius: FloatArray
+
+
+def find_round(
+    shapes: RoundShapes, packed: Packed, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+) -> tuple[IntArray, FloatArray]:
+    """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
+
+    Args:
+        shapes: of all bodies; one of each pair is a sphere or a capsule, and none is a cylinder.
+        packed: the polyhedra among them.
+        centres: of the bodies [m], shape (n_bodies, 3).
+        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        pairs: pairs of bodies, shape (n_pairs, 2).
+        margin: gap [m] below which a contact is reported.
+    """
+    room = ROOM * max(len(pairs), 1)
+    while True:
+        keys, numbers = np.empty((room, 3), dtype=np.int64), np.empty((room, 7))
+        count = _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers)
+        if count <= room:
+            return keys[:count], numbers[:count]
+        room = count
+
+
+@njit(cache=True)
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Return a·b of vectors of length 3."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def write(keys, numbers, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
+    """Write a contact where there is room for it; return the number of contacts.
+
+    Args:
+        keys: (first, second, feature) of contacts, filled here with the feature.
+        numbers: (point, normal, gap) of contacts.
+        count: number of contacts so far.
+        feature: where the pair touches.
+        surface: point on the surface of the body from which ``normal`` points outwards.
+        normal: unit vector to the other body.
+        sign: 1 if that body is the second one, else −1.
+        gap: distance [m].
+    """
+    if count < len(keys):
+        keys[count, 2] = feature
+        for axis in range(3):
+            numbers[count, axis] = surface[axis] + 0.5 * gap * normal[axis]
+            numbers[count, 3 + axis] = sign * normal[axis]
+        numbers[count, 6] = gap
+    return count + 1
+
+
+@njit(cache=True)
+def ends_of(centre, rotation, half):  # type: ignore[no-untyped-def]
+    """Return the ends of the segment along z, shape (2, 3)."""
+    ends = np.empty((2, 3))
+    for axis in range(3):
+        ends[0, axis] = centre[axis] - half * rotation[axis, 2]
+        ends[1, axis] = centre[axis] + half * rotation[axis, 2]
+    return ends
+
+
+@njit(cache=True)
+def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
+    count = 0
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        begin = count
+        sign = 1.0
+        if shapes.kind[i] != SEGMENT:
+            i, j, sign = j, i, -1.0  # j is second in what follows
+        ends, radius, half = ends_of(centres[i], rotations[i], shapes.half[i]), shapes.radius[i], shapes.half[i]
+        if shapes.kind[j] == PLANE:
+            normal = np.ascontiguousarray(rotations[j][:, 2])
+            for end in range(2 if half > 0.0 else 1):
+                height = dot(ends[end] - centres[j], normal)
+                if height - radius < margin:
+                    foot = ends[end] - height * normal
+                    count = write(keys, numbers, count, end, foot, normal, sign, height - radius)
+        elif shapes.kind[j] == SEGMENT:
+            others = ends_of(centres[j], rotations[j], shapes.half[j])
+            bodies = ends, half, radius, others, shapes.half[j], shapes.radius[j]
+            count = _segments(*bodies, margin, keys, numbers, count)
+        else:
+            for end in range(2):
+                ends[end] = np.dot(rotations[j].T, ends[end] - centres[j])
+            count = _on_polyhedron(packed, j, ends, half, radius, sign, margin, keys, numbers, count)
+            for c in range(begin, min(count, len(keys))):  # from the axes of the polyhedron to those of the world
+                numbers[c, :3] = np.dot(rotations[j], numbers[c, :3]) + centres[j]
+                numbers[c, 3:6] = np.dot(rotations[j], numbers[c, 3:6])
+        for c in range(begin, min(count, len(keys))):
+            keys[c, 0], keys[c, 1] = pairs[k]
+    return count
+
+
+@njit(cache=True)
+def nearest_on_segment(point, begin, end):  # type: ignore[no-untyped-def]
+    """Return the fraction of a segment at which it is nearest to a point, from 0 to 1."""
+    along = end - begin
+    squared = dot(along, along)
+    return min(1.0, max(0.0, dot(point - begin, along) / squared)) if squared > 0.0 else 0.0
+
+
+@njit(cache=True)
+def nearest_inside(p, p_end, q, q_end):  # type: ignore[no-untyped-def]
+    """Return the fractions at which two segments are nearest if both lie between the ends, else (−1, −1)."""
+    d, e, between = p_end - p, q_end - q, p - q
+    a, b, c = dot(d, d), dot(d, e), dot(e, e)
+    determinant = a * c - b * b
+    if determinant <= PARALLEL * PARALLEL * a * c:
+        return -1.0, -1.0
+    s = (b * dot(e, between) - c * dot(d, between)) / determinant
+    t = (a * dot(e, between) - b * dot(d, between)) / determinant
+    if 0.0 < s < 1.0 and 0.0 < t < 1.0:
+        return s, t
+    return -1.0, -1.0
+
+
+@njit(cache=True)
+def is_between(fraction, half):  # type: ignore[no-untyped-def]
+    """Return whether a fraction of a segment, which may have no length, lies between its ends."""
+    return half > 0.0 and fraction > 0.0 and fraction < 1.0
+
+
+@njit(cache=True)
+def _write_balls(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
+    """Write the contact of two balls, x of the first body, if they are close; ``fallback`` points from y to x."""
+    normal = x - y
+    distance = np.sqrt(dot(normal, normal))
+    if distance - r_x - r_y >= margin:
+        return count
+    if distance > 0.0:
+        normal /= distance
+    else:
+        normal[:] = fallback
+    return write(keys, numbers, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
+
+
+@njit(cache=True)
+def _segments(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
+
+    Two ends are in contact if each is the nearest to the other, else the nearer part is in contact instead.
+    """
+    fallback = np.cross(p[1] - p[0], q[1] - q[0])
+    length = np.sqrt(dot(fallback, fallback))
+    if length > PARALLEL * half_p * half_q:
+        fallback /= length
+    else:
+        fallback[0], fallback[1], fallback[2] = 1.0, 0.0, 0.0
+    for end in range(2 if half_p > 0.0 else 1):
+        t = nearest_on_segment(p[end], q[0], q[1])
+        other = q[0] + t * (q[1] - q[0])
+        if is_between(t, half_q) or nearest_on_segment(other, p[0], p[1]) == end:
+            count = _write_balls(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
+    for end in range(2 if half_q > 0.0 else 1):
+        s = nearest_on_segment(q[end], p[0], p[1])
+        if is_between(s, half_p):
+            other = p[0] + s * (p[1] - p[0])
+            count = _write_balls(keys, numbers, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
+    if half_p == 0.0:
+        return count
+    if half_q > 0.0:
+        s, t = nearest_inside(p[0], p[1], q[0], q[1])
+        if s >= 0.0:
+            x, y = p[0] + s * (p[1] - p[0]), q[0] + t * (q[1] - q[0])
+            count = _write_balls(keys, numbers, count, CROSSING, x, r_p, y, r_q, fallback, margin)
+    return count
+
+
+@njit(cache=True)
+def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from a polyhedron in its axes [m], negative inside.
+
+    Args:
+        packed: polyhedra.
+        body: which of them.
+        point: in body axes [m].
+        foot: filled with the nearest point of the surface.
+        normal: filled with the outward unit vector.
+    """
+    highest, best, squared = -np.inf, 0, np.inf
+    for face in range(packed.face_start[body], packed.face_start[body + 1]):
+        height = _height(packed, body, face, point)
+        if height > highest:
+            highest, best = height, face
+        if height > 0.0:
+            nearest = _nearest_on_face(packed, body, face, point, height)
+            apart = point - nearest
+            if dot(apart, apart) < squared:
+                squared = dot(apart, apart)
+                foot[:] = nearest
+    own = packed.normals[best]
+    if highest <= 0.0:
+        foot[:] = point - highest * own
+        normal[:] = own
+        return highest
+    distance = np.sqrt(squared)
+    # over the middle of a face the distance is its height, and the normal stays exact however small it is
+    normal[:] = own if distance <= highest * (1.0 + 1e-15) else (point - foot) / distance
+    return distance
+
+
+@njit(cache=True)
+def _height(packed, body, face, point):  # type: ignore[no-untyped-def]
+    """Return the height of a point over the plane of a face [m]."""
+    corner = packed.vertices[packed.vertex_start[body] + packed.loops[packed.loop_start[face]]]
+    return dot(point - corner, packed.normals[face])
+
+
+@njit(cache=True)
+def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-untyped-def]
+    """Return the point of a face that is nearest to a point at ``height`` over its plane."""
+    normal, begin, end = packed.normals[face], packed.loop_start[face], packed.loop_start[face + 1]
+    nearest, squared, is_over = point - height * normal, np.inf, True
+    below = nearest.copy()
+    for k in range(begin, end):
+        here = packed.vertices[packed.vertex_start[body] + packed.loops[k]]
+        there = packed.vertices[packed.vertex_start[body] + packed.loops[k + 1 if k + 1 < end else begin]]
+        if dot(np.cross(there - here, below - here), normal) >= 0.0:
+            continue
+        is_over = False
+        side = here + nearest_on_segment(below, here, there) * (there - here)
+        apart = below - side
+        if dot(apart, apart) < squared:
+            squared = dot(apart, apart)
+            nearest = side
+    return below if is_over else nearest
+
+
+@njit(cache=True)
+def _on_polyhedron(packed, body, ends, half, radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the latter."""
+    corners, edges = packed.vertex_start[body], packed.edge_start[body]
+    n_corners, n_edges = packed.vertex_start[body + 1] - corners, packed.edge_start[body + 1] - edges
+    begin, finish, lowest = _part_inside(packed, body, ends)
+    if half > 0.0 and begin < finish:
+        normal = packed.normals[lowest]
+        for end in range(2):
+            point = ends[0] + (finish if end else begin) * (ends[1] - ends[0])
+            height = _height(packed, body, lowest, point)
+            feature = 2 + n_edges + n_corners + end
+            count = write(keys, numbers, count, feature, point - height * normal, normal, sign, height - radius)
+        return count
+    foot, normal = np.empty(3), np.empty(3)
+    for end in range(2 if half > 0.0 else 1):
+        distance = nearest_on_polyhedron(packed, body, ends[end], foot, normal)
+        if distance - radius < margin:
+            count = write(keys, numbers, count, end, foot, normal, sign, distance - radius)
+    if half == 0.0:
+        return count
+    for k in range(n_edges + n_corners):
+        if k < n_edges:
+            here = packed.vertices[corners + packed.edges[edges + k, 0]]
+            there = packed.vertices[corners + packed.edges[edges + k, 1]]
+            s, t = nearest_inside(ends[0], ends[1], here, there)
+            touched = here + t * (there - here)
+        else:
+            touched = packed.vertices[corners + k - n_edges]
+            s = nearest_on_segment(touched, ends[0], ends[1])
+        if not 0.0 < s < 1.0:
+            continue
+        point = ends[0] + s * (ends[1] - ends[0])
+        apart = point - touched
+        distance = np.sqrt(dot(apart, apart))
+        if distance - radius >= margin or distance == 0.0:
+            continue
+        nearest = nearest_on_polyhedron(packed, body, point, foot, normal)
+        if nearest >= distance - ALIKE * (radius + half):  # else that edge or corner looks away from the segment
+            count = write(keys, numbers, count, 2 + k, touched, apart / distance, sign, distance - radius)
+    return count
+
+
+@njit(cache=True)
+def _part_inside(packed, body, ends):  # type: ignore[no-untyped-def]
+    """Return where a segment enters and leaves a polyhedron, and the face out of which the way is shortest."""
+    begin, finish, lowest, highest = 0.0, 1.0, 0, -np.inf
+    for face in range(packed.face_start[body], packed.face_start[body + 1]):
+        first, last = _height(packed, body, face, ends[0]), _height(packed, body, face, ends[1])
+        if min(first, last) > highest:
+            lowest, highest = face, min(first, last)
+        if first > 0.0 and last > 0.0:
+            return 1.0, 0.0, face
+        if first > 0.0:
+            begin = max(begin, first / (first - last))
+        elif last > 0.0:
+            finish = min(finish, first / (first - last))
+    return begin, finish, lowest

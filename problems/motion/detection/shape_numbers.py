@@ -1,0 +1,69 @@
+"""The shapes of all bodies as arrays, kept for as long as a system uses the same tuple of shapes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import FloatArray
+from ..bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
+from ..bodies.rigid.shapes import Box, HalfSpace, Shape
+from .polyhedra import Packed, packed
+from .round_bodies import CYLINDER, PLANE, POLYHEDRON, SEGMENT, RoundShapes
+
+MAX_KEPT = 16
+"""Number of tuples of shapes that are kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeNumbers:
+    """Shapes as arrays.
+
+    Attributes:
+        shapes: of all bodies.
+        half_sizes: half the edge lengths of boxes [m], 0 for other shapes, shape (n, 3).
+        is_box: shape (n,).
+        is_ball: whether it is a sphere, shape (n,).
+        round_shapes: kinds, half lengths and radii.
+    """
+
+    shapes: tuple[Shape, ...]
+    half_sizes: FloatArray
+    is_box: NDArray[np.bool_]
+    is_ball: NDArray[np.bool_]
+    round_shapes: RoundShapes
+
+    @cached_property
+    def packed(self) -> Packed:
+        """The polyhedra, boxes among them."""
+        return packed(self.shapes)
+
+
+def shape_numbers(shapes: tuple[Shape, ...]) -> ShapeNumbers:
+    """Return shapes as arrays; the same tuple gives the same arrays, without hashing thousands of shapes."""
+    known = _kept.get(id(shapes))
+    if known is None:
+        while len(_kept) >= MAX_KEPT:
+            del _kept[next(iter(_kept))]
+        known = _kept[id(shapes)] = _as_arrays(shapes)  # which holds the tuple, so that its id stays its own
+    return known
+
+
+def _as_arrays(shapes: tuple[Shape, ...]) -> ShapeNumbers:
+    n = len(shapes)
+    half_sizes, kind, half, radius = np.zeros((n, 3)), np.full(n, POLYHEDRON), np.zeros(n), np.zeros(n)
+    for index, shape in enumerate(shapes):
+        if isinstance(shape, Box):
+            half_sizes[index] = 0.5 * np.array(shape.size)
+        elif isinstance(shape, HalfSpace):
+            kind[index] = PLANE
+        elif isinstance(shape, Sphere | Capsule | Cylinder):
+            kind[index] = CYLINDER if isinstance(shape, Cylinder) else SEGMENT
+            half[index] = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
+            radius[index] = shape.radius
+    is_ball = np.array([isinstance(shape, Sphere) for shape in shapes], dtype=np.bool_)
+    return ShapeNumbers(shapes, half_sizes, half_sizes[:, 0] > 0.0, is_ball, RoundShapes(kind, half, radius))
+
+
+_kept: dict[int, ShapeNumbers] = {}

@@ -1,0 +1,60 @@
+"""coal as oracle for boxes, and exact gaps of cylinders however small they are."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems.motion.bodies.rigid.orientation import exponential, product, rotation_matrices
+from proxbench.problems.motion.bodies.rigid.shapes import Box, Cylinder
+from proxbench.problems.motion.detection.narrow_phase import find_contacts
+from proxbench.problems.motion.detection.polyhedra import find_polyhedra
+
+coal = pytest.importorskip("coal")
+
+PAIR = np.array([[0, 1]])
+
+
+@pytest.mark.parametrize("is_general", [False, True], ids=["boxes", "polyhedra"])
+def test_depth_and_normal_of_boxes_are_those_of_coal(is_general: bool) -> None:
+    """On 300 random poses; the way out is not unique where two ways are nearly as short."""
+    rng, compared = np.random.default_rng(0), 0
+    request = coal.CollisionRequest()
+    request.gjk_tolerance = request.epa_tolerance = 1e-10
+    while compared < 300:
+        shapes = tuple(Box(tuple(rng.uniform(0.3, 1.5, 3).tolist())) for _ in range(2))
+        poses = np.column_stack([rng.normal(size=(2, 3)) * 0.4, exponential(rng.normal(size=(2, 3)))])
+        rotations = rotation_matrices(poses[:, 3:])
+        result = coal.CollisionResult()
+        bodies = []
+        for shape, pose, rotation in zip(shapes, poses, rotations, strict=True):
+            bodies += [coal.Box(*shape.size), coal.Transform3s(rotation, pose[:3])]
+        if is_general:
+            _, numbers = find_polyhedra(shapes, poses[:, :3].copy(), rotations, PAIR, 0.0)
+            gap, normal = numbers[:, 6], numbers[:, 3:6]
+        else:
+            found = find_contacts(shapes, poses, PAIR, 0.0)
+            gap, normal = found.gap, found.normal
+        if not coal.collide(*bodies, request, result):
+            assert not len(gap)
+            continue
+        compared += 1
+        contact = result.getContact(0)
+        assert gap.min() == pytest.approx(contact.penetration_depth, abs=5e-6)
+        apart = poses[0, :3] - (gap.min() - 1e-5) * normal[int(np.argmin(gap))]
+        bodies[1].setTranslation(apart)
+        assert not coal.collide(*bodies, request, coal.CollisionResult())
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), exponent=st.integers(-12, -2), sign=st.sampled_from([-1.0, 0.0, 1.0]))
+def test_a_tilted_cylinder_on_a_face_has_its_exact_gap(seed: int, exponent: int, sign: float) -> None:
+    rng, gap = np.random.default_rng(seed), sign * 10.0**exponent
+    tilt, turn = exponential(rng.normal(size=(1, 3))), exponential(rng.normal(size=(1, 3)))
+    cosine = abs(rotation_matrices(tilt)[0][2, 2])
+    low = 0.5 * cosine + 0.2 * np.sqrt(1.0 - cosine**2)
+    rotation = rotation_matrices(turn)[0]
+    centre = rotation @ [0.1, 0.2, 0.3 + low + gap]
+    poses = np.array([[0.0, 0.0, 0.0, *turn[0]], [*centre, *product(turn, tilt)[0]]])
+    found = find_contacts((Box((3.0, 3.0, 0.6)), Cylinder(0.2, 1.0)), poses, PAIR, 0.05)
+    assert found.gap.min() == pytest.approx(gap, abs=1e-9)
+    assert found.normal[0] == pytest.approx(-rotation[:, 2], abs=1e-8)
