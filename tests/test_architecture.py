@@ -44,7 +44,7 @@ AT_HOME = {
         "bench/simulation/view/chart.py",
     },
     "vl_convert": {"bench/report/charts/drawing.py"},
-    "clarabel": {"solvers/conic/programs.py"},
+    "clarabel": {"solvers/conic/programs.py", "problems/motion/equilibrium.py"},
     "pandas": {
         "bench/report/charts/drawing.py",
         "bench/store/frames.py",
@@ -84,6 +84,7 @@ AT_HOME = {
             "run",
             "simulation/command",
             "simulation/engines",
+            "simulation/statics",
             "exchange/bundles",
             "exchange/capture",
         )

@@ -25,6 +25,7 @@ from .report import report
 from .run import run
 from .simulation.command import simulate
 from .simulation.engines import engines
+from .simulation.statics import statics
 from .warm import warm
 
 LOOK_UP = "Find or make problems"
@@ -49,6 +50,11 @@ COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
             simulate,
             '"funnel(balls=300, friction=None)" --duration 0.5',
             "woodpecker --recording woodpecker.rrd",
+        ),
+        "statics": (
+            statics,
+            '"block_on_incline(slope=0.3)" --friction',
+            '"stack(friction=0.3)" --push 1,0,0',
         ),
         "engines": (engines, "thrown-cube stack --output engines.md", "pile --engine pybullet --engine proxbench"),
     },

@@ -135,6 +135,17 @@ class BallSystem:
         """Return u for centres moving with ``velocities``, shape (n, d), and no spin."""
         return np.column_stack([velocities, np.zeros((self.n_balls, self.spins))]).ravel()
 
+    def translation(self, direction: FloatArray) -> FloatArray:
+        """Return u for all balls moving with one velocity, shape (d,), and no spin."""
+        return self.at_rest(np.broadcast_to(direction, (self.n_balls, self.dimension)))
+
+    def with_margin(self, margin: float) -> "BallSystem":
+        """Return the balls swollen by ``margin`` [m], so that contacts count as closed that are open by so much.
+
+        All levers of a ball grow alike, which leaves the balance of its moments as it is.
+        """
+        return replace(self, radii=self.radii + margin)
+
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return the centres moved along their velocities; the orientation of a ball has no influence on its motion."""
         return position + seconds * self.twists(velocity)[:, : self.dimension].ravel()
@@ -151,8 +162,7 @@ class BallSystem:
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the pairs, and of balls and surfaces, with a gap below ``limit``."""
-        swollen = replace(self, radii=self.radii + limit)
-        keys, _, second, gap, _ = swollen._touching(self.centres(position))
+        keys, _, second, gap, _ = self.with_margin(limit)._touching(self.centres(position))
         gap = gap + np.where(second < 0, limit, 2.0 * limit)
         near = gap < limit
         return keys[near], gap[near]

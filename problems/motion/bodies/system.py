@@ -223,6 +223,10 @@ class MechanicalSystem:
         """Whether all contacts have equally many rows, and there are no joints."""
         return self._n_joints == 0 and bool((self._contact_rows == self.width).all())
 
+    def with_margin(self, margin: float) -> "MechanicalSystem":
+        """Return the system with contacts that count as closed at gaps below ``margin`` [m]."""
+        return replace(self, gap=lambda position: self.gap(position) - margin)
+
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q + u · seconds."""
         return position + seconds * velocity

@@ -8,7 +8,7 @@ straight into W in pieces, two bodies a contact or one; where there are joints, 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -89,6 +89,7 @@ class RigidBodies:
         rolling_axes: rows of rolling friction: 0 none, 1 spinning about the normal, 2 rolling, 3 both with one bound.
         is_gyroscopic: whether ω × Jω turns the axis of rotation; else ω stays in body axes unless a moment acts.
         joints: joints between bodies.
+        margin: gap [m] below which contacts are active; 0 in motion.
 
     Raises:
         ProblemError: if arrays are of unequal length, a body that moves is unbounded, a mass or a moment of inertia is
@@ -108,6 +109,7 @@ class RigidBodies:
     rolling_axes: int = 0
     is_gyroscopic: bool = False
     joints: Joints | None = None
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
         masses = np.ascontiguousarray(self.masses, dtype=np.float64)
@@ -206,6 +208,14 @@ class RigidBodies:
         """Return (v, ω) of each body, shape (n, 6), of a velocity vector u."""
         return velocity.reshape(self.n_bodies, 6)
 
+    def translation(self, direction: FloatArray) -> FloatArray:
+        """Return u for all bodies moving with one velocity, shape (3,), and no spin."""
+        return np.tile(np.append(direction, np.zeros(3)), self.n_bodies)
+
+    def with_margin(self, margin: float) -> "RigidBodies":
+        """Return the bodies with contacts that count as closed at gaps below ``margin`` [m]."""
+        return replace(self, margin=margin)
+
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return the bodies moved along v and turned by ω; quaternions stay of unit length."""
         return moved(position, velocity, seconds)
@@ -275,7 +285,7 @@ class RigidBodies:
         return self._keys.encode(found.first, found.second, found.feature)
 
     def _active_contacts(self, poses: FloatArray) -> ActiveContacts | None:
-        found = self.contacts_within(poses, 0.0)
+        found = self.contacts_within(poses, self.margin)
         if not len(found.gap):
             return None
         keys, width = self._encoded(found), self.rows_per_contact

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 
 from ..known_motions import scene_kind
 from ..scene import SceneKind
+from .arch import Arch
 from .boxes import BoxOnIncline, BoxStack, ThrownBox, TippingBox
+from .card_house import CardHouse
 from .rolling import RollingCylinder, RollingSphere
 
 RIGID_SCENES: Mapping[str, SceneKind] = {
@@ -20,5 +22,7 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
         RollingCylinder, "a cylinder that rolls to rest under rolling resistance", 2.0, has_few_contacts=False
     ),
     "box_stack": scene_kind(BoxStack, "boxes at rest one upon the other", 10.0, has_few_contacts=False),
+    "arch": scene_kind(Arch, "a masonry arch that stands or falls by its thickness", has_few_contacts=False),
+    "card_house": scene_kind(CardHouse, "a house of cards that stands if it has friction", has_few_contacts=False),
 }
 """Scenes of rigid bodies by name."""

@@ -1,0 +1,118 @@
+"""The command ``proxbench statics``."""
+
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from .. import options
+
+if TYPE_CHECKING:
+    from ....problems.arrays import FloatArray
+    from ....problems.contact.problem import ContactProblem
+    from ....problems.motion.scenes.scene import Scene
+
+LEAST_PUSH = 1e-9
+"""Largest push, over the weight, that is printed as none."""
+
+_loads = partial(typer.Option, rich_help_panel="Loads and contacts")
+
+
+def statics(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help='Like "stack(friction=0.3)".')],
+    push: Annotated[
+        str | None, _loads(metavar="X,Y,Z", help="Direction of the push that it must bear; x by default.")
+    ] = None,
+    margin: Annotated[float, _loads(metavar="METRES", help="Gap below which contacts count as closed.")] = 0.0,
+    friction: Annotated[
+        bool, options.flag("--friction", help="Find the least friction coefficient, equal at all contacts.")
+    ] = False,
+    plugin: options.PluginFiles = None,
+    as_json: options.Json = False,
+) -> int:
+    """Tell whether the bodies of a scene can stand where it starts, by a cone program.
+
+    The exit code is 1 if they cannot. A scene that can stand need not stay: its rest may be unstable.
+    """
+    from ....problems.motion.equilibrium import find_equilibrium, least_friction, problem_at_rest
+    from ....problems.motion.mechanism import mechanism_text
+    from ...plugins.remote_scene import local_or_remote_scene
+    from ...report.layout.text import print_json
+
+    built = local_or_remote_scene(scene)
+    problem = problem_at_rest(built.system, built.start, margin)
+    found = find_equilibrium(problem)
+    row: dict[str, Any] = {
+        "scene": scene,
+        "contacts": problem.n_contacts,
+        "can_stand": found.can_stand,
+        "imbalance": found.imbalance,
+        "mechanism": "" if found.can_stand else mechanism_text(problem, found.mechanism),
+    }
+    direction = _direction(built, push)
+    if direction is not None:
+        row |= _push(problem, *direction)
+    if friction:
+        least = least_friction(problem)
+        row["least_friction"] = least if np.isfinite(least) else None
+    if as_json:
+        print_json(row)
+    else:
+        print(_sentence(row))
+    return int(not found.can_stand)
+
+
+def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArray] | None":
+    """Return the direction of the push and the velocities of bodies that move along it; None without a push."""
+    from ....problems.motion.bodies.balls import BallSystem
+    from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
+    from ...errors import BenchError
+
+    bodies = scene.balls or scene.system
+    if not isinstance(bodies, BallSystem | RigidBodies):
+        if given is None:
+            return None
+        raise BenchError(f"{scene.name} has no axes along which its bodies could be pushed; leave out --push.")
+    dimension = bodies.dimension if isinstance(bodies, BallSystem) else 3
+    words = ["1", *["0"] * (dimension - 1)] if given is None else given.split(",")
+    try:
+        direction = np.array([float(word) for word in words])
+    except ValueError:
+        direction = np.zeros(0)
+    if direction.shape != (dimension,) or not np.isfinite(direction).all() or not direction.any():
+        raise BenchError(
+            f"--push must be {dimension} numbers, not all zero, like 1{',0' * (dimension - 1)}; got {given!r}."
+        )
+    return direction, bodies.translation(direction)
+
+
+def _push(problem: "ContactProblem", direction: "FloatArray", velocity: "FloatArray") -> dict[str, Any]:
+    """Return the largest push in numbers that JSON has: an infinite one is ``None``."""
+    from ....problems.motion.equilibrium import largest_push
+
+    factor = largest_push(problem, velocity).factor
+    return {"push": direction.tolist(), "largest_push": factor if np.isfinite(factor) else None}
+
+
+def _sentence(row: dict[str, Any]) -> str:
+    if row["can_stand"]:
+        parts = ["can stand"]
+    else:
+        share = f"{100.0 * row['imbalance']:.3g} %"
+        parts = [f"cannot stand: it begins to move with {share} of the free acceleration", row["mechanism"]]
+    if row["can_stand"] and "push" in row:
+        along = ",".join(f"{number:g}" for number in row["push"])
+        parts.append(f"it bears {_size(row['largest_push'])} along {along}")
+    if "least_friction" in row:
+        least = row["least_friction"]
+        parts.append(
+            "no friction makes it stand" if least is None else f"it needs a friction coefficient of {least:.6g}"
+        )
+    return f"{row['scene']} {'; '.join(parts)}"
+
+
+def _size(push: float | None) -> str:
+    if push is None:
+        return "any push"
+    return f"a push of up to {push:.4g} of its weight" if push > LEAST_PUSH else "no push"

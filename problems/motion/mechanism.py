@@ -1,0 +1,115 @@
+"""What moves in a mechanism: which bodies hinge, slide or part, found from the velocities of their contacts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import FloatArray
+from ..contact.matrices.pieces import Pieces
+from ..contact.problem import ContactProblem
+
+REST_SHARE = 1e-3
+"""Contacts slower than this, over the velocities of their bodies, count as at rest."""
+
+MAX_LISTED = 8
+"""Pairs of bodies that a sentence lists."""
+
+FIXED = -1
+"""The number of a body that does not move."""
+
+
+class Motion(StrEnum):
+    """How two bodies in contact move relative to each other."""
+
+    HINGES = "hinges"
+    SLIDES = "slides"
+    OPENS = "opens"
+
+
+@dataclass(frozen=True)
+class PairMotion:
+    """Two bodies in contact that move relative to each other.
+
+    Attributes:
+        bodies: their numbers, ascending; the first is ``FIXED`` where only one of them can move.
+        motion: a hinge where some of their contacts open and others hold.
+    """
+
+    bodies: tuple[int, int]
+    motion: Motion
+
+
+def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which contacts slide and which open under u, shape (n_contacts,) each; joints do neither.
+
+    A contact slides that opens no faster than friction of the associated model makes it, γ_N ≤ μ ‖γ_T‖.
+    """
+    layout = problem.layout
+    assert problem.factors is not None
+    directions = problem.factors.force_directions
+    lanes = layout.pad(directions.T @ velocity)
+    normal, tangential = lanes[:, 0], np.linalg.norm(lanes[:, 1 : 1 + layout.sliding], axis=1)
+    is_contact = (layout.normal_law >= 0) & ~layout.is_bilateral
+    rest = REST_SHARE * (abs(directions).T @ np.abs(velocity)).max(initial=0.0)
+    opens = is_contact & (normal > layout.friction_coefficient * tangential + rest)
+    return is_contact & ~opens & (tangential > rest), opens
+
+
+def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMotion]:
+    """Return the pairs of bodies that move relative to each other under u, by their numbers.
+
+    Bodies are the chunks of W; a system without bodies has none.
+    """
+    assert problem.factors is not None
+    pieces = problem.factors.directions
+    if not isinstance(pieces, Pieces) or pieces.n_chunks == 1 < pieces.length:
+        return []
+    slides, opens = contact_motions(problem, velocity)
+    states: dict[tuple[int, int], list[tuple[bool, bool]]] = {}
+    for contact in range(pieces.n_blocks):
+        touched = sorted(set(pieces.chunks[pieces.starts[contact] : pieces.starts[contact + 1]].tolist()))
+        moving = [body for body in touched if body < pieces.n_chunks]
+        pair = (moving[0], moving[-1]) if len(moving) > 1 else (FIXED, moving[0])
+        states.setdefault(pair, []).append((bool(slides[contact]), bool(opens[contact])))
+    return [PairMotion(pair, motion) for pair, found in sorted(states.items()) if (motion := _motion(found))]
+
+
+def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
+    """Return the motion of a pair from (slides, opens) of each of its contacts, None if all of them hold."""
+    if any(slides for slides, _ in contacts):
+        return Motion.SLIDES
+    opening = sum(opens for _, opens in contacts)
+    if opening == len(contacts):
+        return Motion.OPENS
+    return Motion.HINGES if opening else None
+
+
+def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
+    """Return how bodies move under u, in words: ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
+    pairs = pair_motions(problem, velocity)
+    parts = [f"{motion} at {_listed(names)}" for motion in Motion if (names := _names(pairs, motion))]
+    if parts:
+        return "; ".join(parts)
+    if not problem.n_contacts:
+        return "no contact is closed"
+    moving = zip((Motion.SLIDES, Motion.OPENS), contact_motions(problem, velocity), strict=True)
+    counts = [
+        f"{motion} at {int(which.sum())} of {problem.n_contacts} contacts" for motion, which in moving if which.any()
+    ]
+    return "; ".join(counts) or "no contact slides or opens"
+
+
+def _names(pairs: Sequence[PairMotion], motion: Motion) -> list[str]:
+    return [
+        "-".join("fixed" if body == FIXED else str(body) for body in one.bodies)
+        for one in pairs
+        if one.motion is motion
+    ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return ", ".join(names[:MAX_LISTED]) + more

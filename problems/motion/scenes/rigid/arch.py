@@ -1,0 +1,77 @@
+"""A semicircular masonry arch of equal stones on the ground.
+
+The arch stands if it is thick enough, t/R above a limit that depends on its n stones and on μ. With μ > 0.396 it
+collapses by hinges, and the limit rises with n to 0.1074. Below, hinges and sliding mix, up to t/R = 0.2006 at
+μ = 0.309; with less friction no semicircular arch stands, however thick (Cocchetti & Rizzi 2020, *Analytical and
+numerical analysis on the collapse modes of least-thickness circular masonry arches at decreasing friction*).
+
+Joints are radial, at the angles π k/n. Stones are cut straight from joint to joint. For few of them the limit is a
+little lower than for stones with round faces, whose centres of mass are farther out: 0.0957 and 0.0962 for n = 7.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+import numpy as np
+
+from ....arrays import FloatArray
+from ....errors import ProblemError
+from ..scene import check_positive
+from .prisms import PrismScene
+
+
+@dataclass(frozen=True)
+class Arch(PrismScene):
+    """A semicircular arch in the plane (x, z) with its centre at the origin; stone 0 stands on the ground at x > 0.
+
+    Attributes:
+        stones: n.
+        thickness: t/R.
+        friction: μ of all joints.
+        radius: R of the centre line [m].
+        width: along y [m].
+        density: of the stones [kg/m³].
+        gravity: g [m/s²].
+        overlap: depth of every contact at the start over R.
+
+    Raises:
+        ProblemError: if there are fewer than two stones, the thickness is outside (0, 1), or the overlap outside
+            [0, 0.01), or a length or the density is not positive.
+    """
+
+    stones: int = 7
+    thickness: float = 0.11
+    friction: float = 0.8
+    radius: float = 1.0
+    width: float = 0.3
+    density: float = 2400.0
+    gravity: float = 9.81
+    overlap: float = 1e-5
+
+    def __post_init__(self) -> None:
+        if self.stones < 2:
+            raise ProblemError(f"stones of an arch must be at least 2, got {self.stones}.")
+        if not 0.0 < self.thickness < 1.0:
+            raise ProblemError(f"thickness of an arch must be between 0 and 1, got {self.thickness}.")
+        check_positive(self, "an arch", "radius", "width", "density")
+        if not 0.0 <= self.overlap < 0.01:
+            raise ProblemError(f"overlap of an arch must be from 0 to below 0.01, got {self.overlap}.")
+
+    def joint(self, index: int) -> FloatArray:
+        """Return the inner and the outer end (x, z) of a joint [m], shape (2, 2); joint 0 is below stone 0."""
+        angle = pi * index / self.stones
+        radii = self.radius * (1.0 + 0.5 * self.thickness * np.array([-1.0, 1.0]))
+        return np.outer(radii, [cos(angle), sin(angle)])
+
+    def normal(self, index: int) -> FloatArray:
+        """Return the unit normal (x, z) of a joint from stone ``index`` − 1 to the next one, shape (2,)."""
+        angle = pi * index / self.stones
+        return np.array([-sin(angle), cos(angle)])
+
+    def sections(self) -> Sequence[FloatArray]:
+        """Return the stones, which pass each of their joints by half of the overlap."""
+        excess = 0.5 * self.overlap * self.radius
+        begins = [self.joint(index) - excess * self.normal(index) for index in range(self.stones)]
+        ends = [self.joint(index) + excess * self.normal(index) for index in range(1, self.stones + 1)]
+        return [np.concatenate([begin, end]) for begin, end in zip(begins, ends, strict=True)]

@@ -1,0 +1,99 @@
+"""A house of cards: storeys of leaning pairs, with a card laid from pair to pair.
+
+A pair of thin cards that lean by α stands with μ ≥ tan α/2. Load on top of it raises the limit towards tan α, so that
+the lowest storey decides how much friction a house needs; ``equilibrium.least_friction`` finds it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin, tan
+
+import numpy as np
+
+from ....arrays import FloatArray
+from ....errors import ProblemError
+from ..scene import check_positive
+from .prisms import PrismScene
+
+
+@dataclass(frozen=True)
+class CardHouse(PrismScene):
+    """A house of cards in the plane (x, z), with one pair less in each storey than in the one below.
+
+    Leaning cards are cut level at foot and head, and upright where the two of a pair meet, so that faces touch faces.
+    Pairs come first, from left to right and from below, the left card before the right one; then the level cards.
+
+    Attributes:
+        storeys: k.
+        lean: α of a leaning card from the vertical [rad].
+        friction: μ of all contacts.
+        length: of a card [m].
+        thickness: of a card [m].
+        width: of a card along y [m].
+        density: of the cards [kg/m³].
+        gravity: g [m/s²].
+        overlap: depth of every contact at the start [m].
+
+    Raises:
+        ProblemError: if there is no storey, a length is not positive, or pairs would not fit beside each other.
+    """
+
+    storeys: int = 3
+    lean: float = 0.35
+    friction: float = 0.5
+    length: float = 0.088
+    thickness: float = 0.001
+    width: float = 0.063
+    density: float = 700.0
+    gravity: float = 9.81
+    overlap: float = 1e-6
+
+    def __post_init__(self) -> None:
+        if self.storeys < 1:
+            raise ProblemError(f"storeys of a house of cards must be at least 1, got {self.storeys}.")
+        check_positive(self, "a house of cards", "lean", "length", "thickness", "width", "density")
+        if not 0.0 <= self.overlap < 0.1 * self.thickness:
+            raise ProblemError(
+                f"overlap of a house of cards must be below a tenth of its thickness, got {self.overlap}."
+            )
+        if self.lean > 0.5 or self.foot + 2.0 * self.base > self.length:
+            raise ProblemError(f"pairs that lean by {self.lean} are too wide for cards of this length; lower the lean.")
+
+    @property
+    def base(self) -> float:
+        """Width of a leaning card at its foot [m]."""
+        return self.thickness / cos(self.lean)
+
+    @property
+    def foot(self) -> float:
+        """Distance between the feet of a pair [m]."""
+        return 2.0 * self.length * sin(self.lean)
+
+    @property
+    def height(self) -> float:
+        """Height of a pair [m]: of the inner faces where they meet, and of the upright faces above."""
+        return self.length * cos(self.lean) + 0.5 * self.base / tan(self.lean)
+
+    def leaning(self) -> FloatArray:
+        """Return the left card of a pair that meets at x = 0 and stands on z = 0, shape (5, 2)."""
+        left, meeting = -0.5 * self.foot, self.length * cos(self.lean)
+        head = -0.5 * self.base
+        return np.array([[left - self.base, 0.0], [left, 0.0], [0.0, meeting], [0.0, self.height], [head, self.height]])
+
+    def sections(self) -> Sequence[FloatArray]:
+        """Return the cards, leaning ones first."""
+        pitch, storey = self.length + 0.25 * self.base, self.height + self.thickness - 2.0 * self.overlap
+        left = self.leaning() + np.array([0.5 * self.overlap, 0.0])
+        right = left * np.array([-1.0, 1.0])
+        half = 0.5 * np.array([self.length, self.thickness])
+        level = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        leaning, lying = [], []
+        for below in range(self.storeys):
+            pairs = self.storeys - below
+            base = below * storey - self.overlap
+            places = pitch * (np.arange(pairs) - 0.5 * (pairs - 1))
+            for x in places:
+                leaning += [card + np.array([x, base]) for card in (left, right)]
+            middle = base + self.height + 0.5 * self.thickness - self.overlap
+            lying += [level + np.array([x, middle]) for x in 0.5 * (places[:-1] + places[1:])]
+        return [*leaning, *lying]

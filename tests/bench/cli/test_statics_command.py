@@ -1,0 +1,95 @@
+"""``proxbench statics``: one line with the answer, its data, and a sentence for a mistake."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from proxbench.bench.cli.main import run_command
+
+BALL = """
+from proxbench.problems.motion.scenes.registry import make_scene
+
+def lone_ball():
+    return make_scene("stack(masses=(1.0,), friction=0.5)")
+
+SCENES = {"lone_ball": lone_ball}
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["block_on_incline(slope=0.3)"], 0, "can stand"),
+        (["block_on_incline(slope=0.3)", "--friction"], 0, "can stand; it needs a friction coefficient of 0.309336"),
+        (
+            ["block_on_incline(slope=1.0)"],
+            1,
+            "cannot stand: it begins to move with 51.1 % of the free acceleration; slides at 1 of 1 contacts",
+        ),
+        (["stack"], 0, "can stand; it bears no push along 1,0,0"),
+        (["thrown_box"], 0, "can stand; it bears a push of up to 0.5 of its weight along 1,0,0"),
+        (["thrown_box", "--push", "0,0,-1"], 0, "can stand; it bears any push along 0,0,-1"),
+        (
+            ["v_groove(slope=0.2)", "--friction"],
+            1,
+            "cannot stand: it begins to move with 13.2 % of the free acceleration; no contact slides or opens; "
+            "no friction makes it stand",
+        ),
+        (
+            ["bouncing_ball"],
+            1,
+            "cannot stand: it begins to move with 100 % of the free acceleration; no contact is closed",
+        ),
+    ],
+)
+def test_the_answer_is_one_line(
+    arguments: list[str], code: int, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["statics", *arguments]) == code
+    assert capsys.readouterr().out == f"{arguments[0]} {sentence}\n"
+
+
+def test_programs_read_the_same_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["statics", "thrown_box", "--push", "0,0,-1", "--friction", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row.pop("imbalance") <= 1e-7
+    assert row == {
+        "scene": "thrown_box",
+        "contacts": 4,
+        "can_stand": True,
+        "mechanism": "",
+        "push": [0.0, 0.0, -1.0],
+        "largest_push": None,
+        "least_friction": 0.0,
+    }
+
+
+def test_a_margin_closes_contacts_that_are_open(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["statics", "stack(overlap=0)"]) == 1
+    assert run_command(["statics", "stack(overlap=0)", "--margin", "1e-6"]) == 0
+    assert "can stand" in capsys.readouterr().out
+
+
+def test_the_scene_of_a_plugin_is_asked_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "ball.py").write_text(BALL)
+    assert run_command(["statics", "lone_ball", "--plugin", str(tmp_path / "ball.py")]) == 0
+    assert capsys.readouterr().out == "lone_ball can stand; it bears no push along 1,0,0\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("statics nonsense", "there is no scene 'nonsense'"),
+        ("statics stack --margin -1", "--margin must be a length"),
+        ("statics stack --push 1,0", "--push must be 3 numbers, not all zero, like 1,0,0; got '1,0'"),
+        ("statics stack --push 0,0,0", "not all zero"),
+        ("statics stack --push 1,nan,0", "--push must be 3 numbers"),
+        ("statics pile(balls=5,planar=True) --push 1,0,0", "--push must be 2 numbers, not all zero, like 1,0"),
+        ("statics woodpecker --push 1,0,0", "leave out --push"),
+        ("statics stack --friction", "no contact has friction"),
+        ("statics", "SCENE"),
+    ],
+)
+def test_a_mistake_gets_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:
+    assert words in mistake(line)
