@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from ..problems.compilation import interpreted_kernels
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop
 from ..problems.errors import suggestion
@@ -251,4 +252,5 @@ def solve(
     reason = method.supports(problem)
     if reason:
         return Solution(0.0 * problem.free_velocity, Status.UNSUPPORTED, 0, reason)
-    return method.prepare(problem).solve(Stop(tolerance, **limits))
+    with interpreted_kernels(problem.n_rows):
+        return method.prepare(problem).solve(Stop(tolerance, **limits))

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, real_numbers
+from ..compilation import interpreted_kernels
 from ..errors import ProblemError
 from ..representation import html_table
 from .answer import ratio
@@ -132,6 +133,11 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     given = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
     if given.shape != (problem.n_rows,):
         raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry a row; got {given.shape}.")
+    with interpreted_kernels(problem.n_rows):
+        return _verdict(problem, given, model)
+
+
+def _verdict(problem: ContactProblem, given: FloatArray, model: Model) -> Verdict:
     residual, inf = Residual(problem), np.inf
     known = None if problem.answer is None else problem.answer.velocity
     if not np.isfinite(given).all():

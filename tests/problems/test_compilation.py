@@ -1,4 +1,4 @@
-"""A process that compiles for long says so once, on standard error, and only if nobody has silenced it."""
+"""A process that compiles for long says so once, and interprets the kernels that small problems need once."""
 
 import os
 import subprocess
@@ -6,7 +6,9 @@ import sys
 from tempfile import TemporaryDirectory
 
 import pytest
-from proxbench.problems.compilation import NOTICE
+from numba import config, njit
+from proxbench.problems import compilation
+from proxbench.problems.compilation import NOTICE, interpretable, interpreted_kernels
 
 COMPILE_THREE = """
 import numba
@@ -17,6 +19,20 @@ for number in range(3):
     numba.njit(eval(f"lambda x: x + {{number}}"))(1.0)
 print(compilation.COMPILATION.kernels >= 3, compilation.COMPILATION.seconds > 0.0)
 """
+
+MAX_SWEEP_KERNELS = 3
+"""The kernels of frictionless sweeps: sweep, one contact and product."""
+
+VARIED_PROBLEMS = [
+    "funnel-100",
+    "funnel-planar-30",
+    "hard-counterexample",
+    "hard-disconnected-parts-few",
+    "hard-linked-3-axes",
+    "hard-mixed-laws-21",
+    "hard-remote-brakes-40",
+    "hard-resisting-sphere-3-axes",
+]
 
 
 @pytest.mark.parametrize(
@@ -37,8 +53,70 @@ from proxbench.problems.compilation import COMPILATION
 ContactProblem.from_delassus(np.eye(6) + 1.0, -np.ones(6), 0.3)
 print(COMPILATION.kernels)
 """
+    assert _run_on_an_empty_cache(code) == ["0"]
+
+
+def test_the_first_solve_of_a_small_problem_compiles_nothing_but_its_sweep() -> None:
+    code = """
+import numpy as np
+from proxbench import ContactProblem, solve
+from proxbench.problems.compilation import COMPILATION
+print(solve(ContactProblem.from_delassus(np.eye(1), -np.ones(1), dim=1)).status, COMPILATION.kernels)
+"""
+    status, kernels = _run_on_an_empty_cache(code)
+    assert status == "solved"
+    assert int(kernels) <= MAX_SWEEP_KERNELS
+
+
+def test_interpreted_kernels_do_not_change_a_bit_of_a_solution_or_a_verdict() -> None:
+    code = """
+from proxbench import judge, load, solve
+from proxbench.problems import compilation
+from proxbench.problems.contact.residual import _write_squared_violations
+
+def results():
+    for name in {names}:
+        problem = load(name)
+        solution = solve(problem, tolerance=1e-9, max_iterations=100)
+        verdict = judge(problem, solution.impulses)
+        yield solution.message, solution.iterations, solution.impulses.tobytes(), verdict.numbers()
+
+compilation.MAX_INTERPRETED_SECONDS = float("inf")
+interpreted = list(results())
+assert not _write_squared_violations.overloads
+compilation.MAX_INTERPRETED_SECONDS = 0.0
+compiled = list(results())
+assert _write_squared_violations.overloads
+print(*(name for name, one, other in zip({names}, interpreted, compiled) if repr(one) == repr(other)))
+"""
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-c", code.format(names=VARIED_PROBLEMS)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.split() == VARIED_PROBLEMS
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
+def test_a_kernel_is_interpreted_only_within_solve_for_few_rows_and_a_short_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def is_interpreted(n_rows: int) -> bool:
+        kernel = interpretable(njit(lambda x: x + 1.0))
+        with interpreted_kernels(n_rows):
+            assert (kernel(1.0), kernel(2.0)) == (2.0, 3.0)
+        return not kernel.overloads  # type: ignore[attr-defined]
+
+    outside = interpretable(njit(lambda x: x + 1.0))
+    assert outside(1.0) == 2.0
+    assert outside.overloads  # type: ignore[attr-defined]
+    assert is_interpreted(1)
+    assert not is_interpreted(compilation.MAX_INTERPRETED_ROWS + 1)
+    monkeypatch.setattr(compilation, "MAX_INTERPRETED_SECONDS", 1e-9)
+    assert not is_interpreted(1)
+
+
+def _run_on_an_empty_cache(code: str) -> list[str]:
+    """Return the words that a fresh process prints."""
     with TemporaryDirectory() as folder:
-        environment["NUMBA_CACHE_DIR"] = folder
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": "0", "NUMBA_CACHE_DIR": folder}
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
-    assert done.stdout.split() == ["0"]
+    return done.stdout.split()
