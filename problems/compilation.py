@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache
+from functools import cache, wraps
 from types import FunctionType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numba import config
@@ -66,19 +66,37 @@ def silence_notice() -> None:
     COMPILATION.is_silent = True
 
 
-MAX_INTERPRETED_ROWS = 500
-"""Size of the largest problem whose kernels are interpreted; one kernel may take 0.1 s on it."""
+MAX_INTERPRETED_NUMBERS = 20_000
+"""Numbers in all arrays that an interpreted kernel is called with; it may take 0.05 s for so many."""
 
-MAX_INTERPRETED_SECONDS = 0.02
+MAX_INTERPRETED_SECONDS = 0.05
 """Time for which each kernel is interpreted before it is compiled, or loaded from the cache in 0.005 s."""
 
-_INTERPRETS: ContextVar[bool] = ContextVar("interprets", default=False)
+_INTERPRETS: ContextVar[bool | None] = ContextVar("interprets", default=None)
+"""Whether kernels may be interpreted; False where no function can allow it."""
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def interprets_kernels(function: Callable[P, R]) -> Callable[P, R]:
+    """Return ``function``, within which the interpreter may run ``interpretable`` kernels at first."""
+
+    @wraps(function)
+    def run(*arguments: P.args, **options: P.kwargs) -> R:
+        token = _INTERPRETS.set(_INTERPRETS.get() is not False)
+        try:
+            return function(*arguments, **options)
+        finally:
+            _INTERPRETS.reset(token)
+
+    return run
 
 
 @contextmanager
-def interpreted_kernels(n_rows: int) -> Iterator[None]:
-    """Let the interpreter run ``interpretable`` kernels on a problem of few rows, see ``MAX_INTERPRETED_ROWS``."""
-    token = _INTERPRETS.set(n_rows <= MAX_INTERPRETED_ROWS)
+def compiled_kernels() -> Iterator[None]:
+    """Compile all kernels at their first calls, also within functions that ``interprets_kernels`` returned."""
+    token = _INTERPRETS.set(False)
     try:
         yield
     finally:
@@ -86,7 +104,7 @@ def interpreted_kernels(n_rows: int) -> Iterator[None]:
 
 
 def interpretable(kernel: Any) -> Any:
-    """Return ``kernel``, which the interpreter runs at first within ``interpreted_kernels``.
+    """Return ``kernel``, which the interpreter runs at first where a function ``interprets_kernels``.
 
     Calls of a compiled kernel take no longer: numba calls ``_compile_for_args`` only if it has compiled nothing that
     fits the arguments, and then calls what that returns.
@@ -103,9 +121,11 @@ def interpretable(kernel: Any) -> Any:
         seconds += time.perf_counter() - begin
         return _as_python_numbers(result)
 
-    def select(*arguments: Any) -> Callable[..., Any]:
-        is_interpreted = _INTERPRETS.get() and seconds < MAX_INTERPRETED_SECONDS
-        return interpret if is_interpreted else compile_kernel(*arguments)
+    def select(*arguments: Any) -> Any:
+        if not _INTERPRETS.get() or seconds >= MAX_INTERPRETED_SECONDS:
+            return compile_kernel(*arguments)
+        n_numbers = sum(argument.size for argument in arguments if isinstance(argument, np.ndarray))
+        return interpret if n_numbers <= MAX_INTERPRETED_NUMBERS else compile_kernel(*arguments)
 
     kernel._compile_for_args = select
     return kernel

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, real_numbers
-from ..compilation import interpreted_kernels
+from ..compilation import interprets_kernels
 from ..errors import ProblemError
 from ..representation import html_table
 from .answer import ratio
@@ -118,6 +118,7 @@ class Verdict:
         return {name: value for name, value in vars(self).items() if name not in NO_NUMBERS}
 
 
+@interprets_kernels
 @np.errstate(over="ignore", invalid="ignore")  # what overflows reads as infinite
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
     """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
@@ -133,11 +134,6 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     given = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
     if given.shape != (problem.n_rows,):
         raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry a row; got {given.shape}.")
-    with interpreted_kernels(problem.n_rows):
-        return _verdict(problem, given, model)
-
-
-def _verdict(problem: ContactProblem, given: FloatArray, model: Model) -> Verdict:
     residual, inf = Residual(problem), np.inf
     known = None if problem.answer is None else problem.answer.velocity
     if not np.isfinite(given).all():

@@ -5,10 +5,11 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 from numba import config, njit
 from proxbench.problems import compilation
-from proxbench.problems.compilation import NOTICE, interpretable, interpreted_kernels
+from proxbench.problems.compilation import NOTICE, compiled_kernels, interpretable, interprets_kernels
 
 COMPILE_THREE = """
 import numba
@@ -81,7 +82,7 @@ def results():
         verdict = judge(problem, solution.impulses)
         yield solution.message, solution.iterations, solution.impulses.tobytes(), verdict.numbers()
 
-compilation.MAX_INTERPRETED_SECONDS = float("inf")
+compilation.MAX_INTERPRETED_SECONDS = compilation.MAX_INTERPRETED_NUMBERS = float("inf")
 interpreted = list(results())
 assert not _write_squared_violations.overloads
 compilation.MAX_INTERPRETED_SECONDS = 0.0
@@ -96,22 +97,24 @@ print(*(name for name, one, other in zip({names}, interpreted, compiled) if repr
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
-def test_a_kernel_is_interpreted_only_within_solve_for_few_rows_and_a_short_time(
+def test_a_kernel_is_interpreted_only_where_allowed_for_few_numbers_and_a_short_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def is_interpreted(n_rows: int) -> bool:
-        kernel = interpretable(njit(lambda x: x + 1.0))
-        with interpreted_kernels(n_rows):
-            assert (kernel(1.0), kernel(2.0)) == (2.0, 3.0)
-        return not kernel.overloads  # type: ignore[attr-defined]
+    def is_interpreted(n_numbers: int) -> bool:
+        kernel = interpretable(njit(lambda x: len(x) + 1))
+        call = interprets_kernels(lambda: kernel(np.zeros(n_numbers)))
+        assert [call(), call()] == [n_numbers + 1, n_numbers + 1]
+        return not kernel.overloads
 
-    outside = interpretable(njit(lambda x: x + 1.0))
-    assert outside(1.0) == 2.0
-    assert outside.overloads  # type: ignore[attr-defined]
-    assert is_interpreted(1)
-    assert not is_interpreted(compilation.MAX_INTERPRETED_ROWS + 1)
+    outside = interpretable(njit(lambda x: len(x) + 1))
+    assert outside(np.zeros(3)) == 4
+    assert outside.overloads
+    assert is_interpreted(3)
+    with compiled_kernels():
+        assert not is_interpreted(3)
+    assert not is_interpreted(compilation.MAX_INTERPRETED_NUMBERS + 1)
     monkeypatch.setattr(compilation, "MAX_INTERPRETED_SECONDS", 1e-9)
-    assert not is_interpreted(1)
+    assert not is_interpreted(3)
 
 
 def _run_on_an_empty_cache(code: str) -> list[str]:

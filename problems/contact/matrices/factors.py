@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from ...arrays import FloatArray, frozen, read_only
+from ...compilation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
 from .block_diagonal import block_cholesky, block_inverse
@@ -234,6 +235,7 @@ def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
     return matrix
 
 
+@interpretable
 @njit(cache=True)
 def _scale(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
     """Return entries, rows, which ascend, and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""
