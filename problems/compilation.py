@@ -66,8 +66,8 @@ def silence_notice() -> None:
     COMPILATION.is_silent = True
 
 
-MAX_INTERPRETED_NUMBERS = 20_000
-"""Numbers in all arrays that an interpreted kernel is called with; it may take 0.05 s for so many."""
+MAX_INTERPRETED_NUMBERS = 50_000
+"""Numbers that an interpreted kernel reads in one call, which may take 0.05 s."""
 
 MAX_INTERPRETED_SECONDS = 0.05
 """Time for which each kernel is interpreted before it is compiled, or loaded from the cache in 0.005 s."""
@@ -103,11 +103,17 @@ def compiled_kernels() -> Iterator[None]:
         _INTERPRETS.reset(token)
 
 
-def interpretable(kernel: Any) -> Any:
+def count_numbers(*arguments: Any) -> int:
+    """Return the number of entries of all arrays."""
+    return sum(argument.size for argument in arguments if isinstance(argument, np.ndarray))
+
+
+def interpretable(kernel: Any, count: Callable[..., int] = count_numbers) -> Any:
     """Return ``kernel``, which the interpreter runs at first where a function ``interprets_kernels``.
 
-    Calls of a compiled kernel take no longer: numba calls ``_compile_for_args`` only if it has compiled nothing that
-    fits the arguments, and then calls what that returns.
+    ``count`` returns how many numbers the kernel reads if it is called with these arguments. Calls of a compiled
+    kernel take no longer: numba calls ``_compile_for_args`` only if it has compiled nothing that fits the arguments,
+    and then calls what that returns.
     """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]  # then it is a Python function
         return kernel
@@ -124,8 +130,7 @@ def interpretable(kernel: Any) -> Any:
     def select(*arguments: Any) -> Any:
         if not _INTERPRETS.get() or seconds >= MAX_INTERPRETED_SECONDS:
             return compile_kernel(*arguments)
-        n_numbers = sum(argument.size for argument in arguments if isinstance(argument, np.ndarray))
-        return interpret if n_numbers <= MAX_INTERPRETED_NUMBERS else compile_kernel(*arguments)
+        return interpret if count(*arguments) <= MAX_INTERPRETED_NUMBERS else compile_kernel(*arguments)
 
     kernel._compile_for_args = select
     return kernel

@@ -7,9 +7,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from numba import config, njit
-from proxbench.problems import compilation
+from proxbench.problems import compilation, load
 from proxbench.problems.compilation import NOTICE, compiled_kernels, interpretable, interprets_kernels
+from proxbench.problems.contact.matrices import delassus, factors
 
 COMPILE_THREE = """
 import numba
@@ -112,9 +114,22 @@ def test_a_kernel_is_interpreted_only_where_allowed_for_few_numbers_and_a_short_
     assert is_interpreted(3)
     with compiled_kernels():
         assert not is_interpreted(3)
+    dear = interpretable(njit(lambda x: len(x) + 1), count=lambda x: 10 ** len(x))
+    assert interprets_kernels(dear)(np.zeros(9)) == 10
+    assert dear.overloads
     assert not is_interpreted(compilation.MAX_INTERPRETED_NUMBERS + 1)
     monkeypatch.setattr(compilation, "MAX_INTERPRETED_SECONDS", 1e-9)
     assert not is_interpreted(3)
+
+
+def test_the_products_of_kernels_over_pairs_are_counted() -> None:
+    pieces = load("hard-supports-32").factor_pieces()
+    count = delassus._count_products(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    assert count == (pieces.n_blocks * pieces.width) ** 2 * pieces.length  # one body moves
+    root, directions = sp.random_array((7, 7), density=0.4, rng=1).tocsr(), sp.random_array((7, 9), density=0.4, rng=2)
+    columns = directions.tocsc()
+    count = factors._count_products(root.indptr, root.indices, root.data, columns.indptr, columns.indices, columns.data)
+    assert count == ((root != 0.0).astype(int).T @ (columns != 0.0).astype(int)).sum()
 
 
 def _run_on_an_empty_cache(code: str) -> list[str]:

@@ -1,6 +1,7 @@
 """Assembly of the Delassus matrix G = Wᵀ M⁻¹ W in block rows, from its factors or from a given matrix."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -137,7 +138,14 @@ def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     return chunk_starts, members, block_of_piece
 
 
-@interpretable
+def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
+    """Return the number of products that ``_multiply`` sums."""
+    _, width, length = pieces.shape
+    pairs = np.square(np.bincount(chunks, minlength=n_chunks)[:n_chunks]).sum()
+    return int(pairs) * width * width * length
+
+
+@partial(interpretable, count=_count_products)
 @njit(cache=True)
 def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
     """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, twice: to count the blocks, then to fill them."""
