@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray, read_only
+from ..compilation import interpretable
 from .laws import BALL, HALF_LINE, LINE, Laws
 
 
@@ -131,6 +132,7 @@ def layout_of(laws: Laws) -> BlockLayout:
     return layout
 
 
+@interpretable
 @njit(cache=True)
 def _lay_out(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
