@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import LawKind, Laws, ProblemError
-from proxbench.problems.contact.blocks import layout_of
+from proxbench.problems.contact.blocks import _lay_out, layout_of
 
 
 def planar_contact(**changes: object) -> Laws:
@@ -118,6 +118,18 @@ def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
     assert layout.rolling_law.tolist() == [-1, -1, 5]
     assert not layout.has_contacts_only
     assert layout_of(Laws.contacts([0.3], 2, 1)).has_contacts_only
+
+
+def test_the_layout_of_blocks_does_not_depend_on_what_its_memory_held() -> None:
+    """A frictionless contact has no bound and no partner but itself, and a contact is no joint."""
+    laws = Laws.together([Laws.contacts([0.0], 1, 1), Laws.contacts([0.3], 3, 1).with_rolling(0.01, 2)])
+    given = laws.sets, laws.row_count, laws.is_rolling, laws.partner, laws.friction_coefficient, laws.fixed_bound
+    layout = layout_of(laws)
+    numbers, bounds, is_bilateral = np.full((5, 4), 7), np.full((4, 4), 7.0), np.ones(4, np.bool_)
+    _lay_out(*given, np.full(laws.n_rows, 7), numbers, bounds, is_bilateral)
+    assert numbers[:4, :2].tolist() == [[0, 1], [-1, 2], [-1, 3], [0, 1]]
+    assert bounds[:, :2].tolist() == [[0.0, 0.3], [0.0, 0.0], [0.0, 0.01], [0.0, 0.0]]
+    assert is_bilateral[:2].tolist() == [False, False] == layout.is_bilateral.tolist()
 
 
 def test_fresh_laws_are_equal_and_share_no_memory() -> None:
