@@ -56,7 +56,14 @@ def test_equal_contacts_have_their_rows_in_the_order_normal_then_tangents(dim: i
 
 @pytest.mark.parametrize(
     ("friction", "dim", "words"),
-    [(0.3, 4, "dim"), (0.3, "3", "dim"), ([0.1], 3, None), ([0.1, 0.2], 3, "shape"), (-0.1, 3, r"friction\[0\]")],
+    [
+        (0.3, 4, "dim"),
+        (0.3, "3", "dim"),
+        ([0.1], 3, None),
+        ([0.1, 0.2], 3, "shape"),
+        (-0.1, 3, r"friction\[0\]"),
+        ([0.1, -0.2, -0.3], 3, r"friction\[1\] = -0.2 must"),
+    ],
 )
 def test_equal_contacts_check_their_arguments(friction: object, dim: int, words: str | None) -> None:
     if words is None:
