@@ -119,6 +119,7 @@ def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
     laws = Laws.together([Laws.contacts([0.3], 2, 1), Laws.joints(1), Laws.contacts([0.1], 3, 1).with_rolling(0.01, 2)])
     layout = layout_of(laws)
     assert (layout.width, layout.sliding, layout.rolling) == (5, 2, 2)
+    assert type(layout.width) is type(layout.sliding) is int  # else products with narrow integers widen, uncompiled
     assert layout.slot.tolist() == [0, 1, 5, 10, 11, 12, 13, 14]
     assert layout.is_bilateral.tolist() == [False, True, False]
     assert layout.rolling_coefficient.tolist() == [0.0, 0.0, 0.01]
