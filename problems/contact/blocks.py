@@ -71,7 +71,7 @@ class BlockLayout:
             laws.friction_coefficient,
             laws.fixed_bound,
         )
-        sliding, width, n, n_joints = _lay_out(*arguments, slot, numbers, bounds, is_bilateral)
+        sliding, width, n, n_joints = map(int, _lay_out(*arguments, slot, numbers, bounds, is_bilateral))
         read_only(slot, numbers, bounds, is_bilateral)
         owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
         limits = (bounds[0, :n], bounds[1, :n], bounds[2, :n], bounds[3, :n])
