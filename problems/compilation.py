@@ -1,9 +1,23 @@
-"""One line on standard error, at most once in a process, where kernels compile for more than a second."""
+"""Kernels at their first use: a notice where compilation takes long, and interpretation where it is not worth its time.
+
+A kernel takes up to half a second to compile. The set-up of one small problem runs each of its kernels once, which
+takes the interpreter milliseconds, so ``solve`` lets it. The results are equal to the bit if a kernel uses only
+correctly rounded operations, and neither powers nor ``fastmath``.
+"""
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache, wraps
+from types import FunctionType
+from typing import Any, ParamSpec, TypeVar
 
+import numpy as np
+from numba import config
 from numba.core import event
+from numba.core.dispatcher import Dispatcher
 
 SECONDS_BEFORE_NOTICE = 1.0
 """Compilation time before the notice [s]."""
@@ -50,3 +64,89 @@ event.register("numba:compile", COMPILATION)  # type: ignore[no-untyped-call]
 def silence_notice() -> None:
     """Disable the notice in this process, for example where its standard error is recorded."""
     COMPILATION.is_silent = True
+
+
+MAX_INTERPRETED_NUMBERS = 50_000
+"""Numbers that an interpreted kernel reads in one call, which may take 0.05 s."""
+
+MAX_INTERPRETED_SECONDS = 0.05
+"""Time for which each kernel is interpreted before it is compiled, or loaded from the cache in 0.005 s."""
+
+_INTERPRETS: ContextVar[bool | None] = ContextVar("interprets", default=None)
+"""Whether kernels may be interpreted; False where no function can allow it."""
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def interprets_kernels(function: Callable[P, R]) -> Callable[P, R]:
+    """Return ``function``, within which the interpreter may run ``interpretable`` kernels at first."""
+
+    @wraps(function)
+    def run(*arguments: P.args, **options: P.kwargs) -> R:
+        token = _INTERPRETS.set(_INTERPRETS.get() is not False)
+        try:
+            return function(*arguments, **options)
+        finally:
+            _INTERPRETS.reset(token)
+
+    return run
+
+
+@contextmanager
+def compiled_kernels() -> Iterator[None]:
+    """Compile all kernels at their first calls, also within functions that ``interprets_kernels`` returned."""
+    token = _INTERPRETS.set(False)
+    try:
+        yield
+    finally:
+        _INTERPRETS.reset(token)
+
+
+def count_numbers(*arguments: Any) -> int:
+    """Return the number of entries of all arrays."""
+    return sum(argument.size for argument in arguments if isinstance(argument, np.ndarray))
+
+
+def interpretable(kernel: Any, count: Callable[..., int] = count_numbers) -> Any:
+    """Return ``kernel``, which the interpreter runs at first where a function ``interprets_kernels``.
+
+    ``count`` returns how many numbers the kernel reads if it is called with these arguments. Calls of a compiled
+    kernel take no longer: numba calls ``_compile_for_args`` only if it has compiled nothing that fits the arguments,
+    and then calls what that returns.
+    """
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]  # then it is a Python function
+        return kernel
+    compile_kernel, seconds = kernel._compile_for_args, 0.0
+
+    def interpret(*arguments: Any) -> Any:
+        nonlocal seconds
+        begin = time.perf_counter()
+        with np.errstate(all="ignore"):  # compiled kernels do not warn
+            result = _python_function(kernel)(*arguments)
+        seconds += time.perf_counter() - begin
+        return _as_python_numbers(result)
+
+    def select(*arguments: Any) -> Any:
+        if not _INTERPRETS.get() or seconds >= MAX_INTERPRETED_SECONDS:
+            return compile_kernel(*arguments)
+        return interpret if count(*arguments) <= MAX_INTERPRETED_NUMBERS else compile_kernel(*arguments)
+
+    kernel._compile_for_args = select
+    return kernel
+
+
+@cache
+def _python_function(kernel: Any) -> FunctionType:
+    """Return the Python function of a kernel, which calls the Python functions of other kernels."""
+    function: FunctionType = kernel.py_func
+    used = {name: value for name, value in function.__globals__.items() if name in function.__code__.co_names}
+    scope = {name: _python_function(value) if isinstance(value, Dispatcher) else value for name, value in used.items()}
+    return FunctionType(function.__code__, scope, function.__name__)
+
+
+def _as_python_numbers(result: Any) -> Any:
+    """Return Python numbers for NumPy scalars, as compiled kernels do."""
+    if isinstance(result, tuple):
+        return tuple(_as_python_numbers(part) for part in result)
+    return result.item() if isinstance(result, np.generic) else result

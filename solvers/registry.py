@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from ..problems.compilation import interprets_kernels
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop
 from ..problems.errors import suggestion
@@ -228,6 +229,7 @@ def parse(text: str) -> Name:
     return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
+@interprets_kernels
 def solve(
     problem: ContactProblem | str | Path, solver: str | Solver = "Robust", tolerance: float = 1e-6, **limits: Any
 ) -> Solution:

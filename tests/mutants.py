@@ -6,6 +6,7 @@ makes, annotations, decorators and numbers outside functions are left out: no te
 are mostly limits that were tuned. A change is noticed if a daily test fails or takes too long, those of the same name
 first, then those of the same folder, then those in ``WIDER``.
 
+Tests run in copies of a process that has imported the libraries, so that a change costs little more than its tests.
 Kernels run without numba's compiler, whose cache does not know that what a kernel calls has changed. The tests are run
 once without a change: those that fail or are slow in pure Python are left out.
 
@@ -14,18 +15,29 @@ once without a change: those that fail or are slow in pure Python are left out.
 
 import argparse
 import ast
+import contextlib
+import difflib
 import json
 import os
 import random
 import re
-import shlex
-import subprocess
+import signal
 import sys
+import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import hypothesis  # noqa: F401
+import numba
+import numpy as np
+import pandas  # noqa: F401
+import pytest
+import scipy.linalg
+import scipy.optimize
+import scipy.sparse.linalg  # noqa: F401
 
 ROOMS = (
     "problems/contact",
@@ -63,6 +75,9 @@ TEST_SECONDS = 20
 RUN_SECONDS = 300
 """Time limit of all tests of a change [s]."""
 
+POLL_SECONDS = 0.02
+"""Time between two looks at whether tests have ended [s]."""
+
 RESULTS = Path("mutants.jsonl")
 """What is known already, one change a line; what was noticed is not tried again. Delete it to begin anew."""
 
@@ -88,10 +103,10 @@ class Tests:
         wider = [path for room, paths in WIDER.items() if module.is_relative_to(room) for path in paths]
         return Tests(tuple(dict.fromkeys([str(folder), *wider])), "njit" not in module.read_text())
 
-    def command(self, *options: str) -> list[str]:
-        """Return the command that runs them."""
+    def arguments(self, *options: str) -> list[str]:
+        """Return the arguments with which pytest runs them."""
         fixed = ("-q", "-p", "no:cacheprovider", "-m", "not slow", f"--timeout={TEST_SECONDS}")
-        return [sys.executable, "-m", "pytest", *fixed, *options, *self.folders]
+        return [*fixed, *options, *self.folders]
 
     def environment(self) -> dict[str, str]:
         """Return the environment in which they run."""
@@ -100,11 +115,41 @@ class Tests:
         return {**os.environ, **fixed}
 
 
+def run(tests: Tests, options: Sequence[str], seconds: float = np.inf) -> int | None:
+    """Run tests in a copy of this process, which has imported the libraries already.
+
+    Returns:
+        What pytest returns; None if it takes longer than ``seconds``.
+    """
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            os.setsid()
+            silence = os.open(os.devnull, os.O_RDWR)
+            for stream in range(3):
+                os.dup2(silence, stream)
+            os.environ.update(tests.environment())
+            numba.config.DISABLE_JIT = 0 if tests.is_compiled else 1
+            status = int(pytest.main(tests.arguments(*options)))
+        finally:
+            os._exit(status)
+    end, status = time.monotonic() + seconds, None
+    while status is None and time.monotonic() < end:
+        ended, found = os.waitpid(child, os.WNOHANG)
+        status = os.waitstatus_to_exitcode(found) if ended else time.sleep(POLL_SECONDS)
+    with contextlib.suppress(ProcessLookupError):  # nothing is left
+        os.killpg(child, signal.SIGKILL)
+    if status is None:
+        os.waitpid(child, 0)
+    return status
+
+
 def left_out(tests: Tests) -> list[str]:
     """Return the tests that fail or take too long without any change."""
     report = Path("mutants.xml")
     for _ in range(2 if tests.is_compiled else 1):  # the first time may compile
-        subprocess.run(tests.command(f"--junitxml={report}"), env=tests.environment(), stdout=subprocess.DEVNULL)
+        run(tests, [f"--junitxml={report}"])
     found = [
         f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
         for case in ElementTree.parse(report).iter("testcase")
@@ -155,18 +200,26 @@ def sampled(every: list[Any], sample: int | None, seed: int) -> list[Any]:
 
 def is_noticed(mutation: Any, deselected: dict[Tests, list[str]]) -> tuple[bool, str]:
     """Return whether the tests notice a change, and the change as a patch."""
-    from cosmic_ray.mutating import mutate_and_test
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
 
-    tests = Tests.of(mutation.module_path)
+    module = mutation.module_path
+    tests = Tests.of(module)
     if tests not in deselected:
         deselected[tests] = left_out(tests)
         print(f"without {len(deselected[tests])} tests: {', '.join(tests.folders)}", flush=True)
-    nearest = map(str, Path(tests.folders[0]).rglob(f"test_{mutation.module_path.stem}*.py"))
-    arguments = Path("mutants.args")
-    arguments.write_text("\n".join([*nearest, *(f"--deselect={test}" for test in deselected[tests])]))
-    os.environ.update(tests.environment())
-    result = mutate_and_test([mutation], shlex.join(tests.command("-x", f"@{arguments}")), RUN_SECONDS)
-    return result.is_killed, result.diff or ""
+    nearest = map(str, Path(tests.folders[0]).rglob(f"test_{module.stem}*.py"))
+    options = ["-x", *nearest, *(f"--deselect={test}" for test in deselected[tests])]
+    text = module.read_text()
+    operator = get_operator(mutation.operator_name)(**mutation.operator_args)
+    changed = mutate_code(text, operator, mutation.occurrence)
+    try:
+        module.write_text(changed)
+        status = run(tests, options, RUN_SECONDS)
+    finally:
+        module.write_text(text)
+    lines = difflib.unified_diff(text.splitlines(), changed.splitlines(), str(module), str(module), lineterm="")
+    return status != 0, "\n".join(lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -176,6 +229,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=None, help="places of each room, chosen at random; all without")
     parser.add_argument("--seed", type=int, default=0, help="of the choice")
     given = parser.parse_args(arguments)
+    sys.dont_write_bytecode = True  # a change within a second keeps the time of a file
     known = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.exists() else []
     found, deselected = {one["key"]: one for one in known}, dict[Tests, list[str]]()
     counts = dict[str, list[bool]]()

@@ -31,13 +31,14 @@ def warm(
     quiet: Annotated[bool, options.flag("--quiet", help="Print nothing.")] = False, as_json: options.Json = False
 ) -> None:
     """Compile all kernels into the cache."""
-    from ...problems.compilation import COMPILATION
+    from ...problems.compilation import COMPILATION, compiled_kernels
     from ..report.layout.text import print_json
 
     options.refuse_two_prints(quiet, as_json)
     begin = time.perf_counter()
-    _solve()
-    _simulate()
+    with compiled_kernels():
+        _solve()
+        _simulate()
     done: dict[str, Any] = {
         "compiled": COMPILATION.kernels,
         "compile_seconds": COMPILATION.seconds,

@@ -6,6 +6,8 @@ A forked case then starts in milliseconds instead of importing and compiling eve
 import gc
 import io
 
+import scipy.sparse.csgraph  # noqa: F401  solvers import this and scipy.sparse.linalg where they need them
+
 from ...problems.contact.solver import Stop
 from ...problems.exchange.catalog import load
 from ...problems.exchange.files.problem_file import problem_bytes, read_problem

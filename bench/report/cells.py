@@ -79,7 +79,7 @@ def shown_results(
         shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
     own = shown.pop("model_residual")
     if not is_study and not is_of_coulomb(results):
-        shown.insert(shown.columns.get_loc("residual") + 1, "by model", own)
+        shown.insert(list(shown.columns).index("residual") + 1, "by model", own)
     for head, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
         if head in shown:
             shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray, read_only
+from ..compilation import interpretable
 from .laws import BALL, HALF_LINE, LINE, Laws
 
 
@@ -70,7 +71,7 @@ class BlockLayout:
             laws.friction_coefficient,
             laws.fixed_bound,
         )
-        sliding, width, n, n_joints = _lay_out(*arguments, slot, numbers, bounds, is_bilateral)
+        sliding, width, n, n_joints = map(int, _lay_out(*arguments, slot, numbers, bounds, is_bilateral))
         read_only(slot, numbers, bounds, is_bilateral)
         owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
         limits = (bounds[0, :n], bounds[1, :n], bounds[2, :n], bounds[3, :n])
@@ -131,6 +132,7 @@ def layout_of(laws: Laws) -> BlockLayout:
     return layout
 
 
+@interpretable
 @njit(cache=True)
 def _lay_out(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral

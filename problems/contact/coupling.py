@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
+from ..compilation import interpretable
 from .laws import HALF_LINE, LINE
 from .problem import ContactProblem
 
@@ -75,6 +76,7 @@ def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any],
     return pieces.n_chunks * pieces.length, starts, bodies, np.arange(layout.n_blocks)
 
 
+@interpretable
 @njit(cache=True)
 def _coupled(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
     """Return, row by row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
@@ -89,6 +91,7 @@ def _coupled(indptr, indices, data, root, contact_of_row):  # type: ignore[no-un
     return starts, bodies[:count]
 
 
+@interpretable
 @njit(cache=True)
 def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
     """Return, contact by contact, the rows of W̃ in which it has an entry."""
@@ -109,6 +112,7 @@ def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
     return starts, bodies[:count]
 
 
+@interpretable
 @njit(cache=True)
 def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact where G alone is known."""
@@ -116,6 +120,7 @@ def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, par
     return _components(partner, len(partner), starts, bodies, contact_of_row)
 
 
+@interpretable
 @njit(cache=True)
 def _components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact where the factors are known."""
@@ -168,6 +173,7 @@ def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no
     return component
 
 
+@interpretable
 @njit(cache=True)
 def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     for row in range(len(contacts)):
@@ -176,6 +182,7 @@ def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: 
             largest[a], largest[b] = max(largest[a], values[b]), max(largest[b], values[a])
 
 
+@interpretable
 @njit(cache=True)
 def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     of_body = np.zeros(n_bodies)
@@ -198,6 +205,7 @@ def row_lengths(problem: ContactProblem) -> FloatArray:
     return np.repeat(lengths, laws.row_count)
 
 
+@interpretable
 @njit(cache=True)
 def _write_scales(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
@@ -230,6 +238,7 @@ def _write_scales(  # type: ignore[no-untyped-def]
     return stuck, largest
 
 
+@interpretable
 @njit(cache=True)
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, real_numbers
+from ..compilation import interprets_kernels
 from ..errors import ProblemError
 from ..representation import html_table
 from .answer import ratio
@@ -117,6 +118,7 @@ class Verdict:
         return {name: value for name, value in vars(self).items() if name not in NO_NUMBERS}
 
 
+@interprets_kernels
 @np.errstate(over="ignore", invalid="ignore")  # what overflows reads as infinite
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
     """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.

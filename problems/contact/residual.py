@@ -24,6 +24,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ..arrays import FloatArray, IntArray
+from ..compilation import interpretable
 from ..errors import ProblemError
 from .answer import ratio
 from .coupling import components, write_scales_and_ratios
@@ -169,6 +170,7 @@ def _unit(scale: float) -> float:
     return float(np.ldexp(1.0, int(np.clip(-np.frexp(scale)[1], -1021, 1021))))
 
 
+@interpretable
 @njit(cache=True)
 def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
     """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if any is."""
@@ -180,6 +182,7 @@ def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  #
     return largest
 
 
+@interpretable
 @njit(cache=True, error_model="numpy")
 def _write_squared_violations(  # type: ignore[no-untyped-def]
     sets, row_count, first_row, mu, fixed, partner, numbers, impulses, velocity
@@ -197,7 +200,8 @@ def _write_squared_violations(  # type: ignore[no-untyped-def]
         row, a = uint64(first_row[law]), alpha[law]
         if sets[law] == HALF_LINE:
             held = a * impulses[row]
-            square = (held if held < velocity[row] or held != held else velocity[row]) ** 2
+            violation = held if held < velocity[row] or held != held else velocity[row]
+            square = violation * violation
         elif sets[law] == BALL:
             bound = fixed[law]
             if partner[law] >= 0:
@@ -212,7 +216,7 @@ def _write_squared_violations(  # type: ignore[no-untyped-def]
                 square = _outside_ball(row, uint64(row_count[law]), a, bound, impulses, velocity)
             square *= lengths[law] * lengths[law]
         else:  # a line, whose law is violated by all of ξ
-            square = velocity[row] ** 2
+            square = velocity[row] * velocity[row]
         squares[law] = square
         square *= ratios[law] * ratios[law]
         largest = square if square > largest or square != square else largest
@@ -224,7 +228,8 @@ def _outside_interval(held, xi, bound):  # type: ignore[no-untyped-def]
     """Return ‖h − prox(h − ξ)‖² for h = αΛ of one row, the prox onto [−bound, bound]."""
     x = held - xi
     limited = min(max(x, -bound), bound)
-    square = (xi if limited == x else held - limited) ** 2
+    violation = xi if limited == x else held - limited
+    square = violation * violation
     if not x * x <= INSIDE * bound * bound:
         square = max(square, _hidden_by_sliding(held * held, bound))
     return square
@@ -241,7 +246,8 @@ def _outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped
         square = xi_1 * xi_1 + xi_2 * xi_2
     else:
         scale = bound / np.sqrt(squared)
-        square = (held_1 - scale * x_1) ** 2 + (held_2 - scale * x_2) ** 2
+        violation_1, violation_2 = held_1 - scale * x_1, held_2 - scale * x_2
+        square = violation_1 * violation_1 + violation_2 * violation_2
     if not squared <= INSIDE * bound * bound:
         square = max(square, _hidden_by_sliding(held_1 * held_1 + held_2 * held_2, bound))
     return square
@@ -262,7 +268,8 @@ def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[n
         scale, square = bound / np.sqrt(squared), 0.0
         for k in range(first, first + count):
             held = a * impulses[k]
-            square += (held - scale * (held - velocity[k])) ** 2
+            violation = held - scale * (held - velocity[k])
+            square += violation * violation
     if not squared <= INSIDE * bound * bound:
         square = max(square, _hidden_by_sliding(held_squared, bound))
     return square
@@ -271,7 +278,8 @@ def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[n
 @njit(cache=True, inline="always")
 def _hidden_by_sliding(held_squared, bound):  # type: ignore[no-untyped-def]
     """Return the square of what rounding may hide of a friction law that slides, 9ub + u‖h‖; see the module."""
-    return (UNIT * (9.0 * bound + np.sqrt(held_squared))) ** 2
+    hidden = UNIT * (9.0 * bound + np.sqrt(held_squared))
+    return hidden * hidden
 
 
 def violations(

@@ -14,6 +14,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from .. import library
+from ..compilation import interprets_kernels
 from ..contact.problem import UNNAMED, ContactProblem
 from ..errors import PROBLEMS_LISTED, PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
@@ -120,6 +121,7 @@ def is_path(name: str | Path) -> bool:
     return isinstance(name, Path) or name.endswith(SUFFIXES) or is_fclib_name(name)
 
 
+@interprets_kernels
 def load(name: str | Path) -> ContactProblem:
     """Return one problem by name or from a file.
 

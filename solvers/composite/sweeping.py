@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
+from ...problems.compilation import interpretable
 from ...problems.contact.problem import ContactProblem
 from ..iteration.stopping import MAX_CHECK_INTERVAL
 from ..prox.accelerated_sorprox import NesterovSORprox
@@ -94,6 +95,7 @@ def density(problem: ContactProblem) -> float:
     return UNCOUPLED if most <= 1 else pieces.width**2 * pairs / max(2.0 * pieces.values.size, 1.0)
 
 
+@interpretable
 @njit(cache=True)
 def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
     """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
@@ -104,6 +106,7 @@ def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, co
     return False
 
 
+@interpretable
 @njit(cache=True)
 def _count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
     """Return the largest number of pieces on a chunk, and the number of pairs of pieces that share one."""

@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.coupling import components
@@ -78,6 +77,8 @@ class Lemke(Method):
 
 def _groups(matrix: sp.csr_array) -> list[IntArray]:
     """Return the indices of each connected group of unknowns."""
+    from scipy.sparse.csgraph import connected_components  # 0.1 s that few solves wait for
+
     count, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
     return [np.sort(group) for group in np.split(order, np.cumsum(np.bincount(label, minlength=count))[:-1])]

@@ -16,15 +16,18 @@ with twice as many rows as the one before, until the prediction is either short 
 in reverse Cuthill–McKee order, so that a part has the connectivity of the whole. The parts do not affect the iterates.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import reverse_cuthill_mckee
-from scipy.sparse.linalg import SuperLU, splu
 
 from ...problems.arrays import FloatArray
 from ..iteration.stopping import Clock
 from .linearised import LinearSystem
 from .work import Work
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 PIVOT_THRESHOLD = 0.1
 """A diagonal pivot is accepted unless it is below this fraction of its column, which keeps the factors sparse."""
@@ -89,6 +92,8 @@ class LinearSolver:
 
     def _meets_deadline(self, matrix: sp.csr_array) -> bool:
         """Whether a factorisation is expected to meet the deadline; factorises parts first if that is uncertain."""
+        from scipy.sparse.csgraph import reverse_cuthill_mckee  # 0.1 s that no factorisation is to be charged for
+
         order = None
         while self._predict(matrix.nnz) > self._clock.remaining:
             rows = 2 * self._rows
@@ -116,8 +121,10 @@ class LinearSolver:
         self._rows = max(self._rows, matrix.shape[0])
 
 
-def factorise(matrix: sp.csr_array) -> SuperLU | None:
+def factorise(matrix: sp.csr_array) -> "SuperLU | None":
     """Return the triangular factors of a square matrix, or None if it is exactly singular."""
+    from scipy.sparse.linalg import splu  # 0.1 s that few solves wait for
+
     try:
         return splu(
             sp.csc_matrix(matrix),

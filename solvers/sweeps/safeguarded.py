@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
+from ...problems.compilation import interpretable
 from ...problems.contact.blocks import BlockLayout
 from ..iteration.loop import Iterates, WrappedIterates
 
@@ -107,6 +108,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         self._since_check = 0  # no increment spans the jump
 
 
+@interpretable
 @njit(cache=True)
 def _cut_where_opposed(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
     """Reduce the step of each contact whose increments are opposed and do not shrink; return whether one was."""
@@ -123,7 +125,7 @@ def _cut_where_opposed(width, sliding, groups, before, previous, newest, step_si
             product += weight * a * b
             older += weight * a * a
             newer += weight * b * b
-            impulse += weight * newest[k + lane] ** 2
+            impulse += weight * (newest[k + lane] * newest[k + lane])
         opposed = product < -OPPOSED * np.sqrt(older * newer)
         if opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
             fraction[i] = max(CUT * fraction[i], MIN_FRACTION)

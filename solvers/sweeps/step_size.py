@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray
+from ...problems.compilation import interpretable
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
@@ -104,6 +105,7 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
     return sums if length is None else sums / length**2
 
 
+@interpretable
 @njit(cache=True)
 def _write_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
     """Write ω over the largest number of the rows of each law, 0 where that is 0."""

@@ -1,12 +1,17 @@
-"""A process that compiles for long says so once, on standard error, and only if nobody has silenced it."""
+"""A process that compiles for long says so once, and interprets the kernels that small problems need once."""
 
 import os
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
-from proxbench.problems.compilation import NOTICE
+import scipy.sparse as sp
+from numba import config, njit
+from proxbench.problems import compilation, load
+from proxbench.problems.compilation import NOTICE, compiled_kernels, interpretable, interprets_kernels
+from proxbench.problems.contact.matrices import delassus, factors
 
 COMPILE_THREE = """
 import numba
@@ -17,6 +22,20 @@ for number in range(3):
     numba.njit(eval(f"lambda x: x + {{number}}"))(1.0)
 print(compilation.COMPILATION.kernels >= 3, compilation.COMPILATION.seconds > 0.0)
 """
+
+MAX_SWEEP_KERNELS = 3
+"""The kernels of frictionless sweeps: sweep, one contact and product."""
+
+VARIED_PROBLEMS = [
+    "funnel-100",
+    "funnel-planar-30",
+    "hard-counterexample",
+    "hard-disconnected-parts-few",
+    "hard-linked-3-axes",
+    "hard-mixed-laws-21",
+    "hard-remote-brakes-40",
+    "hard-resisting-sphere-3-axes",
+]
 
 
 @pytest.mark.parametrize(
@@ -37,8 +56,85 @@ from proxbench.problems.compilation import COMPILATION
 ContactProblem.from_delassus(np.eye(6) + 1.0, -np.ones(6), 0.3)
 print(COMPILATION.kernels)
 """
+    assert _run_on_an_empty_cache(code) == ["0"]
+
+
+def test_the_first_solve_of_a_small_problem_compiles_nothing_but_its_sweep() -> None:
+    code = """
+import numpy as np
+from proxbench import ContactProblem, solve
+from proxbench.problems.compilation import COMPILATION
+print(solve(ContactProblem.from_delassus(np.eye(1), -np.ones(1), dim=1)).status, COMPILATION.kernels)
+"""
+    status, kernels = _run_on_an_empty_cache(code)
+    assert status == "solved"
+    assert int(kernels) <= MAX_SWEEP_KERNELS
+
+
+def test_interpreted_kernels_do_not_change_a_bit_of_a_solution_or_a_verdict() -> None:
+    code = """
+from proxbench import judge, load, solve
+from proxbench.problems import compilation
+from proxbench.problems.contact.residual import _write_squared_violations
+
+def results():
+    for name in {names}:
+        problem = load(name)
+        solution = solve(problem, tolerance=1e-9, max_iterations=100)
+        verdict = judge(problem, solution.impulses)
+        yield solution.message, solution.iterations, solution.impulses.tobytes(), verdict.numbers()
+
+compilation.MAX_INTERPRETED_SECONDS = compilation.MAX_INTERPRETED_NUMBERS = float("inf")
+interpreted = list(results())
+assert not _write_squared_violations.overloads
+compilation.MAX_INTERPRETED_SECONDS = 0.0
+compiled = list(results())
+assert _write_squared_violations.overloads
+print(*(name for name, one, other in zip({names}, interpreted, compiled) if repr(one) == repr(other)))
+"""
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-c", code.format(names=VARIED_PROBLEMS)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.split() == VARIED_PROBLEMS
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
+def test_a_kernel_is_interpreted_only_where_allowed_for_few_numbers_and_a_short_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def is_interpreted(n_numbers: int) -> bool:
+        kernel = interpretable(njit(lambda x: len(x) + 1))
+        call = interprets_kernels(lambda: kernel(np.zeros(n_numbers)))
+        assert [call(), call()] == [n_numbers + 1, n_numbers + 1]
+        return not kernel.overloads
+
+    outside = interpretable(njit(lambda x: len(x) + 1))
+    assert outside(np.zeros(3)) == 4
+    assert outside.overloads
+    assert is_interpreted(3)
+    with compiled_kernels():
+        assert not is_interpreted(3)
+    dear = interpretable(njit(lambda x: len(x) + 1), count=lambda x: 10 ** len(x))
+    assert interprets_kernels(dear)(np.zeros(9)) == 10
+    assert dear.overloads
+    assert not is_interpreted(compilation.MAX_INTERPRETED_NUMBERS + 1)
+    monkeypatch.setattr(compilation, "MAX_INTERPRETED_SECONDS", 1e-9)
+    assert not is_interpreted(3)
+
+
+def test_the_products_of_kernels_over_pairs_are_counted() -> None:
+    pieces = load("hard-supports-32").factor_pieces()
+    count = delassus._count_products(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    assert count == (pieces.n_blocks * pieces.width) ** 2 * pieces.length  # one body moves
+    root, directions = sp.random_array((7, 7), density=0.4, rng=1).tocsr(), sp.random_array((7, 9), density=0.4, rng=2)
+    columns = directions.tocsc()
+    count = factors._count_products(root.indptr, root.indices, root.data, columns.indptr, columns.indices, columns.data)
+    assert count == ((root != 0.0).astype(int).T @ (columns != 0.0).astype(int)).sum()
+
+
+def _run_on_an_empty_cache(code: str) -> list[str]:
+    """Return the words that a fresh process prints."""
     with TemporaryDirectory() as folder:
-        environment["NUMBA_CACHE_DIR"] = folder
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": "0", "NUMBA_CACHE_DIR": folder}
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
-    assert done.stdout.split() == ["0"]
+    return done.stdout.split()

@@ -1,4 +1,6 @@
-"""Print what each cheat of the catalogue gains where nothing is compared: ``python tests/speed/gains_of_cheats.py``.
+"""Print what each cheat of the catalogue gains where nothing is compared.
+
+    PYTHONPATH=tests/faults/cheats python tests/speed/gains_of_cheats.py
 
 The gain is 1 − t/t₀, with t the median of timed solves of the cheat, as the clock in its process counts them, and t₀
 that of the honest solver on the same problem, in turns.

@@ -35,11 +35,10 @@ def engines(
     """
     import msgspec
 
-    from ....problems.representation import counted
     from ...errors import InterruptedWorkError
     from ...measure.trajectories.engines.run import compare_engines
     from ...report.layout.output_file import refuse_taken, write_file
-    from ...report.layout.text import print_json
+    from ...report.layout.text import counted, print_json
     from .engine_table import comparison_tables
 
     if output is not None:
@@ -57,7 +56,7 @@ def engines(
     else:
         print(text)
     if comparison.is_interrupted:
-        raise InterruptedWorkError(f"interrupted after {counted(len(comparison.measurements), 'run')}.")
+        raise InterruptedWorkError(f"interrupted; {counted(len(comparison.measurements), 'setting')} measured.")
     return int(any(run.failure for run in comparison.measurements))
 
 

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
+from ...compilation import interpretable
 from ...errors import ProblemError
 from .given import with_entries
 
@@ -97,6 +98,7 @@ def _from_blocks(parts: list[tuple[IntArray, FloatArray]], like: sp.csr_array[An
     return matrix
 
 
+@interpretable
 @njit(cache=True)
 def _sorted_out(indptr, indices):  # type: ignore[no-untyped-def]
     """Return the rows of a square matrix component by component (union–find), and where each component begins.
@@ -133,6 +135,7 @@ def _sorted_out(indptr, indices):  # type: ignore[no-untyped-def]
     return order, starts[: count + 1].copy()
 
 
+@interpretable
 @njit(cache=True)
 def _blocks_of_size(size, order, starts, indptr, indices, data):  # type: ignore[no-untyped-def]
     """Return the rows and the entries of all components of ``size`` rows."""
@@ -156,6 +159,7 @@ def _blocks_of_size(size, order, starts, indptr, indices, data):  # type: ignore
     return dofs, blocks
 
 
+@interpretable
 @njit(cache=True)
 def _first_crooked(blocks):  # type: ignore[no-untyped-def]
     """Return the first block that is not symmetric to rounding, −1 for none."""
@@ -170,6 +174,7 @@ def _first_crooked(blocks):  # type: ignore[no-untyped-def]
     return -1
 
 
+@interpretable
 @njit(cache=True)
 def _count(dofs, blocks, counts):  # type: ignore[no-untyped-def]
     """Add the number of entries of each row to the number behind it."""
@@ -179,6 +184,7 @@ def _count(dofs, blocks, counts):  # type: ignore[no-untyped-def]
                 counts[dofs[b, row] + 1] += blocks[b, row, column] != 0.0
 
 
+@interpretable
 @njit(cache=True)
 def _place(dofs, blocks, starts, columns, values):  # type: ignore[no-untyped-def]
     """Write the entries of blocks into their rows."""

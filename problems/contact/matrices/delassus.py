@@ -1,6 +1,7 @@
 """Assembly of the Delassus matrix G = Wᵀ M⁻¹ W in block rows, from its factors or from a given matrix."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -8,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray, read_only
+from ...compilation import interpretable
 from ..blocks import BlockLayout
 from .pieces import Pieces
 
@@ -64,6 +66,7 @@ def diagonal_of(matrix: sp.csr_array) -> FloatArray:
     return diagonal
 
 
+@interpretable
 @njit(cache=True)
 def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-def]
     for row in range(len(diagonal)):
@@ -72,6 +75,7 @@ def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped
                 diagonal[row] += data[p]
 
 
+@interpretable
 @njit(cache=True)
 def _gather(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
     """Return starts, columns and values: find and sort the columns of each block row, then fill the blocks.
@@ -134,6 +138,14 @@ def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     return chunk_starts, members, block_of_piece
 
 
+def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
+    """Return the number of products that ``_multiply`` sums."""
+    _, width, length = pieces.shape
+    pairs = np.square(np.bincount(chunks, minlength=n_chunks)[:n_chunks]).sum()
+    return int(pairs) * width * width * length
+
+
+@partial(interpretable, count=_count_products)
 @njit(cache=True)
 def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
     """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, twice: to count the blocks, then to fill them."""

@@ -1,7 +1,7 @@
 """The factors of a Delassus matrix: force directions W and inverse mass M⁻¹, with G = Wᵀ M⁻¹ W."""
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from ...arrays import FloatArray, frozen, read_only
+from ...compilation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
 from .block_diagonal import block_cholesky, block_inverse
@@ -234,6 +235,12 @@ def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
     return matrix
 
 
+def _count_products(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
+    """Return the number of products that ``_scale`` sums."""
+    return int(np.diff(root_indptr)[indices].sum())
+
+
+@partial(interpretable, count=_count_products)
 @njit(cache=True)
 def _scale(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
     """Return entries, rows, which ascend, and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""

@@ -10,6 +10,7 @@ from numba import njit, uint64
 from numpy.typing import NDArray
 
 from ...arrays import read_only
+from ...compilation import interpretable
 from ...errors import ProblemError
 
 Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])
@@ -118,6 +119,7 @@ def _check_sparse(matrix: Any, name: str) -> None:
         raise ProblemError(f"{name} is no valid sparse matrix: {error}.") from None
 
 
+@interpretable
 @njit(cache=True)
 def _is_in_order(indptr, indices, data, length):  # type: ignore[no-untyped-def]
     """Whether the minor indices of a compressed matrix ascend within 0 … ``length`` − 1 and all entries are finite."""

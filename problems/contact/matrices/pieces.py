@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
+from ...compilation import interpretable
 from ..blocks import BlockLayout
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
@@ -223,6 +224,7 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # 
     return starts
 
 
+@interpretable
 @njit(cache=True)
 def _cut(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
     """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from ...arrays import FloatArray
 from ...contact.matrices.block_diagonal import MAX_ENTRIES, block_sizes
@@ -158,6 +157,8 @@ def _condensed(
     n_dofs, n_rows = directions.shape
     if n_dofs * n_rows > MOST_COLUMN_ENTRIES:
         raise ProblemError(f"M couples too many of its {n_dofs} degrees of freedom for {n_rows} rows; give W and q.")
+    from scipy.sparse.linalg import splu  # 0.1 s that few readers wait for
+
     try:
         factors = splu(sp.csc_array(mass))
     except RuntimeError:

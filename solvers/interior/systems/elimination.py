@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from scipy.sparse.linalg import splu
 
 from ....problems.arrays import IntArray
 
@@ -89,6 +88,8 @@ def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLU
 
 def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
     """Return an order with little fill, that of SuperLU for a diagonally dominant matrix of the pattern."""
+    from scipy.sparse.linalg import splu  # 0.1 s that few solves wait for
+
     n = len(starts) - 1
     if n < 3:
         return np.arange(n)

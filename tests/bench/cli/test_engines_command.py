@@ -77,7 +77,7 @@ def test_an_interrupted_comparison_keeps_its_finished_runs(
     file = tmp_path / "engines.json"
     assert run_command(["engines", "thrown-cube", "--engine", "rapier", "--output", str(file)]) == 130
     printed = capsys.readouterr()
-    assert "proxbench: interrupted after 2 runs." in printed.err
+    assert "proxbench: interrupted; 2 settings measured." in printed.err
     assert "Interrupted: some runs are missing." in printed.out
     found = json.loads(file.read_text())
     assert [one["setting"] for one in found["measurements"]] == ["default", "16 iterations"]

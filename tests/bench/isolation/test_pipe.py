@@ -120,3 +120,10 @@ def test_a_pipe_is_readable_where_something_has_come_or_nothing_can_come_any_mor
     os.read(pipe.out, 1)
     pipe.close(pipe.into)
     assert not is_readable(pipe.out, 0.0) or os.read(pipe.out, 1) == b""
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, -1e9])
+def test_nobody_waits_when_no_time_is_left(pipe: Pipe, seconds: float) -> None:
+    began = time.monotonic()
+    assert not is_readable(pipe.out, seconds)
+    assert time.monotonic() - began < 0.9

@@ -1,10 +1,19 @@
 """What a row says beside its numbers."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from proxbench.bench.store.notes import LOCAL_RATIO, notes_of
+from proxbench.bench.store.notes import (
+    ALLOWANCE_SECONDS,
+    COPY_RATIO,
+    LOCAL_RATIO,
+    SHARE,
+    is_explained_by_repetition,
+    notes_of,
+)
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Point
+from proxbench.bench.store.records import MAX_ANSWERS, Point
 from proxbench.problems import ContactProblem, judge
 from stored_cases import case_record, measured_in, timed_round
 
@@ -70,3 +79,38 @@ def test_an_infinite_local_residual_is_noted() -> None:
         case_record(), Point(tolerance=1e-4, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
     )
     assert text == "the local residual is inf times the judged one"
+
+
+def note(is_randomised: bool = False, **measured: Any) -> str:
+    """Return the notes about a point whose repeated solves take a second."""
+    point = Point(
+        tolerance=1e-4,
+        outcome=Outcome.SOLVED,
+        status="solved",
+        reason="",
+        measured=measured_in([timed_round(0, 1.0)], **measured),
+    )
+    return notes_of(case_record(is_randomised=is_randomised), point)
+
+
+def test_repetition_explains_its_share_and_an_allowance() -> None:
+    """A long time by the share, one of nothing by the allowance, and no more than both."""
+    for repeated in (0.0, 1e-3, 10.0):
+        longest = (1.0 + SHARE) * repeated + ALLOWANCE_SECONDS
+        assert is_explained_by_repetition(repeated, 0.999 * longest)
+        assert not is_explained_by_repetition(repeated, 1.001 * longest)
+
+
+def test_slow_first_solves_and_slow_copies_are_noted_unless_the_times_are_excluded() -> None:
+    slow = {"first_seconds": [1.0, 3.0, 9.0], "copy_seconds": [2.0 * COPY_RATIO, 3.0 * COPY_RATIO]}
+    assert note(**slow) == (
+        f"first solves take 3.00 times as long; copies of the problem take {2.0 * COPY_RATIO:.2g} times as long"
+    )
+    assert note(**slow, is_excluded=True) == ""
+    assert note(first_seconds=[1.0, 1.0, 9.0], copy_seconds=[1.0, 3.0 * COPY_RATIO]) == ""
+
+
+def test_different_answers_are_noted_of_a_solver_that_does_not_draw_numbers() -> None:
+    assert note(answers=2, repeats=5) == "2 different answers in 5 solves"
+    assert note(answers=MAX_ANSWERS, repeats=9) == f"at least {MAX_ANSWERS} different answers in 9 solves"
+    assert note(answers=1) == note(answers=2, is_randomised=True) == ""

@@ -369,3 +369,19 @@ def test_solvers_stop_on_the_residual_of_the_worst_component() -> None:
     impulses = np.array([1.0, 0.25e-3])
     assert judge(problem, impulses).residual == pytest.approx(0.75)
     assert Residual(problem)(impulses, problem.relative_velocity(impulses)) == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize("impulse", [-0.5, 0.0, 0.25, 0.5, 2.0])
+@pytest.mark.parametrize("free", [-2.0, 1.0])
+def test_without_friction_both_models_have_the_same_residual(impulse: float, free: float) -> None:
+    """It is |min(αΛ, ξ)| with α = 4, also beside a contact with friction."""
+    laws = Laws.together([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
+    problem = ContactProblem.from_delassus(np.diag([1.0, 1.0, 1.0, 4.0]), (0.0, 0.0, 0.0, free), laws=laws)
+    violation = abs(min(4.0 * impulse, 4.0 * impulse + free)) / abs(free)
+    for model in (Model.COULOMB, Model.CONVEX):
+        assert judge(problem, (0.0, 0.0, 0.0, impulse), model).residual == pytest.approx(violation, rel=1e-12)
+
+
+def test_rounding_hides_nothing_where_nothing_moves() -> None:
+    still = Residual(ContactProblem.from_delassus(np.eye(3), np.zeros(3), 0.5))
+    assert still.rounding(np.ones(3)) == 0.0

@@ -81,6 +81,24 @@ def test_free_fall_bounds_the_local_scale_from_below() -> None:
     assert load("funnel-100").free_fall == pytest.approx(9.81 * 5e-4)
 
 
+@pytest.mark.parametrize(
+    ("known", "free_fall"),
+    [(0.25, 0.25), (2, 2.0), (0.0, 0.0), (-1.0, 0.0), (np.inf, 0.0), (np.nan, 0.0), ("0.5", 0.0), (None, 0.0)],
+)
+def test_a_free_fall_that_is_no_positive_number_is_unknown(known: object, free_fall: float) -> None:
+    given = {} if known is None else {FREE_FALL: known}
+    assert ContactProblem.from_delassus(np.eye(1), [-1.0], dim=1, provenance=given).free_fall == free_fall
+
+
+def test_quantiles_of_local_residuals_are_the_least_that_their_share_does_not_exceed() -> None:
+    """Of 1 to 100, 50 numbers are at most 50, 90 at most 90, and 99 at most 99; a single number is all of them."""
+    each = united([ContactProblem.from_delassus(np.eye(1), [-1.0], dim=1) for _ in range(100)])
+    verdict = judge(each, 1.0 - np.arange(1.0, 101.0) / 100.0)
+    assert (verdict.local_median, verdict.local_q90, verdict.local_q99) == pytest.approx((0.5, 0.9, 0.99))
+    alone = judge(ContactProblem.from_delassus(np.eye(1), [-1.0], dim=1), [0.75])
+    assert (alone.local_median, alone.local_q90, alone.local_q99) == pytest.approx((0.25, 0.25, 0.25))
+
+
 @pytest.mark.parametrize("exponent", [-1000, -500, 500, 1000])
 @pytest.mark.parametrize("model", [Model.COULOMB, Model.CONVEX, Model.pyramid(8)])
 def test_very_small_and_very_large_velocities_are_judged_alike(exponent: int, model: Model) -> None:

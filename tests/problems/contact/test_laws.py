@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import LawKind, Laws, ProblemError
-from proxbench.problems.contact.blocks import layout_of
+from proxbench.problems.contact.blocks import _lay_out, layout_of
 
 
 def planar_contact(**changes: object) -> Laws:
@@ -56,7 +56,14 @@ def test_equal_contacts_have_their_rows_in_the_order_normal_then_tangents(dim: i
 
 @pytest.mark.parametrize(
     ("friction", "dim", "words"),
-    [(0.3, 4, "dim"), (0.3, "3", "dim"), ([0.1], 3, None), ([0.1, 0.2], 3, "shape"), (-0.1, 3, r"friction\[0\]")],
+    [
+        (0.3, 4, "dim"),
+        (0.3, "3", "dim"),
+        ([0.1], 3, None),
+        ([0.1, 0.2], 3, "shape"),
+        (-0.1, 3, r"friction\[0\]"),
+        ([0.1, -0.2, -0.3], 3, r"friction\[1\] = -0.2 must"),
+    ],
 )
 def test_equal_contacts_check_their_arguments(friction: object, dim: int, words: str | None) -> None:
     if words is None:
@@ -112,12 +119,25 @@ def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
     laws = Laws.together([Laws.contacts([0.3], 2, 1), Laws.joints(1), Laws.contacts([0.1], 3, 1).with_rolling(0.01, 2)])
     layout = layout_of(laws)
     assert (layout.width, layout.sliding, layout.rolling) == (5, 2, 2)
+    assert type(layout.width) is type(layout.sliding) is int  # else products with narrow integers widen, uncompiled
     assert layout.slot.tolist() == [0, 1, 5, 10, 11, 12, 13, 14]
     assert layout.is_bilateral.tolist() == [False, True, False]
     assert layout.rolling_coefficient.tolist() == [0.0, 0.0, 0.01]
     assert layout.rolling_law.tolist() == [-1, -1, 5]
     assert not layout.has_contacts_only
     assert layout_of(Laws.contacts([0.3], 2, 1)).has_contacts_only
+
+
+def test_the_layout_of_blocks_does_not_depend_on_what_its_memory_held() -> None:
+    """A frictionless contact has no bound and no partner but itself, and a contact is no joint."""
+    laws = Laws.together([Laws.contacts([0.0], 1, 1), Laws.contacts([0.3], 3, 1).with_rolling(0.01, 2)])
+    given = laws.sets, laws.row_count, laws.is_rolling, laws.partner, laws.friction_coefficient, laws.fixed_bound
+    layout = layout_of(laws)
+    numbers, bounds, is_bilateral = np.full((5, 4), 7), np.full((4, 4), 7.0), np.ones(4, np.bool_)
+    _lay_out(*given, np.full(laws.n_rows, 7), numbers, bounds, is_bilateral)
+    assert numbers[:4, :2].tolist() == [[0, 1], [-1, 2], [-1, 3], [0, 1]]
+    assert bounds[:, :2].tolist() == [[0.0, 0.3], [0.0, 0.0], [0.0, 0.01], [0.0, 0.0]]
+    assert is_bilateral[:2].tolist() == [False, False] == layout.is_bilateral.tolist()
 
 
 def test_fresh_laws_are_equal_and_share_no_memory() -> None:

@@ -31,7 +31,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         rounds: how often each setting ran.
         load: load of the machine over one minute, before and after.
         machine: as runs store it.
-        is_interrupted: whether Ctrl-C ended the comparison; runs of the last round are missing then.
+        is_interrupted: whether Ctrl-C ended the comparison before its last run.
     """
 
     measurements: tuple[Measurement, ...]

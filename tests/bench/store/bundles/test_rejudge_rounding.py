@@ -83,3 +83,8 @@ def test_the_verdict_of_a_relaxed_answer_is_that_under_coulombs_law() -> None:
     own_verdict = replace(point, measured=replace(measured, verdict=own.numbers()))
     told = Bundle(Path("run.bundle"), RUN, [replace(case, points=[own_verdict])], {"stuck": problem})
     assert len(rejudge_bundle(told).disagreements) == 1
+
+
+def test_the_summary_counts_the_cases_that_disagree() -> None:
+    assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION)).sentence.endswith("; nothing disagrees")
+    assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION * (1.0 + 1e-6))).sentence.endswith("; 1 cases disagree")

@@ -50,3 +50,10 @@ def test_all_but_the_laws_is_that_of_the_balls() -> None:
 def test_a_range_upside_down_is_refused() -> None:
     with pytest.raises(ProblemError, match="upwards"):
         MixedFriction(0.9, 0.1)
+
+
+def test_a_seed_is_a_number_of_64_bits() -> None:
+    MixedFriction(0.1, 0.9, 2**64 - 1)
+    for seed in (-1, 2**64):
+        with pytest.raises(ProblemError, match="seed"):
+            MixedFriction(0.1, 0.9, seed)

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.problems import ProblemError
-from proxbench.problems.motion.bodies.system import MAX_PATTERNS, MechanicalSystem
+import scipy.sparse as sp
+from proxbench.problems import Laws, ProblemError
+from proxbench.problems.motion.bodies.system import MAX_PATTERNS, ActiveContacts, MechanicalSystem
 
 
 def two_blocks(**changes: Any) -> MechanicalSystem:
@@ -74,3 +75,17 @@ def test_contacts_that_vary_without_end_fill_no_memory() -> None:
         assert np.array_equal(contacts.keys, np.flatnonzero(closed))
         assert np.array_equal(contacts.restitution, np.linspace(0.0, 1.0, count)[closed])
     assert len(system._active) == MAX_PATTERNS
+
+
+@pytest.mark.parametrize(("counts", "first"), [(None, [0, 3, 6]), ([3, 1, 3], [0, 3, 4]), ([1, 1, 3], [0, 1, 2])])
+def test_rows_of_contacts_follow_each_other(counts: list[int] | None, first: list[int]) -> None:
+    """As many a contact as its counts say, else as many as the widest; the first one of each is its normal row."""
+    laws = Laws.together([Laws.contacts(0.0 if rows == 1 else 0.5, rows, 1) for rows in counts or [3, 3, 3]])
+    given = None if counts is None else np.array(counts)
+    directions = sp.csc_array((1, laws.n_rows))
+    contacts = ActiveContacts(np.arange(3), np.zeros(3), laws, directions, np.zeros(laws.n_rows), 3, given)
+    rows = np.arange(1.0, laws.n_rows + 1.0)
+    assert contacts.first_rows.tolist() == first
+    assert contacts.normals(rows).tolist() == [row + 1.0 for row in first]
+    assert contacts.is_contact.all()
+    assert np.array_equal(contacts.rows(contacts.lanes(rows)), rows)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems.motion.detection.broad_phase import overlapping_pairs
+from proxbench.problems.motion.detection.broad_phase import _cell_numbers, overlapping_pairs
 
 
 def every_pair(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
@@ -48,3 +48,12 @@ def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int)
             for corner in rng.uniform(-1.0, 1.0, (20, dim)):
                 centres = np.array([ends[0], corner, corner + step, ends[1]])
                 assert overlapping_pairs(centres, np.full(4, 0.5)).tolist() == [[1, 2]]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
+    """Each ball then looks at few others, where a row of cells in one range would give it the whole row."""
+    centres = np.zeros((5, dim))
+    centres[:, 0] = 0.5 + np.arange(5)
+    number, _, _ = _cell_numbers(centres, centres.min(axis=0), 1.0)
+    assert np.diff(number).tolist() == [1, 1, 1, 1]

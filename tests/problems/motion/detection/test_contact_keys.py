@@ -22,7 +22,13 @@ def test_contacts_of_one_pair_share_its_number_and_no_others_do() -> None:
     assert len(np.unique(pairs)) == 16
 
 
-@pytest.mark.parametrize("numbers", [(0, 1), (1, 0), (2**31, 2)])
+@pytest.mark.parametrize("numbers", [(0, 1), (1, 0), (2**31, 2), (2**21, 2**21)])
 def test_numbers_without_keys_are_refused(numbers: tuple[int, int]) -> None:
     with pytest.raises(ProblemError, match="63 bits"):
         ContactKeys(*numbers)
+
+
+def test_as_many_keys_as_fit_into_63_bits_are_admitted() -> None:
+    """The square of 2³¹ bodies fits with one feature; of one body, features up to 2⁶³ − 1."""
+    assert ContactKeys(2**31).encode(2**31 - 1, 2**31 - 1) == 2**62 - 1
+    assert ContactKeys(1, 2**63 - 1).encode(0, 0, 2**63 - 2) == 2**63 - 2

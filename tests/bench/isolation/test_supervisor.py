@@ -1,0 +1,26 @@
+"""A supervisor wakes for the signals that concern it, and its case has none of that."""
+
+import os
+import signal
+
+import pytest
+from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe
+
+
+def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
+    try:
+        wakeup = _signal_pipe()
+        signal.raise_signal(signal.SIGTERM)
+        assert os.read(wakeup[0], 16) == bytes([signal.SIGTERM])
+        with pytest.raises(BlockingIOError):
+            os.read(wakeup[0], 16)
+        _restore_signals(wakeup)
+        assert {signal.getsignal(number) for number in _SIGNALS} == {signal.SIG_DFL}
+        assert signal.set_wakeup_fd(-1) == -1
+        for end in wakeup:
+            with pytest.raises(OSError, match="Bad file descriptor"):
+                os.fstat(end)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
