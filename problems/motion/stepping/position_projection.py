@@ -83,7 +83,8 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
     free -= spread @ (inverse @ (spread.T @ normals))
     pushes = np.zeros(len(overlaps.gap))
     _push_apart(np.ascontiguousarray(normals.T @ free), overlaps.gap + depth + normals.T @ closing, depth, pushes)
-    return closing + free @ pushes
+    moved_apart: FloatArray = closing + free @ pushes
+    return moved_apart
 
 
 @njit(cache=True)

@@ -56,11 +56,13 @@ class JointRows:
         row_counts: rows of each joint, shape (n_joints,).
         laws: their force laws.
         directions: W, shape (n_dofs, n_rows).
+        restitution: ε of the bilateral rows.
     """
 
     row_counts: IntArray
     laws: Laws
     directions: sp.csc_array[Any]
+    restitution: float = 0.0
 
 
 class Joints(Protocol):
@@ -321,12 +323,9 @@ class RigidBodies:
         return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
 
     def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts:
-        """Return the contacts with the rows of the joints after theirs; the keys of joints follow all others.
-
-        What joints hold at zero has ε = 1: Wᵀ (u_B + u_E) = 0 is the midpoint rule, of order 2, and their impulses do
-        no work. ε = 0 would hold the end of a step by the directions of its middle, with order 1.
-        """
-        counts, rebound = joints.row_counts, joints.laws.is_bilateral.repeat(joints.laws.row_count).astype(np.float64)
+        """Return the contacts with the rows of the joints after theirs; the keys of joints follow all others."""
+        counts = joints.row_counts
+        rebound = joints.restitution * joints.laws.is_bilateral.repeat(joints.laws.row_count)
         keys = self._keys.n_bodies**2 * self._keys.n_features + np.arange(len(counts))
         no_gap = np.zeros(len(counts))
         width = max(self.rows_per_contact, int(counts.max(initial=1)))

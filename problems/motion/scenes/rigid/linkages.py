@@ -16,7 +16,8 @@ from ....errors import ProblemError
 from ...bodies.rigid.joints import WORLD, Joint, RigidJoints
 from ...bodies.rigid.orientation import about
 from ...bodies.rigid.rigid_bodies import RigidBodies
-from ...bodies.rigid.shapes import Box, Shape, Sphere
+from ...bodies.rigid.round_shapes import Sphere
+from ...bodies.rigid.shapes import Box, Shape
 from ...state import State
 from ..effects import Gravity
 from ..scene import ClosedFormScene, Observable, check_positive
@@ -39,10 +40,12 @@ def downward(angle: float) -> FloatArray:
     return np.array([-sin(angle), 0.0, -cos(angle)])
 
 
-def jointed(shapes: Sequence[Shape], masses: FloatArray, joints: Sequence[Joint], gravity: float) -> RigidBodies:
-    """Return bodies that joints hold together, under gravity."""
+def jointed(
+    shapes: Sequence[Shape], masses: FloatArray, joints: Sequence[Joint], gravity: float, restitution: float = 1.0
+) -> RigidBodies:
+    """Return bodies that joints of ``restitution`` hold together, under gravity."""
     system = rigid_bodies(shapes, masses, [], [Gravity(gravity)] if gravity else [])
-    return replace(system, joints=RigidJoints(joints, len(shapes)))
+    return replace(system, joints=RigidJoints(joints, len(shapes), restitution))
 
 
 @dataclass(frozen=True)
@@ -205,11 +208,11 @@ class BallOnChain:
         return Chain(self.n_links, self.angle, self.length, self.mass, self.gravity)
 
     def system(self) -> RigidBodies:
-        """Return the rods, then the ball."""
+        """Return the rods, then the ball; rods swing too fast under its weight for joints that do not damp."""
         hook = Joint("ball", self.n_links, self.n_links - 1, (0.0, 0.0, self.radius), (0.0, 0.0, -0.5 * self.length))
-        shapes = [*[rod(self.length)] * self.n_links, Sphere(self.radius)]
+        shapes: list[Shape] = [*[rod(self.length)] * self.n_links, Sphere(self.radius)]
         masses = np.append(np.full(self.n_links, self.mass), self.ratio * self.mass)
-        return jointed(shapes, masses, [*self.chain.joints, hook], self.gravity)
+        return jointed(shapes, masses, [*self.chain.joints, hook], self.gravity, 0.0)
 
     def start(self) -> State:
         """Return the state at time 0."""
