@@ -325,7 +325,7 @@ class RigidBodies:
     def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts:
         """Return the contacts with the rows of the joints after theirs; the keys of joints follow all others."""
         counts = joints.row_counts
-        rebound = joints.restitution * joints.laws.is_bilateral.repeat(joints.laws.row_count)
+        rebound = np.where(joints.laws.is_bilateral.repeat(joints.laws.row_count), joints.restitution, 0.0)
         keys = self._keys.n_bodies**2 * self._keys.n_features + np.arange(len(counts))
         no_gap = np.zeros(len(counts))
         width = max(self.rows_per_contact, int(counts.max(initial=1)))

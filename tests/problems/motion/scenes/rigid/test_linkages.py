@@ -132,3 +132,12 @@ def test_a_crank_that_cannot_turn_is_refused() -> None:
         FourBar(crank=0.9)
     with pytest.raises(ProblemError, match="length of a pendulum"):
         replace(Pendulum(), length=0.0)
+
+
+def test_a_heavy_ball_swings_on_a_light_chain_without_drift() -> None:
+    scene = BallOnChain(angle=0.3)
+    system, start = scene.system(), scene.start()
+    end = last_steps(system, start, 1e-3, 50)[-1].state
+    assert joint_error(system, end) <= 1e-10
+    gained = energy(system, end) - energy(system, start)
+    assert abs(gained) <= 1e-2 * system.kinetic_energy(end.velocity)
