@@ -123,6 +123,28 @@ class StepAssembly:
     contacts: ActiveContacts | None
 
 
+MAX_JOINT_ERROR = 1e-11
+"""Residual [m or rad] below which a joint counts as closed."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointErrors:
+    """How far joints are from closing at one position q.
+
+    Attributes:
+        residual: what the joints hold at zero [m or rad], shape (n_rows,).
+        directions: W of the joints, shape (n_dofs, n_rows); the rate of ``residual`` is Wᵀ u.
+    """
+
+    residual: FloatArray
+    directions: sp.csc_array[Any]
+
+    @property
+    def are_closed(self) -> bool:
+        """Whether no joint is open by more than ``MAX_JOINT_ERROR``."""
+        return bool(np.abs(self.residual).max(initial=0.0) <= MAX_JOINT_ERROR)
+
+
 @dataclass(frozen=True, eq=False)
 class Overlaps:
     """The contacts that penetrate at one position q, and the metric in which to move them apart.
@@ -131,11 +153,13 @@ class Overlaps:
         gap: g(q) [m], negative, shape (n_contacts,).
         normals: W_N, the normal columns of W(q), in pieces, one block of one lane a contact.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
+        joints: the joints, which are closed together with the contacts; None if there are none.
     """
 
     gap: FloatArray
     normals: Pieces
     inverse_mass: InverseMass
+    joints: JointErrors | None = None
 
 
 class System(Protocol):

@@ -9,6 +9,8 @@ end of a step to the nearest position, in the metric of M, in which no contact i
 Contacts that δq closes, or that the curvature of g leaves open, are treated in another pass at q_E + δq. Contacts are
 searched at q_E, not taken from the midpoint: else bodies that meet in the second half of a step would be pushed
 into each other.
+Joints are equations beside the contacts, r + Wᵀ δq = 0 with a free p. Their impulses are eliminated exactly, so that
+contacts are moved apart along what the joints leave free.
 Velocities stay as they are, so no kinetic energy is made (Acary, *Projected event-capturing time-stepping schemes for
 nonsmooth mechanical systems*, CMAME 256, 2013). The depth d that stays keeps lasting contacts active.
 """
@@ -17,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray
-from ..bodies.system import Overlaps, System
+from ..bodies.system import JointErrors, Overlaps, System
 
 MAX_PASSES = 3
 """Most searches and moves at the end of one step. The next step treats what is left."""
@@ -29,6 +31,10 @@ ACCURACY = 0.1
 """A projection is over when no contact is deeper than (1 + ``ACCURACY``) times the depth that is allowed."""
 
 
+REDUNDANT = 1e-12
+"""Part of the largest eigenvalue of the scaled matrix of the joints below which a combination of rows is redundant."""
+
+
 def projected(system: System, position: FloatArray, depth: float) -> FloatArray:
     """Return q moved to where no contact is deeper than ``depth``, or to the shallowest of all passes.
 
@@ -38,8 +44,8 @@ def projected(system: System, position: FloatArray, depth: float) -> FloatArray:
         depth: d [m], positive.
 
     Returns:
-        The position, shape (n_coordinates,), whose deepest contact is not deeper than that at q; q itself if nothing is
-        too deep there.
+        The position, shape (n_coordinates,); q itself if nothing is too deep there, and all joints close. Its deepest
+        contact is not deeper than that at q if there are no joints.
     """
     tolerated = (1.0 + ACCURACY) * depth
     overlaps = system.overlaps(position, tolerated)
@@ -47,11 +53,54 @@ def projected(system: System, position: FloatArray, depth: float) -> FloatArray:
     for _ in range(MAX_PASSES):
         if overlaps is None:
             return position
+        if overlaps.joints is not None:
+            position = system.move(position, _joint_displacement(overlaps, overlaps.joints, depth), 1.0)
+            overlaps = system.overlaps(position, tolerated)
+            best = position
+            continue
         if overlaps.gap.min() > best_gap:
             best, best_gap = position, overlaps.gap.min()
         position = system.move(position, _displacement(overlaps, depth), 1.0)
         overlaps = system.overlaps(position, tolerated)
-    return position if overlaps is None or overlaps.gap.min() > best_gap else best
+    return position if overlaps is None or overlaps.gap.min(initial=0.0) > best_gap else best
+
+
+def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -> FloatArray:
+    """Return δq = M⁻¹ (W_N p + W p_J), shape (n_dofs,), that closes joints and moves contacts apart.
+
+    With A = Wᵀ M⁻¹ W of the joints, δq = −M⁻¹ W A⁺ r closes them, and P = M⁻¹ − M⁻¹ W A⁺ Wᵀ M⁻¹ is what they leave
+    contacts to move by. A⁺ leaves out combinations of rows that are redundant.
+    """
+    spread = (overlaps.inverse_mass.matrix @ joints.directions).toarray()
+    gram = joints.directions.T @ spread
+    scale = 1.0 / np.sqrt(gram.diagonal())
+    inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * gram * scale, rcond=REDUNDANT, hermitian=True) * scale
+    closing: FloatArray = -spread @ (inverse @ joints.residual)
+    if not len(overlaps.gap):
+        return closing
+    normals = overlaps.normals.to_csc()
+    free = (overlaps.inverse_mass.matrix @ normals).toarray()
+    free -= spread @ (inverse @ (spread.T @ normals))
+    pushes = np.zeros(len(overlaps.gap))
+    _push_apart(np.ascontiguousarray(normals.T @ free), overlaps.gap + depth + normals.T @ closing, depth, pushes)
+    moved_apart: FloatArray = closing + free @ pushes
+    return moved_apart
+
+
+@njit(cache=True)
+def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
+    """Gauss–Seidel for 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0; contacts that joints hold are left out."""
+    least = 1e-12 * matrix.max()
+    for _ in range(MAX_SWEEPS):
+        deepest = 0.0
+        for i in range(len(pushes)):
+            if matrix[i, i] <= least:
+                continue
+            now = space[i] + matrix[i] @ pushes
+            deepest = max(deepest, -now)
+            pushes[i] = max(pushes[i] - now / matrix[i, i], 0.0)
+        if deepest <= ACCURACY * depth:
+            break
 
 
 def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:

@@ -23,7 +23,7 @@ from ...detection.broad_phase import overlapping_pairs
 from ...detection.contact_keys import ContactKeys
 from ...detection.narrow_phase import MAX_FEATURES, ContactSet, find_contacts
 from ..balls import Acceleration, PairCoefficient, Potential
-from ..system import ActiveContacts, Overlaps, StepAssembly
+from ..system import ActiveContacts, JointErrors, Overlaps, StepAssembly
 from .force_directions import force_directions
 from .materials import MaterialPairs
 from .orientation import IDENTITY, free_spins, moved
@@ -56,18 +56,37 @@ class JointRows:
         row_counts: rows of each joint, shape (n_joints,).
         laws: their force laws.
         directions: W, shape (n_dofs, n_rows).
+        restitution: ε of the bilateral rows.
     """
 
     row_counts: IntArray
     laws: Laws
     directions: sp.csc_array[Any]
+    restitution: float = 0.0
 
 
 class Joints(Protocol):
-    """What the system asks of its joints."""
+    """What the system asks of its joints; poses are (x, quaternion), shape (n, 7)."""
 
-    def rows_at(self, poses: FloatArray) -> JointRows:
-        """Return the rows at poses (x, quaternion), shape (n, 7)."""
+    @property
+    def pairs(self) -> IntArray:
+        """The bodies that are joined, first < second, which do not touch each other, shape (n, 2)."""
+        ...
+
+    def rows_at(self, poses: FloatArray, seconds: float) -> JointRows:
+        """Return the rows for a step of ``seconds``."""
+        ...
+
+    def residual(self, poses: FloatArray) -> FloatArray:
+        """Return what the joints hold at zero [m or rad]."""
+        ...
+
+    def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
+        """Return W of ``residual``."""
+        ...
+
+    def check_start(self, poses: FloatArray) -> None:
+        """Raise ``ProblemError`` if a joint does not close."""
         ...
 
 
@@ -88,7 +107,7 @@ class RigidBodies:
         rolling_friction: μ_r [m] of all contacts.
         rolling_axes: rows of rolling friction: 0 none, 1 spinning about the normal, 2 rolling, 3 both with one bound.
         is_gyroscopic: whether ω × Jω turns the axis of rotation; else ω stays in body axes unless a moment acts.
-        joints: joints between bodies.
+        joints: joints between bodies; bodies that are joined do not touch each other.
         margin: gap [m] below which contacts are active; 0 in motion.
 
     Raises:
@@ -229,7 +248,7 @@ class RigidBodies:
             free[:, 3:] = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds)
         contacts = self._active_contacts(poses)
         if self.joints is not None:
-            contacts = self._with_joints(contacts, self.joints.rows_at(poses))
+            contacts = self._with_joints(contacts, self.joints.rows_at(poses, seconds))
         return StepAssembly(free.ravel(), self.inverse_mass, contacts)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
@@ -239,12 +258,18 @@ class RigidBodies:
         return self._encoded(found)[near], found.gap[near]
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        """Return all contacts that penetrate, or None if none of them is deeper than ``tolerated`` [m]."""
+        """Return all contacts that penetrate, and the joints.
+
+        None if no contact is deeper than ``tolerated`` [m] and all joints close.
+        """
         poses = self.poses(position)
         found = self.contacts_within(poses, 0.0)
-        if not (found.gap < -tolerated).any():
+        joined = None
+        if self.joints is not None:
+            joined = JointErrors(self.joints.residual(poses), self.joints.jacobian(poses))
+        if not (found.gap < -tolerated).any() and (joined is None or joined.are_closed):
             return None
-        return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass)
+        return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass, joined)
 
     def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
         """Return the contacts with a gap of less than ``margin`` [m], ordered by bodies and feature."""
@@ -252,11 +277,14 @@ class RigidBodies:
         return find_contacts(self._all_shapes, everything, self._near_pairs(everything[:, :3], margin), margin)
 
     def check_start(self, position: FloatArray) -> None:
-        """Check that bodies do not penetrate each other deeply where a motion starts.
+        """Check that joints close, and that bodies do not penetrate each other deeply, where a motion starts.
 
         Raises:
-            ProblemError: for the deepest contact, if it is deeper than ``MAX_START_DEPTH`` of the smaller body.
+            ProblemError: for the joint that misses by most, or the deepest contact, if it is deeper than
+                ``MAX_START_DEPTH`` of the smaller body.
         """
+        if self.joints is not None:
+            self.joints.check_start(self.poses(position))
         found = self.contacts_within(self.poses(position), 0.0)
         depth = -found.gap / np.minimum(self._radii[found.first], self._radii[found.second])
         if depth.max(initial=0.0) > MAX_START_DEPTH:
@@ -279,6 +307,9 @@ class RigidBodies:
             touching = np.flatnonzero(distance < self._radii[:n] + self._radii[body] + margin)
             near.append(np.column_stack([touching, np.full(len(touching), body)]))
         pairs = np.concatenate(near)
+        if self.joints is not None and len(self.joints.pairs):
+            codes, joined = (some @ [len(centres), 1] for some in (pairs, self.joints.pairs))
+            pairs = pairs[~np.isin(codes, joined)]
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def _encoded(self, found: ContactSet) -> IntArray:
@@ -303,12 +334,13 @@ class RigidBodies:
 
     def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts:
         """Return the contacts with the rows of the joints after theirs; the keys of joints follow all others."""
-        counts, n_rows = joints.row_counts, joints.laws.n_rows
+        counts = joints.row_counts
+        rebound = np.where(joints.laws.is_bilateral.repeat(joints.laws.row_count), joints.restitution, 0.0)
         keys = self._keys.n_bodies**2 * self._keys.n_features + np.arange(len(counts))
-        no_gap, none = np.zeros(len(counts)), np.zeros(n_rows)
+        no_gap = np.zeros(len(counts))
         width = max(self.rows_per_contact, int(counts.max(initial=1)))
         if contacts is None:
-            return ActiveContacts(keys, no_gap, joints.laws, joints.directions, none, width, counts)
+            return ActiveContacts(keys, no_gap, joints.laws, joints.directions, rebound, width, counts)
         own = contacts.directions
         assert not isinstance(own, sp.csc_array)
         return ActiveContacts(
@@ -316,7 +348,7 @@ class RigidBodies:
             np.concatenate([contacts.gap, no_gap]),
             Laws.together([contacts.laws, joints.laws]),
             sp.csc_array(sp.hstack([own.to_csc(), joints.directions])),
-            np.concatenate([contacts.restitution, none]),
+            np.concatenate([contacts.restitution, rebound]),
             width,
             np.concatenate([np.full(len(contacts.keys), contacts.width), counts]),
         )

@@ -211,7 +211,9 @@ def test_friction_and_restitution_depend_on_the_pair_of_materials() -> None:
 class Pin:
     """A joint that holds the first body's centre: three rows of its velocity."""
 
-    def rows_at(self, poses: Array) -> JointRows:
+    pairs = np.zeros((0, 2), dtype=np.int64)
+
+    def rows_at(self, poses: Array, seconds: float) -> JointRows:
         rows = sp.csc_array(np.eye(6 * len(poses), 3))
         return JointRows(np.array([3]), Laws.joints(3), rows)
 

@@ -1,0 +1,314 @@
+"""Rods that joints hold together: a pendulum, chains, and a four-bar linkage.
+
+All of them move in the plane y = 0. Angles are rotations about the y axis; a rod of angle 0 hangs down from its joint.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import acos, atan2, cos, hypot, inf, sin, sqrt
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.special import ellipj, ellipk
+
+from ....arrays import FloatArray
+from ....errors import ProblemError
+from ...bodies.rigid.joints import WORLD, Joint, RigidJoints
+from ...bodies.rigid.orientation import about
+from ...bodies.rigid.rigid_bodies import RigidBodies
+from ...bodies.rigid.round_shapes import Sphere
+from ...bodies.rigid.shapes import Box, Shape
+from ...state import State
+from ..effects import Gravity
+from ..scene import ClosedFormScene, Observable, check_positive
+from .effects import rigid_bodies
+
+ACROSS = (0.0, 1.0, 0.0)
+"""The axis of all revolute joints."""
+
+SLENDERNESS = 0.05
+"""Thickness of a rod over its length."""
+
+
+def rod(length: float) -> Box:
+    """Return a rod along the z axis."""
+    return Box((SLENDERNESS * length, SLENDERNESS * length, length))
+
+
+def downward(angle: float) -> FloatArray:
+    """Return the direction of a rod from its upper end to its lower one, shape (3,)."""
+    return np.array([-sin(angle), 0.0, -cos(angle)])
+
+
+def jointed(
+    shapes: Sequence[Shape], masses: FloatArray, joints: Sequence[Joint], gravity: float, restitution: float = 1.0
+) -> RigidBodies:
+    """Return bodies that joints of ``restitution`` hold together, under gravity."""
+    system = rigid_bodies(shapes, masses, [], [Gravity(gravity)] if gravity else [])
+    return replace(system, joints=RigidJoints(joints, len(shapes), restitution))
+
+
+@dataclass(frozen=True)
+class Pendulum(ClosedFormScene):
+    """A rod on a revolute joint at its upper end, released at rest.
+
+    With k = sin(θ₀/2) and ω₀² = m g (L/2) / (J + m L²/4), sin(θ/2) = k cd(ω₀ t, k).
+
+    Attributes:
+        angle: θ₀ [rad].
+        length: L [m].
+        mass: m [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if the angle is not between −π and π, or another number is not positive.
+    """
+
+    angle: float = 1.0
+    length: float = 1.0
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a pendulum", "length", "mass", "gravity")
+        if not -np.pi < self.angle < np.pi:
+            raise ProblemError(f"angle of a pendulum must be between -π and π, got {self.angle}.")
+
+    @property
+    def frequency(self) -> float:
+        """Angular frequency ω₀ of small oscillations [rad/s]."""
+        half, moment = 0.5 * self.length, rod(self.length).inertia[1] / rod(self.length).volume
+        return sqrt(self.gravity * half / (moment + half * half))
+
+    @property
+    def period(self) -> float:
+        """Period [s], 4 K(k) / ω₀."""
+        return 4.0 * float(ellipk(sin(0.5 * self.angle) ** 2)) / self.frequency
+
+    def system(self, friction: float = 0.0) -> RigidBodies:
+        """Return the rod; ``friction`` is the largest moment of its joint [N m]."""
+        joint = Joint("revolute", 0, WORLD, (0.0, 0.0, 0.5 * self.length), axis=ACROSS, friction=friction)
+        return jointed([rod(self.length)], np.array([self.mass]), [joint], self.gravity)
+
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s]."""
+        k = sin(0.5 * self.angle)
+        sn, cn, dn, _ = ellipj(self.frequency * time, k * k)
+        angle = 2.0 * np.arcsin(k * cn / dn)
+        rate = -2.0 * k * self.frequency * sqrt(1.0 - k * k) * sn / dn
+        half = 0.5 * self.length
+        velocity = half * rate * np.array([-cos(angle), 0.0, sin(angle)])
+        position = np.concatenate([half * downward(angle), about(ACROSS, angle)])
+        return State(time, position, np.concatenate([velocity, [0.0, rate, 0.0]]))
+
+    def angle_of(self, state: State) -> float:
+        """Return θ of a state [rad]."""
+        return 2.0 * float(np.arctan2(state.position[5], state.position[3]))
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The angle."""
+        return (Observable("angle", self.angle_of, label="angle [rad]", head="angle"),)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Equal rods on ball joints, one below the other, released at rest with all angles equal.
+
+    Attributes:
+        n_links: number of rods.
+        angle: that of all rods at the start [rad].
+        length: length of a rod [m].
+        mass: mass of a rod [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if there is no rod, or a number is not positive.
+    """
+
+    n_links: int = 5
+    angle: float = 0.5
+    length: float = 0.2
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a chain", "n_links", "length", "mass", "gravity")
+
+    @property
+    def joints(self) -> list[Joint]:
+        """The joints from above."""
+        top, bottom = (0.0, 0.0, 0.5 * self.length), (0.0, 0.0, -0.5 * self.length)
+        lower = [Joint("ball", link, link - 1, top, bottom) for link in range(1, self.n_links)]
+        return [Joint("ball", 0, WORLD, top), *lower]
+
+    def system(self) -> RigidBodies:
+        """Return the rods."""
+        return jointed([rod(self.length)] * self.n_links, np.full(self.n_links, self.mass), self.joints, self.gravity)
+
+    def state(self, angles: FloatArray) -> State:
+        """Return the state at rest with ``angles`` [rad], shape (n_links,)."""
+        poses, end = [], np.zeros(3)
+        for angle in angles.tolist():
+            poses.append([*(end + 0.5 * self.length * downward(angle)), *about(ACROSS, angle)])
+            end = end + self.length * downward(angle)
+        return State(0.0, np.array(poses).ravel(), np.zeros(6 * self.n_links))
+
+    def start(self) -> State:
+        """Return the state at time 0."""
+        return self.state(np.full(self.n_links, self.angle))
+
+    def normal_modes(self) -> tuple[FloatArray, FloatArray]:
+        """Return angular frequencies [rad/s] and angles, one column a mode, of small oscillations in the plane.
+
+        The kinetic energy is ½ Σ M_ij θ̇_i θ̇_j with M_ij = m L² (n − max(i, j) − ½) for i ≠ j and
+        M_ii = J + m L² (n − i − ¾), the potential energy ½ Σ m g L (n − i − ½) θ_i², for i from 0.
+        """
+        index = np.arange(self.n_links)
+        below = self.n_links - np.maximum.outer(index, index)
+        inertia = self.mass * self.length**2 * (below - 0.5)
+        moment = self.mass * rod(self.length).inertia[1] / rod(self.length).volume
+        inertia[index, index] += moment - 0.25 * self.mass * self.length**2
+        weight = self.mass * self.gravity * self.length * (self.n_links - index - 0.5)
+        squared, modes = eigh(np.diag(weight), inertia)
+        return np.sqrt(squared), modes
+
+
+@dataclass(frozen=True)
+class BallOnChain:
+    """A heavy ball at the lower end of a light chain, at rest or swinging.
+
+    Attributes:
+        n_links: number of rods.
+        ratio: mass of the ball over that of a rod.
+        angle: that of the chain at the start [rad].
+        length: length of a rod [m].
+        radius: that of the ball [m].
+        mass: mass of a rod [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if there is no rod, or a number is not positive.
+    """
+
+    n_links: int = 5
+    ratio: float = 1e4
+    angle: float = 0.0
+    length: float = 0.2
+    radius: float = 0.1
+    mass: float = 1.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a ball on a chain", "n_links", "ratio", "length", "radius", "mass", "gravity")
+
+    @property
+    def chain(self) -> Chain:
+        """The chain without its ball."""
+        return Chain(self.n_links, self.angle, self.length, self.mass, self.gravity)
+
+    def system(self) -> RigidBodies:
+        """Return the rods, then the ball; rods swing too fast under its weight for joints that do not damp."""
+        hook = Joint("ball", self.n_links, self.n_links - 1, (0.0, 0.0, self.radius), (0.0, 0.0, -0.5 * self.length))
+        shapes: list[Shape] = [*[rod(self.length)] * self.n_links, Sphere(self.radius)]
+        masses = np.append(np.full(self.n_links, self.mass), self.ratio * self.mass)
+        return jointed(shapes, masses, [*self.chain.joints, hook], self.gravity, 0.0)
+
+    def start(self) -> State:
+        """Return the state at time 0."""
+        rods = self.chain.start().position
+        centre = (self.n_links * self.length + self.radius) * downward(self.angle)
+        position = np.concatenate([rods, centre, about(ACROSS, self.angle)])
+        return State(0.0, position, np.zeros(6 * (self.n_links + 1)))
+
+
+@dataclass(frozen=True)
+class FourBar:
+    """A crank, a coupler and a rocker on revolute joints, without gravity; the crank starts with an angular velocity.
+
+    The joints at the ground are at (0, 0) and (base, 0) of the plane. Four revolute joints hold 20 scalars of 18
+    velocities and leave one free: three of them are redundant.
+
+    Attributes:
+        crank: its length [m].
+        coupler: its length [m].
+        rocker: its length [m].
+        base: distance of the joints at the ground [m].
+        angle: angle of the crank against the base at the start [rad].
+        speed: angular velocity of the crank at the start [rad/s].
+        density: mass over length [kg/m].
+
+    Raises:
+        ProblemError: if the crank cannot turn fully, or a number is not positive.
+    """
+
+    crank: float = 0.3
+    coupler: float = 0.9
+    rocker: float = 0.7
+    base: float = 0.8
+    angle: float = 0.5
+    speed: float = 3.0
+    density: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a four-bar linkage", "crank", "coupler", "rocker", "base", "density")
+        farthest, nearest = self.base + self.crank, abs(self.base - self.crank)
+        if farthest >= self.coupler + self.rocker or nearest <= abs(self.coupler - self.rocker):
+            raise ProblemError(
+                "the crank cannot turn fully; shorten it, or choose coupler and rocker by Grashof's law."
+            )
+        if not -inf < self.speed < inf:
+            raise ProblemError(f"speed of a four-bar linkage must be finite, got {self.speed}.")
+
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """Lengths of crank, coupler and rocker [m]."""
+        return self.crank, self.coupler, self.rocker
+
+    def angles(self, crank: float) -> FloatArray:
+        """Return the angles of crank, coupler and rocker against the base [rad], shape (3,), by the law of cosines.
+
+        The coupler leads from the end of the crank to that of the rocker, the rocker from its joint at the ground.
+        """
+        x, z = self.base - self.crank * cos(crank), -self.crank * sin(crank)
+        distance = hypot(x, z)
+        inner = acos((self.coupler**2 + distance**2 - self.rocker**2) / (2.0 * self.coupler * distance))
+        coupler = atan2(z, x) + inner
+        end = np.array([cos(coupler), sin(coupler)]) * self.coupler - [x, z]
+        return np.array([crank, coupler, atan2(end[1], end[0])])
+
+    def rates(self, angles: FloatArray, speed: float) -> FloatArray:
+        """Return the angular velocities of the rods [rad/s], shape (3,), where the crank turns with ``speed``."""
+        a, b, c = angles.tolist()
+        coupler = speed * self.crank * sin(c - a) / (self.coupler * sin(b - c))
+        rocker = speed * self.crank * sin(b - a) / (self.rocker * sin(b - c))
+        return np.array([speed, coupler, rocker])
+
+    def system(self) -> RigidBodies:
+        """Return crank, coupler and rocker, whose rods lead along their x axes."""
+        a, b, c = (0.5 * length for length in self.lengths)
+        joints = [
+            Joint("revolute", 0, WORLD, (-a, 0.0, 0.0), axis=ACROSS),
+            Joint("revolute", 1, 0, (-b, 0.0, 0.0), (a, 0.0, 0.0), ACROSS),
+            Joint("revolute", 2, 1, (c, 0.0, 0.0), (b, 0.0, 0.0), ACROSS),
+            Joint("revolute", 2, WORLD, (-c, 0.0, 0.0), (self.base, 0.0, 0.0), ACROSS),
+        ]
+        shapes = [Box((length, SLENDERNESS * length, SLENDERNESS * length)) for length in self.lengths]
+        return jointed(shapes, self.density * np.array(self.lengths), joints, 0.0)
+
+    def state(self, crank: float, speed: float) -> State:
+        """Return the state with the crank at an angle [rad], which turns with ``speed`` [rad/s]."""
+        angles = self.angles(crank)
+        along = np.column_stack([np.cos(angles), np.zeros(3), np.sin(angles)]) * np.array(self.lengths)[:, None]
+        rates = self.rates(angles, speed)[:, None]
+        across = np.column_stack([-along[:, 2], np.zeros(3), along[:, 0]]) * rates
+        base = np.array([self.base, 0.0, 0.0])
+        centres = np.array([0.5 * along[0], along[0] + 0.5 * along[1], base + 0.5 * along[2]])
+        velocities = np.array([0.5 * across[0], across[0] + 0.5 * across[1], 0.5 * across[2]])
+        turns = np.array([about(ACROSS, -angle) for angle in angles.tolist()])
+        spins = np.column_stack([np.zeros(3), -rates[:, 0], np.zeros(3)])
+        return State(0.0, np.hstack([centres, turns]).ravel(), np.hstack([velocities, spins]).ravel())
+
+    def start(self) -> State:
+        """Return the state at time 0."""
+        return self.state(self.angle, self.speed)
