@@ -15,10 +15,10 @@ from ...problems.motion.state import State
 from ...problems.motion.stepping.midpoint import step_problem
 from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
-from .balls import BallRecorder
-from .rigid_bodies import RigidRecorder
+from .bodies.balls import BallRecorder
+from .bodies.rigid_bodies import RigidRecorder
+from .bodies.woodpecker import WoodpeckerRecorder
 from .simulation import CoordinateRecorder, SceneRecorder
-from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000
 """Number of frames of a recording: half a minute, and less than 100 MB with a thousand balls."""

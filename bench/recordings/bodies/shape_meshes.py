@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ...problems.arrays import FloatArray
-from ...problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
-from ...problems.motion.bodies.rigid.shapes import HalfSpace, Shape
+from ....problems.arrays import FloatArray
+from ....problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
+from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
 from .meshes import WHITE, Mesh
 
 AROUND, ALONG = 32, 8

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from proxbench.bench.recordings.bodies.rigid_bodies import RigidRecorder
+from proxbench.bench.recordings.bodies.shape_meshes import shape_mesh
 from proxbench.bench.recordings.replay import scene_recorder
-from proxbench.bench.recordings.rigid_bodies import RigidRecorder
-from proxbench.bench.recordings.shape_meshes import shape_mesh
 from proxbench.problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
 from proxbench.problems.motion.bodies.rigid.shapes import Box, Shape
 from proxbench.problems.motion.scenes.registry import make_scene

@@ -7,20 +7,20 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.arrays import FloatArray
-from ...problems.motion.bodies.contact_frame import write_frame
-from ...problems.motion.bodies.rigid.rigid_bodies import RigidBodies
-from ...problems.motion.bodies.rigid.shapes import HalfSpace, Shape
-from ...problems.motion.scenes.scene import Scene
-from ...problems.motion.state import State
-from ...problems.motion.stepping.step import Step
-from ..report.charts.palette import PALETTE, rgb
-from ..report.layout.text import counted
-from .blueprints import Camera, space_view
-from .contact_states import States
+from ....problems.arrays import FloatArray
+from ....problems.motion.bodies.contact_frame import write_frame
+from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
+from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
+from ....problems.motion.scenes.scene import Scene
+from ....problems.motion.state import State
+from ....problems.motion.stepping.step import Step
+from ...report.charts.palette import PALETTE, rgb
+from ...report.layout.text import counted
+from ..blueprints import Camera, space_view
+from ..contact_states import States
+from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 from .meshes import Mesh
 from .shape_meshes import shape_mesh
-from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 
 COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
 """Colours of bodies, which alternate."""
@@ -67,9 +67,10 @@ class RigidRecorder(SceneRecorder):
         self._high = np.maximum(self._high, (centres + self._radii[:, None]).max(axis=0))
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
-        """Return views of all places that the drawn bodies reach."""
-        distance = 1.5 * float(np.linalg.norm(self._high - self._low))
-        camera = Camera.around(self._low, self._high, distance, (0.35, -0.86, 0.37))
+        """Return views of all places that the drawn bodies reach; long paths along x lead towards the camera."""
+        extent = self._high - self._low
+        direction = (0.75, -0.5, 0.43) if extent[0] > 2.0 * extent[1] else (0.35, -0.86, 0.37)
+        camera = Camera.around(self._low, self._high, 1.5 * float(np.linalg.norm(extent)), direction)
         return [
             space_view("bodies", camera, [f"/{BODIES}/**", f"/{FIXED}/**"]),
             space_view("impulses", camera, [f"/{IMPULSES}/**", f"/{OUTLINES}/**", f"/{FIXED}/**"]),
