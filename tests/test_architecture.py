@@ -18,14 +18,15 @@ FACE = ROOT / "bench" / "package"
 FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((ROOT / top).rglob("*.py"))]
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
 RECORDED_WITH_RERUN = (
-    "balls",
+    "bodies/balls",
+    "bodies/rigid_bodies",
     "blueprints",
     "contact_states",
     "file",
     "simulation",
     "solves",
     "still",
-    "woodpecker",
+    "bodies/woodpecker",
 )
 MOST_ROOMS = 12
 LONGEST_FILE = 400

@@ -23,7 +23,7 @@ from ...problems.contact.matrices.pieces import Pieces, cut_into_pieces
 from ...problems.contact.problem import ContactProblem
 from ..errors import BenchError
 from ..report.layout.text import counted
-from .meshes import in_space
+from .bodies.meshes import in_space
 
 RIGID_TOLERANCE = 1e-9
 """Largest error of orthonormal axes, and relative error of the moments of an arm, of a rigid body."""

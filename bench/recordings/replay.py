@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.errors import suggestion
+from ...problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ...problems.motion.bodies.system import System
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
 from ...problems.motion.stepping.midpoint import step_problem
 from ...problems.motion.stepping.step import Step
 from ..errors import BenchError
-from .balls import BallRecorder
+from .bodies.balls import BallRecorder
+from .bodies.rigid_bodies import RigidRecorder
+from .bodies.woodpecker import WoodpeckerRecorder
 from .simulation import CoordinateRecorder, SceneRecorder
-from .woodpecker import WoodpeckerRecorder
 
 FRAMES = 1000
 """Number of frames of a recording: half a minute, and less than 100 MB with a thousand balls."""
@@ -34,8 +36,13 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
     """
     if scene.view is not None and scene.view not in VIEWS:
         raise BenchError(f"the scene {scene.name!r} has no view {scene.view!r}{suggestion(scene.view, VIEWS)}")
-    usual = CoordinateRecorder if scene.balls is None else BallRecorder
-    kind = usual if scene.view is None else VIEWS[scene.view]
+    kind: type[SceneRecorder]
+    if scene.view is not None:
+        kind = VIEWS[scene.view]
+    elif isinstance(scene.system, RigidBodies):
+        kind = RigidRecorder
+    else:
+        kind = CoordinateRecorder if scene.balls is None else BallRecorder
     return kind(scene, file, force, max(1, math.ceil(n_steps / FRAMES)))
 
 

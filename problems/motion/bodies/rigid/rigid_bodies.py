@@ -255,7 +255,7 @@ class RigidBodies:
         """Return keys, ascending, and gaps [m] of the contacts with a gap below ``limit``."""
         found = self.contacts_within(self.poses(position), limit)
         near = found.gap < limit
-        return self._encoded(found)[near], found.gap[near]
+        return self.keys_of(found)[near], found.gap[near]
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all contacts that penetrate, and the joints.
@@ -312,14 +312,15 @@ class RigidBodies:
             pairs = pairs[~np.isin(codes, joined)]
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
-    def _encoded(self, found: ContactSet) -> IntArray:
+    def keys_of(self, found: ContactSet) -> IntArray:
+        """Return the keys of contacts, as in ``assemble``."""
         return self._keys.encode(found.first, found.second, found.feature)
 
     def _active_contacts(self, poses: FloatArray) -> ActiveContacts | None:
         found = self.contacts_within(poses, self.margin)
         if not len(found.gap):
             return None
-        keys, width = self._encoded(found), self.rows_per_contact
+        keys, width = self.keys_of(found), self.rows_per_contact
         pairs = self._keys.pairs(keys)
         friction = self.friction(pairs) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.linear_rows, len(keys))

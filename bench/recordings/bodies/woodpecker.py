@@ -6,15 +6,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.arrays import FloatArray
-from ...problems.motion.scenes import woodpecker as toy
-from ...problems.motion.state import State
-from ...problems.motion.stepping.step import Step
-from ..report.charts.palette import rgb
-from .blueprints import Camera, plot, space_view
-from .contact_states import States
+from ....problems.arrays import FloatArray
+from ....problems.motion.scenes import woodpecker as toy
+from ....problems.motion.state import State
+from ....problems.motion.stepping.step import Step
+from ...report.charts.palette import rgb
+from ..blueprints import Camera, plot, space_view
+from ..contact_states import States
+from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows, step_size_plot
 from .meshes import about_depth
-from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows, step_size_plot
 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
 CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.recordings.balls import BallRecorder
+from proxbench.bench.recordings.bodies.balls import BallRecorder
 from proxbench.bench.simulation.step_row import step_columns
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane

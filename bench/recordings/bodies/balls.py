@@ -8,17 +8,17 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.matrices.pieces import Pieces
-from ...problems.motion.scenes.scene import Scene
-from ...problems.motion.state import State
-from ...problems.motion.stepping.step import Step
-from ..report.charts.palette import PALETTE, rgb
-from ..report.layout.text import counted
-from .blueprints import Camera, space_view
-from .contact_states import States
+from ....problems.arrays import FloatArray, IntArray
+from ....problems.contact.matrices.pieces import Pieces
+from ....problems.motion.scenes.scene import Scene
+from ....problems.motion.state import State
+from ....problems.motion.stepping.step import Step
+from ...report.charts.palette import PALETTE, rgb
+from ...report.layout.text import counted
+from ..blueprints import Camera, space_view
+from ..contact_states import States
+from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 from .meshes import ball_mesh, in_space, surface_meshes, turned, upright
-from .simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 
 LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
 """Colours of groups of balls by their initial height, to show how they mix."""

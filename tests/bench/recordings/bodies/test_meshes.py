@@ -1,7 +1,7 @@
 """Meshes lie on what they show, and orientations follow angular velocities exactly."""
 
 import numpy as np
-from proxbench.bench.recordings.meshes import about_depth, ball_mesh, surface_meshes, turned, upright
+from proxbench.bench.recordings.bodies.meshes import about_depth, ball_mesh, surface_meshes, turned, upright
 from proxbench.problems.motion.scenes.effects import Planar
 from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, Funnel
 from scipy.spatial.transform import Rotation

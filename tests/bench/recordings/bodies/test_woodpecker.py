@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.recordings.woodpecker import WoodpeckerRecorder
+from proxbench.bench.recordings.bodies.woodpecker import WoodpeckerRecorder
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.woodpecker import (
     BEAK_ARM,

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...problems.arrays import FloatArray, IntArray
-from ...problems.motion.bodies.surfaces import Plane, Segment, Surface
+from ....problems.arrays import FloatArray, IntArray
+from ....problems.motion.bodies.surfaces import Plane, Segment, Surface
 
 LATITUDES, LONGITUDES = 6, 12
 """Numbers of faces of a ball from pole to pole and around the axis; small for scenes of a thousand balls."""
