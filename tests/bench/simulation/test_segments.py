@@ -109,7 +109,7 @@ def test_a_changed_plugin_file_is_refused_after_another_solver_went_on(pour: Pou
         resume_simulation(file, {"solver": "NSGS"}, duration=0.005)
         plugin.write_text(MINE.replace("SORprox", "NSGS"))
         use_plugin_files([plugin])
-        with pytest.raises(BenchError, match="mine.py has changed since the run began"):
+        with pytest.raises(BenchError, match=r"mine\.py has changed since the run began"):
             resume_simulation(file, {"solver": "Mine"}, duration=0.007)
     finally:
         forget(PluginFile.read(plugin))
