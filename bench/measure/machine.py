@@ -15,7 +15,14 @@ from threadpoolctl import threadpool_info
 
 from ..store.records import Machine
 
-PACKAGES = ("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas")
+PACKAGES = (
+    *("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas"),
+    *("mujoco", "pin", "proxsuite", "scs"),
+)
+"""Packages whose versions are stored, if they are installed."""
+
+SETTINGS = ("NUMBA_DISABLE_JIT", "NUMBA_OPT", "PYTHONDEVMODE", "PYTHONMALLOC", "PYTHONTRACEMALLOC", "LD_PRELOAD")
+"""Variables of the environment that change times unequally by solver."""
 
 
 def describe_machine() -> dict[str, Any]:
@@ -27,10 +34,10 @@ def describe_machine() -> dict[str, Any]:
         "memory_bytes": psutil.virtual_memory().total,
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
         "python": platform.python_version(),
-        "versions": {name: _version(name) for name in PACKAGES},
+        "versions": {name: version for name in PACKAGES if (version := _version(name))},
+        "settings": {name: os.environ[name] for name in SETTINGS if os.environ.get(name)},
         "thread_pools": [
-            {key: pool.get(key) for key in ("user_api", "internal_api", "version", "num_threads")}
-            for pool in threadpool_info()
+            {key: pool.get(key) for key in ("user_api", "internal_api", "version")} for pool in threadpool_info()
         ],
         "commit": _git("rev-parse", "HEAD"),
         "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
