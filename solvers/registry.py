@@ -102,6 +102,11 @@ def plugin_solvers() -> list[Offer]:
     return offers("solver", _OWN)
 
 
+def is_own(name: str) -> bool:
+    """Return whether a plain name is that of a solver of Proxbench, which no other solver may have."""
+    return name in _OWN
+
+
 def create(name: str, **options: Any) -> Solver:
     """Return a solver: ``create("SORprox", relaxation=1.5)`` or ``create("SORprox(relaxation=1.5)")``.
 

@@ -7,36 +7,40 @@ import platform
 import subprocess
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import psutil
 from threadpoolctl import threadpool_info
 
-from ..store.records import Machine
+from ..store.records import Machine, ThreadPool
 
-PACKAGES = ("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas")
+PACKAGES = (
+    *("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas"),
+    *("mujoco", "pin", "proxsuite", "scs"),
+)
+"""Packages whose versions are stored, if they are installed."""
+
+SETTINGS = ("NUMBA_DISABLE_JIT", "NUMBA_OPT", "PYTHONDEVMODE", "PYTHONMALLOC", "PYTHONTRACEMALLOC", "LD_PRELOAD")
+"""Variables of the environment that change times unequally by solver."""
 
 
-def describe_machine() -> dict[str, Any]:
-    """Return processor, memory, system, libraries, versions, commit and load as plain values."""
-    return {
-        "processor": _processor(),
-        "cores": psutil.cpu_count(logical=False) or os.cpu_count(),
-        "logical_cores": os.cpu_count(),
-        "memory_bytes": psutil.virtual_memory().total,
-        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "python": platform.python_version(),
-        "versions": {name: _version(name) for name in PACKAGES},
-        "thread_pools": [
-            {key: pool.get(key) for key in ("user_api", "internal_api", "version", "num_threads")}
-            for pool in threadpool_info()
-        ],
-        "commit": _git("rev-parse", "HEAD"),
-        "dirty": bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
-        "source": _source(),
-        "host": platform.node(),
-    }
+def this_machine() -> Machine:
+    """Return the record of this machine."""
+    return Machine(
+        processor=_processor(),
+        cores=psutil.cpu_count(logical=False) or os.cpu_count() or 1,
+        logical_cores=os.cpu_count() or 1,
+        memory_bytes=psutil.virtual_memory().total,
+        system=f"{platform.system()} {platform.release()} {platform.machine()}",
+        python=platform.python_version(),
+        versions={name: version for name in PACKAGES if (version := _version(name))},
+        settings={name: os.environ[name] for name in SETTINGS if os.environ.get(name)},
+        thread_pools=[msgspec.convert(pool, ThreadPool) for pool in threadpool_info()],
+        commit=_git("rev-parse", "HEAD"),
+        dirty=bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
+        source=_source(),
+        host=platform.node(),
+    )
 
 
 def busy_seconds(except_core: int | None) -> float:
@@ -45,11 +49,6 @@ def busy_seconds(except_core: int | None) -> float:
         return 0.0
     others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number != except_core]
     return float(sum(sum(one[:8]) - one.idle - getattr(one, "iowait", 0.0) for one in others))
-
-
-def this_machine() -> Machine:
-    """Return the record of this machine."""
-    return msgspec.convert(describe_machine(), Machine)
 
 
 def _version(name: str) -> str:

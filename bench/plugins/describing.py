@@ -12,7 +12,7 @@ import cloudpickle
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
+from ...problems.contact.solver import Solver, SolverError, draws_randomly, shows_iterates
 from ...problems.errors import PluginError, ProxbenchError, first_line
 from ...problems.exchange.catalog import load, plugin_problems
 from ...problems.exchange.files.problem_file import problem_bytes, read_problem
@@ -107,9 +107,32 @@ def plugin_problem(name: str) -> ContactProblem:
 def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> SolverSpec:
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be made", error, "solver", name, pickled)
+    if not name:
+        require_own_name(answer["name"])
+    elif _plain_names(answer["name"]) != _plain_names(name):
+        raise error(f"{what} calls itself {answer['name']!r:.200}; its name must always be the one that creates it.")
     model, source = Model.from_text(answer["model"]), answer["source"]
     files = use_native_files(answer["name"], answer["native"])
     return SolverSpec(answer["name"], model, answer["shows"], source, pickled, answer["random"], files)
+
+
+def require_own_name(name: str) -> None:
+    """Check that the name of a solver of the caller does not present its results as those of another solver.
+
+    Raises:
+        BenchError: if it is the name of a solver of Proxbench.
+    """
+    plain = name.partition("(")[0].strip()
+    if registry.is_own(plain):
+        raise BenchError(f"the solver object calls itself {name!r:.200}, a name that Proxbench itself uses; rename it.")
+
+
+def _plain_names(name: str) -> list[str]:
+    """Return the plain names of a solver and of its parts; the first alone if an option is no literal."""
+    try:
+        return registry.plain_names(name)
+    except SolverError:
+        return [name.partition("(")[0]]
 
 
 def _ask(

@@ -71,7 +71,9 @@ def shown_results(
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     both = zip(results["reason"], results["notes"], strict=True)
-    shown = results.assign(reason=["; ".join(filter(None, texts)) for texts in both]).drop(columns="notes")
+    shown = results.assign(reason=["; ".join(filter(None, texts)) for texts in both]).drop(
+        columns=["notes", "excluded"]
+    )
     shown = shown.rename(columns=heads | {key: head for head, key in times.items()})
     for head in times:
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
@@ -99,7 +101,8 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    shown["wall"] = points["total_seconds"].map(duration)
+    marks = points["is_excluded"].eq(True).map({True: EXCLUDED_MARK, False: ""})  # missing where nothing was measured
+    shown["wall"] = points["total_seconds"].map(duration) + marks
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
     for head, key in counts.items():
         shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]

@@ -68,9 +68,9 @@ MOST_TABLES = 20
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row per case: time to each accuracy [s], the best judged residual, its iterations, outcome and reason.
 
-    Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), residual (by Coulomb's
-    law), model_residual (the best one by the model of the solver), iterations, outcome, reason, notes (of the finest
-    point with notes).
+    Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), excluded (accuracies
+    whose times have only excluded rounds), residual (by Coulomb's law), model_residual (the best one by the model of
+    the solver), iterations, outcome, reason, notes (of the finest point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]
@@ -79,11 +79,16 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
         TIME + accuracy_tag(accuracy): pd.Series(times[accuracy].to_dict(), dtype=float).reindex(names).to_numpy()
         for accuracy in accuracies(frames)
     }
+    marked = excluded_times(frames)
+    marks = set(zip(marked["problem"], marked["solver"], marked["accuracy"].map(accuracy_tag), strict=True))
+    tags = [accuracy_tag(accuracy) for accuracy in accuracies(frames)]
+    excluded = [" ".join(tag for tag in tags if (*name, tag) in marks) for name in names]
     trusted = attempted_points(frames)
     trusted = trusted[trusted["outcome"] != Outcome.WRONG].sort_values("residual", kind="stable")
     best = trusted.drop_duplicates(CASE)[[*CASE, "residual", "iterations"]]
     under_model = trusted.groupby(CASE, as_index=False)["model_residual"].min()
-    table = cases.assign(**seconds).merge(best, how="left", on=CASE).merge(under_model, how="left", on=CASE)
+    table = cases.assign(**seconds, excluded=excluded)
+    table = table.merge(best, how="left", on=CASE).merge(under_model, how="left", on=CASE)
     return table.astype({"residual": float, "model_residual": float, "iterations": float}).assign(
         **case_endings(frames).reset_index(drop=True)
     )

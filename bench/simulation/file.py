@@ -59,7 +59,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
     Attributes:
         version: version of Proxbench.
         plan: the plan.
-        plugins: the names from plugins.
+        plugins: the names from plugins, of the solvers of all segments.
         segments: the settings of the steps.
         statuses: texts by the stored status of a step.
         wall_seconds: total wall time [s].
@@ -87,10 +87,11 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     """
     simulation.kept_states.offer(simulation.state)  # an interruption may have occurred between a step and this line
     plan = simulation.plan
+    solvers = dict.fromkeys([plan.solver.name, *(segment.solver for segment in simulation.segments)])
     record = SimulationRecord(
         version=metadata.version("proxbench"),
         plan=plan.record,
-        plugins=sources([plan.solver.name], [], [plan.scene.name]),
+        plugins=sources(solvers, [], [plan.scene.name]),
         segments=list(simulation.segments),
         statuses=list(simulation.statuses),
         wall_seconds=simulation.wall_seconds,

@@ -18,6 +18,7 @@ from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ...problems.representation import html_table
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
+from ..plugins.describing import require_own_name
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote
 from ..store.fields import Count, Positive, Record, Tolerance
@@ -42,6 +43,9 @@ _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
 
 _EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
 """The laws at events are solved exactly."""
+
+_PACKAGE = f"{__name__.partition('.')[0]}."
+"""Beginning of the names of modules of this package, whose solvers may have its names."""
 
 REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "start", "step_seconds")
 """Settings that a resumed simulation may change: those of stepper and solver, not of the scene."""
@@ -154,6 +158,8 @@ def make_simulation_plan(
     taken = (make_stepper(named) if isinstance(named, str) else named).with_defaults_of(made)
     default = _default(made, taken)
     chosen = default.solver if solver is None else solver
+    if not isinstance(chosen, str) and not type(chosen).__module__.startswith(_PACKAGE):
+        require_own_name(chosen.name)
     plan = SimulationPlan(
         made,
         taken,

@@ -44,7 +44,6 @@ from ..store.fields import Count, Number, Record
 from .plan import SimulationPlan
 from .starts import StepSolver
 from .step_row import SceneValues, scene_values
-from .step_times import without_compilation
 
 
 class SolvedRecord(Record, frozen=True, kw_only=True):
@@ -210,7 +209,7 @@ class StepsTask:
         self._made = build_plugin_scene(self.scene, self.options)
         stepper, solver = make_stepper(self.stepper), StepSolver(self.solver.make(), self.start)
         motion = (self._made, solver, self.stop, start, self.until)
-        self._steps = without_compilation(stepper.steps(*motion, states=states))
+        self._steps = stepper.steps(*motion, states=states)
 
 
 def _describe(scene: Scene, taken: AcceptedStep) -> tuple[StepRecord, Arrays]:

@@ -38,12 +38,15 @@ class Hooks(TypedDict, total=False):
         on_progress: called after every step, to show the progress.
         should_stop: called after every step; the simulation ends early if it returns True.
         checkpoint_seconds: wall time between two writes of the result file [s].
+        is_warm: kernels are compiled, so that the times of steps are those of the clock. Otherwise compilation is
+            subtracted from them.
     """
 
     on_step: Sequence[OnStep]
     on_progress: OnProgress
     should_stop: Callable[[], bool]
     checkpoint_seconds: float
+    is_warm: bool
 
 
 def simulate(
@@ -137,7 +140,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     began = clock() - simulation.wall_seconds
     _store(simulation)  # detects immediately that the file cannot be written
     written = clock()
-    steps = _steps(simulation)
+    steps = _steps(simulation, hooks.get("is_warm", False))
     try:
         while not simulation.is_finished and not (should_stop and should_stop()):
             taken = _next_step(simulation, steps)
@@ -154,7 +157,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
         _store(simulation)
 
 
-def _steps(simulation: Simulation) -> Iterator[tuple[AcceptedStep, SceneValues]]:
+def _steps(simulation: Simulation, is_warm: bool) -> Iterator[tuple[AcceptedStep, SceneValues]]:
     """Yield the remaining steps, with energies and observables at their ends."""
     plan, states = simulation.plan, simulation.law_states
     if isinstance(plan.scene.system, RemoteSystem):
@@ -162,7 +165,8 @@ def _steps(simulation: Simulation) -> Iterator[tuple[AcceptedStep, SceneValues]]
             yield from worker.steps(simulation.state, states)
         return
     motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
-    for taken in without_compilation(plan.stepper.steps(*motion, states=states)):
+    steps = plan.stepper.steps(*motion, states=states)
+    for taken in steps if is_warm else without_compilation(steps):
         yield taken, scene_values(plan.scene, taken.end)
 
 

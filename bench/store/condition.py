@@ -66,10 +66,10 @@ def other_hardware(before: Machine, now: Machine, fields: Mapping[str, str] = _H
 
 
 def other_software(before: Machine, now: Machine) -> list[str]:
-    """Return in words which versions and sources on two machines differ."""
-    names = sorted(set(before.versions) | set(now.versions))
-    values = [(name, before.versions.get(name, "none"), now.versions.get(name, "none")) for name in names]
-    found = [f"{name} {old or 'none'}, now {new or 'none'}" for name, old, new in values if old != new]
+    """Return in words which versions, settings and sources on two machines differ."""
+    known = [machine.versions | machine.settings for machine in (before, now)]
+    values = [(name, *(one.get(name) or "none" for one in known)) for name in sorted(set().union(*known))]
+    found = [f"{name} {old}, now {new}" for name, old, new in values if old != new]
     return [*found, *other_hardware(before, now, {"source": "source"})]
 
 
@@ -143,6 +143,13 @@ def warnings(frames: RunFrames) -> list[str]:
         found.append(
             f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
             "different problems are not comparable; measure again on a quiet machine"
+        )
+    machines = [frames.info.machine, *(one.machine for one in frames.info.sessions if one.machine is not None)]
+    settings = dict.fromkeys(f"{name}={value}" for machine in machines for name, value in machine.settings.items())
+    if settings:
+        found.append(
+            f"SETTINGS: measured with {', '.join(settings)}, which changes times, by a factor that depends on the "
+            "solver; unset it and measure again"
         )
     measured = hosts(frames)
     if len(measured) > 1:

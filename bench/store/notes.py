@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
 from .impulses import number_of
-from .outcome import ROUNDING
+from .outcome import ROUNDING, Outcome
 from .records import MAX_ANSWERS, CaseRecord, Measured, Point
 
 SHARE = 0.05
@@ -35,10 +35,12 @@ def is_explained_by_repetition(repeated: float, first: float) -> bool:
 
 def notes_of(case: CaseRecord, point: Point) -> str:
     """Return the notes about a point, separated by semicolons; empty if there are none."""
-    return "" if point.measured is None else "; ".join(_notes(case, point.measured))
+    return "" if point.measured is None else "; ".join(_notes(case, point, point.measured))
 
 
-def _notes(case: CaseRecord, measured: Measured) -> Iterator[str]:
+def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
+    if measured.is_excluded and Outcome.TIME_LIMIT in (point.outcome, point.status):
+        yield "the time limit was reached while other programs used the core"
     judged, local = number_of(measured.residual), number_of(measured.verdict.get("local_residual", 0.0))
     if hides_contacts(judged, local):
         times = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"

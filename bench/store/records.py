@@ -17,12 +17,11 @@ MAX_ANSWERS = 20
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
-    """A thread pool of a library, as threadpoolctl describes it."""
+    """A library with threads, as threadpoolctl describes it. Cases use one thread of each."""
 
     user_api: str | None = None
     internal_api: str | None = None
     version: str | None = None
-    num_threads: Count | None = None
 
 
 class Machine(Record, frozen=True, kw_only=True):
@@ -32,6 +31,7 @@ class Machine(Record, frozen=True, kw_only=True):
         commit: commit of the source; empty outside a checkout.
         dirty: whether the source differed from the commit.
         source: SHA-256 of the source files of this package; empty if unknown.
+        settings: variables of the environment that change times.
         host: host name; empty if unknown.
     """
 
@@ -46,6 +46,7 @@ class Machine(Record, frozen=True, kw_only=True):
     commit: str
     dirty: bool
     source: str = ""
+    settings: dict[str, str] = {}
     host: str = ""
 
 

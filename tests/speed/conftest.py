@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
+import msgspec
 import psutil
 import pytest
 from proxbench.bench.isolation.fork_server import ONE_THREAD
-from proxbench.bench.measure.machine import describe_machine
+from proxbench.bench.measure.machine import this_machine
 from threadpoolctl import threadpool_limits
 
 os.environ.update(ONE_THREAD)
@@ -43,7 +44,7 @@ def _busy_seconds_of_others() -> float:
 @cache
 def machine() -> dict[str, Any]:
     """Describe the machine once, at the start of the run."""
-    return describe_machine()
+    return msgspec.to_builtins(this_machine())  # type: ignore[no-any-return]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

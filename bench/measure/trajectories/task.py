@@ -96,7 +96,12 @@ class TrajectoryTask:
 
         status, reason = Status.SOLVED, ""
         try:
-            advance(simulation, on_step=[note], should_stop=lambda: solves > most or time.monotonic() > end)
+            advance(
+                simulation,
+                on_step=[note],
+                should_stop=lambda: solves > most or time.monotonic() > end,
+                is_warm=True,
+            )
         except FailedSimulationError as failure:
             status, reason = Status.STALLED, _reason(failure)
         at = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"

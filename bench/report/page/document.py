@@ -118,7 +118,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     tables: dict[str, dict[str, Any]] = {
         "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
     }
-    tables["Versions"] = dict(info.machine.versions)
+    tables["Versions"] = info.machine.versions | info.machine.settings
     tables["Protocol"] = {
         "passes": plan.passes,
         "seed": plan.seed,
@@ -126,6 +126,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "time of a solve": f"{limits.solve_seconds:g} s",
         "time of a case": f"{limits.case_seconds:g} s",
         "memory of a case": f"{limits.memory_bytes / 2**20:.0f} MiB",
+        "threads of a library": 1,
         "probes": "unknown" if np.isnan(factor) else f"90 % over 10 % quantile: {factor:.2f}",
     }
     tables["Sessions"] = {
@@ -137,7 +138,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
 
 
 def _hardware(machine: Machine) -> dict[str, Any]:
-    pools = (f"{pool.internal_api or pool.user_api}: {pool.num_threads}" for pool in machine.thread_pools)
+    pools = dict.fromkeys(f"{pool.internal_api or pool.user_api} {pool.version}" for pool in machine.thread_pools)
     commit = machine.commit or "unknown"
     return {
         "processor": machine.processor,
@@ -145,7 +146,7 @@ def _hardware(machine: Machine) -> dict[str, Any]:
         "memory": f"{machine.memory_bytes / 2**30:.1f} GiB",
         "system": machine.system,
         "Python": machine.python,
-        "threads": ", ".join(pools),
+        "libraries": ", ".join(pools),
         "commit": f"{commit}, with changes that are not committed" if machine.dirty else commit,
         "source": machine.source or "unknown",
     }

@@ -12,6 +12,7 @@ import pytest
 from proxbench.bench import load, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import Model
 from proxbench.solvers import create
@@ -96,3 +97,24 @@ def test_a_built_in_solver_is_known_by_its_name_however_it_is_given() -> None:
     assert first == second == solver_spec(first)
     assert first.is_built_in
     assert first.make() == given[0]
+
+
+def test_an_object_cannot_take_the_name_of_a_built_in_solver() -> None:
+    class Mine(Locked):
+        name = "Robust (of mine)"
+
+        def __init__(self) -> None:
+            pass
+
+    with pytest.raises(BenchError, match=r"calls itself 'Robust \(of mine\)', a name that Proxbench itself uses"):
+        solver_spec(Mine())
+    Mine.name = "Robuster"
+    assert solver_spec(Mine()).name == "Robuster"
+
+
+def test_nor_can_an_object_of_a_class_derived_from_another_built_in_solver() -> None:
+    derived: Any = type("Robust", (type(create("NSGS")),), {})
+    with pytest.raises(BenchError, match="calls itself 'Robust'"):
+        solver_spec(derived())
+    with pytest.raises(BenchError, match="calls itself 'Robust'"):
+        make_simulation_plan("stack", solver=derived())

@@ -107,7 +107,7 @@ def test_both_are_run_and_stand_in_the_table_and_in_the_record(proxbench: Comman
     }
 
 
-@pytest.mark.parametrize("target", ["FixedStepGradient", "FixedStepGradient(relaxation=1.5)", "brick-on-slope"])
+@pytest.mark.parametrize("target", ["FixedStepGradient(relaxation=1.5)", "brick-on-slope"])
 def test_both_pass_their_checks(proxbench: Command, target: str) -> None:
     done = proxbench("check", target, "--json")
     assert done.returncode == 0, done.stdout
@@ -130,14 +130,6 @@ def test_the_worked_problem_is_generated(proxbench: Command, tmp_path: Path) -> 
     done = proxbench("generate", "brick-on-slope", "--output", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "brick-on-slope.npz").is_file()
-
-
-@pytest.mark.parametrize("page", ["add-a-solver.md", "add-a-problem.md"])
-def test_the_worked_files_can_be_checked_as_files(proxbench: Command, page: str, tmp_path: Path) -> None:
-    file = tmp_path / "mine.py"
-    text = block(page, "python")
-    file.write_text(text.replace("FixedStepGradient", "Renamed").replace("brick-on-slope", "renamed"))
-    assert proxbench("check", str(file)).returncode == 0
 
 
 def test_names_that_are_not_free_and_packages_that_do_not_import_are_listed_with_their_error(tmp_path: Path) -> None:

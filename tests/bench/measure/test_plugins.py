@@ -96,6 +96,25 @@ def test_a_case_runs_what_was_read_even_if_the_file_is_edited_meanwhile(
     assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
 
 
+CHANGING = """
+class Changing(Filed):
+    count = 0
+
+    @property
+    def name(self):
+        Changing.count += 1
+        return "Changing" if self.count <= 2 else "Robust"
+
+SOLVERS = [Changing]
+"""
+
+
+def test_a_solver_that_changes_its_name_once_it_is_made_is_refused(written: Callable[..., Path]) -> None:
+    use_plugin_files([written(GOOD + CHANGING)])
+    with pytest.raises(PluginError, match="the solver 'Changing' calls itself 'Robust'; its name must always be"):
+        solver_spec("Changing")
+
+
 CLASS = "from proxbench.problems import Model\nclass Mine:\n"
 NAME, MODEL = "    name = 'Mine'\n", "    model = Model.COULOMB\n"
 SUPPORTS = "    def supports(self, problem): return None\n"

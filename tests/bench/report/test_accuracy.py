@@ -5,12 +5,13 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from msgspec.structs import replace
 from proxbench.bench import load
 from proxbench.bench.report.accuracy import families, mean_time, problems_table, summary_table
-from proxbench.bench.report.cells import duration, shown_summary
-from proxbench.bench.report.tables import print_tables
+from proxbench.bench.report.cells import duration, shown_points, shown_summary
+from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import CaseRecord, Point
@@ -82,6 +83,28 @@ def test_excluded_times_take_part_in_no_mean(tmp_path: Path) -> None:
     found = summary_table(load(store_run(tmp_path / "run", cases, limits=LIMITS))).set_index("solver")
     assert list(found["mean_time_1e-02"]) == pytest.approx([0.3, 0.2])
     assert list(found["own_mean_time_1e-02"]) == pytest.approx([mean_time(np.array([0.1, 0.3]), 1.0), 0.2])
+
+
+def test_files_mark_excluded_times(tmp_path: Path) -> None:
+    """A spreadsheet shows the columns of the CSV file alone."""
+    excluded, counted = timed_round(0, 0.1, excluded="preempted"), timed_round(0, 0.2)
+    points = solved_point(1e-4, [excluded]), solved_point(1e-8, [counted])
+    frames = load(store_run(tmp_path / "run", [case("A", *points), case("B", points[1])], limits=LIMITS))
+    write_tables(frames, tmp_path)
+    table = pd.read_csv(tmp_path / "results.csv", keep_default_na=False).set_index("solver")
+    assert table.loc["B", "excluded"] == ""
+    assert table.loc["A", "excluded"].split() == [tag for tag in ("1e-02", "1e-04") if f"time_to_{tag}" in table]
+    assert "100 ms*" in (tmp_path / "results.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("excluded", "mark"), [("preempted", "*"), ("", "")])
+def test_points_of_a_study_mark_excluded_times(excluded: str, mark: str, tmp_path: Path) -> None:
+    point = solved_point(1e-2, [timed_round(0, 0.1, excluded=excluded)])
+    frames = load(store_run(tmp_path / "run", [case("A", point)], limits=LIMITS))
+    points = frames.points.assign(
+        quantity="error", error=0.0, low=0.0, high=0.0, failed_members=0.0, unsolved_steps=0.0
+    )
+    assert shown_points(points)["wall"].tolist() == [f"100 ms{mark}"]
 
 
 def test_means_name_the_number_of_their_problems_where_times_are_excluded(tmp_path: Path) -> None:

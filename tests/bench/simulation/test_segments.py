@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
+from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.history import check_segments, planned_segment
 from proxbench.bench.simulation.plan import SimulationPlan
 from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.problems.exchange.plugins.files import PluginFile
+from proxbench.problems.exchange.plugins.offers import forget
 
 LITTLE = "simulate pile(balls=30) --stepper Moreau(step=1e-3) --no-progress"
 
@@ -82,6 +85,34 @@ def test_a_failed_change_of_solver_leaves_no_segment_without_steps(pour: Pour, t
     simulate(pour(10), file)
     resume_simulation(file, {"solver": "NSGS"}, duration=0.02, should_stop=lambda: True)
     assert [segment.solver for segment in read_simulation(file).segments] == ["MomentumFallback"]
+
+
+MINE = """
+from proxbench.solvers import Model, create
+
+class Mine:
+    name, model = "Mine", Model.COULOMB
+    def supports(self, problem): return None
+    def prepare(self, problem): return create("SORprox").prepare(problem)
+
+SOLVERS = [Mine]
+"""
+
+
+def test_a_changed_plugin_file_is_refused_after_another_solver_went_on(pour: Pour, tmp_path: Path) -> None:
+    """Otherwise segments of two versions would have one name."""
+    plugin, file = tmp_path / "mine.py", tmp_path / "a.npz"
+    plugin.write_text(MINE)
+    use_plugin_files([plugin])
+    try:
+        simulate(pour(3, solver="Mine"), file)
+        resume_simulation(file, {"solver": "NSGS"}, duration=0.005)
+        plugin.write_text(MINE.replace("SORprox", "NSGS"))
+        use_plugin_files([plugin])
+        with pytest.raises(BenchError, match=r"mine\.py has changed since the run began"):
+            resume_simulation(file, {"solver": "Mine"}, duration=0.007)
+    finally:
+        forget(PluginFile.read(plugin))
 
 
 @pytest.mark.parametrize("firsts", [[], [1], [0, 0], [0, 5], [0, 6]])

@@ -33,7 +33,7 @@ class Compiling:
         n_compiled: problems whose preparation compiles a kernel.
     """
 
-    name, model, has_iterates = "SORprox", Model.COULOMB, False
+    name, model, has_iterates = "Compiling", Model.COULOMB, False
 
     def __init__(self, n_compiled: int, monkeypatch: pytest.MonkeyPatch) -> None:
         self._solver, self.now, self.n_compiled, self.n_prepared = create("SORprox"), 0.0, n_compiled, 0

@@ -2,12 +2,11 @@
 
 import math
 
-import msgspec
 import pytest
-from proxbench.bench.measure.machine import describe_machine
+from proxbench.bench.measure.machine import this_machine
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits, PlanRecord
-from proxbench.bench.store.records import CaseRecord, Curve, Machine, Point, RunRecord
+from proxbench.bench.store.records import CaseRecord, Curve, Point, RunRecord
 from stored_cases import case_record, measured_in, timed_round
 
 
@@ -36,6 +35,6 @@ def record() -> RunRecord:
     return RunRecord(
         run_id="run",
         plan=PlanRecord(problems=["p"], solvers=["S"], tolerances=[0.1], limits=Limits()),
-        machine=msgspec.convert(describe_machine(), Machine),
+        machine=this_machine(),
         plugins=[],
     )

@@ -11,10 +11,11 @@ from msgspec.structs import replace
 from proxbench import bench
 from proxbench.bench import Run, load
 from proxbench.bench.errors import BenchError
+from proxbench.bench.measure.machine import SETTINGS, this_machine
 from proxbench.bench.report.charts.problems import problem_chart
 from proxbench.bench.report.charts.summary import time_chart
 from proxbench.bench.report.tables import print_tables, write_tables
-from proxbench.bench.store.condition import drift, steadiness, warnings
+from proxbench.bench.store.condition import drift, other_software, steadiness, warnings
 from proxbench.bench.store.conversion import checksum
 from proxbench.bench.store.records import Session
 from rich.console import Console
@@ -53,6 +54,28 @@ def test_drift_is_the_spread_of_the_probes_and_does_not_depend_on_the_unit(store
     assert "probes differ by a factor of 1.50; other programs used 0.4 cores" in steadiness(
         timed(stored, (2.0, 3.0), 0.4)
     )
+
+
+def test_settings_that_change_times_are_stored_and_named(stored: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in SETTINGS:
+        monkeypatch.delenv(name, raising=False)
+    usual = this_machine()
+    monkeypatch.setenv("PYTHONTRACEMALLOC", "10")
+    tracing = this_machine()
+    assert other_software(usual, tracing) == ["PYTHONTRACEMALLOC none, now 10"]
+    session = Session(started="", machine=tracing)
+    run = dataclasses.replace(stored, info=replace(stored.info, machine=usual, sessions=[session]))
+    assert any(sentence.startswith("SETTINGS: measured with PYTHONTRACEMALLOC=10, ") for sentence in warnings(run))
+    quiet = dataclasses.replace(run, info=replace(run.info, sessions=[replace(session, machine=usual)]))
+    assert not any(sentence.startswith("SETTINGS") for sentence in warnings(quiet))
+
+
+def test_a_package_that_one_machine_lacks_differs_and_one_that_both_lack_does_not() -> None:
+    machine = this_machine()
+    with_peer, unknown = (replace(machine, versions=machine.versions | {"pin": one}) for one in ("4.1.0", ""))
+    without = replace(machine, versions={name: one for name, one in machine.versions.items() if name != "pin"})
+    assert other_software(without, with_peer) == ["pin none, now 4.1.0"]
+    assert other_software(without, unknown) == []
 
 
 @pytest.mark.slow

@@ -114,3 +114,11 @@ def test_different_answers_are_noted_of_a_solver_that_does_not_draw_numbers() ->
     assert note(answers=2, repeats=5) == "2 different answers in 5 solves"
     assert note(answers=MAX_ANSWERS, repeats=9) == f"at least {MAX_ANSWERS} different answers in 9 solves"
     assert note(answers=1) == note(answers=2, is_randomised=True) == ""
+
+
+@pytest.mark.parametrize("excluded", ["preempted", ""])
+def test_a_time_limit_under_load_is_named_as_such(excluded: str) -> None:
+    measured = measured_in([timed_round(0, 1.0, excluded=excluded)], verdict={})
+    point = Point(tolerance=1e-4, outcome=Outcome.TIME_LIMIT, reason="", status="time limit", measured=measured)
+    words = "the time limit was reached while other programs used the core"
+    assert notes_of(case_record(), point) == (words if excluded else "")

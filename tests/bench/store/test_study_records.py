@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from proxbench.bench.measure.machine import describe_machine
+from proxbench.bench.measure.machine import this_machine
 from proxbench.bench.measure.trajectories.plan import make_study_plan
 from proxbench.bench.store.conversion import content_of, record_of
 from proxbench.bench.store.plans import PlanRecord
@@ -24,7 +24,7 @@ def content() -> dict[str, Any]:
         "methods": [content_of(method.record) for method in plan.solvers],
         "trajectories": [trajectory],
     }
-    return {"run_id": "it", "plan": written, "machine": describe_machine(), "plugins": []}
+    return {"run_id": "it", "plan": written, "machine": content_of(this_machine()), "plugins": []}
 
 
 def test_a_plan_of_a_study_can_be_read_back(content: dict[str, Any]) -> None:

@@ -4,7 +4,6 @@ import gc
 import hashlib
 import os
 import pickle
-import signal
 import time
 from dataclasses import dataclass
 from functools import cached_property
@@ -133,8 +132,8 @@ class Carrying(Remembering):
 
 class InSupports(Remembering):
     def supports(self, problem: ContactProblem) -> str | None:
-        for tolerance in 10.0 ** np.linspace(-1.0, -8.0, 700):
-            super().solve(problem, Stop(float(tolerance)), None)
+        for tolerance in TOLERANCES:
+            super().solve(problem, Stop(tolerance), None)
         return None
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
@@ -199,8 +198,8 @@ class WarmStarting(Honest):
         return found
 
 
-class OffTheClock(Remembering):
-    """Solves to all tolerances when nobody counts, and is honest before; the subclasses say when."""
+class WhenCollecting(Remembering):
+    """Solves to all tolerances while garbage is collected, which never happens on the clock, and is honest before."""
 
     @cached_property
     def waiting(self) -> list[Any]:
@@ -211,12 +210,10 @@ class OffTheClock(Remembering):
             problem, stop = self.waiting.pop()
             Remembering.solve(self, problem, stop, None)
 
-    def listen(self) -> None:
-        """Let ``ahead`` be called."""
-
     @cached_property
     def is_listening(self) -> bool:
-        self.listen()
+        gc.callbacks.append(self.ahead)
+        gc.set_threshold(10)
         return True
 
     def prepare(self, problem: ContactProblem) -> Any:
@@ -228,22 +225,6 @@ class OffTheClock(Remembering):
             return known
         self.waiting.append((problem, stop))
         return Honest.solve(self, problem, stop, observe)
-
-
-class WhenCollecting(OffTheClock):
-    """Garbage is never collected on the clock."""
-
-    def listen(self) -> None:
-        gc.callbacks.append(self.ahead)
-        gc.set_threshold(10)
-
-
-class WhenTimerRings(OffTheClock):
-    """A timer rings every millisecond."""
-
-    def listen(self) -> None:
-        signal.signal(signal.SIGALRM, self.ahead)
-        signal.setitimer(signal.ITIMER_REAL, 1e-3, 1e-3)
 
 
 class KnowsCopies(Remembering):

@@ -12,7 +12,7 @@ import msgspec
 from .....problems.errors import suggestion
 from ....errors import BenchError
 from ....isolation.fork_server import ONE_THREAD
-from ...machine import describe_machine
+from ...machine import this_machine
 from .description import ERROR_MARGIN
 from .engine import ENGINES, takes_part, version_of
 from .measurement import Measurement
@@ -96,7 +96,7 @@ def compare_engines(
         versions=versions,
         rounds=rounds,
         load=(before, os.getloadavg()[0]),
-        machine=describe_machine(),
+        machine=msgspec.to_builtins(this_machine()),
         is_interrupted=is_interrupted,
     )
 
