@@ -20,7 +20,7 @@ from proxbench.problems.exchange.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
 from proxbench.problems.hard.spheres import with_rolling_friction
 
-SMALL = ["funnel-30-early", "funnel-30", "woodpecker-beak-impact", "bodies-arch-13-thin", "bodies-chain-20"]
+SMALL = ["funnel-30-early", "funnel-30", "woodpecker-beak-impact", "bodies-train-10", "bodies-chain-20"]
 
 
 def difference(first: ContactProblem, second: ContactProblem) -> float:
