@@ -48,7 +48,7 @@ def generate(
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..report.layout.text import print_json
-    from ..simulation.generate import generate as make
+    from ..simulation.generation.generate import generate as make
     from .exchange.problem_files import print_files
 
     chosen = list(names or [])

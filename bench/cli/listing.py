@@ -29,6 +29,9 @@ Row = dict[str, Any]
 WIDEST_PROBLEM = 34
 """Width of the column of problem names; longer names shift their row."""
 
+NOT_GENERATED = "not generated yet"
+"""Entry of a problem whose numbers are neither in the package nor in the cache folder."""
+
 
 def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[Row]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
@@ -112,6 +115,8 @@ def _print_problems(rows: Sequence[Row]) -> None:
         print(f"\n{family} ({len(members)})")
         for row in members:
             print(f"  {row['name']:<{width}}  {_problem_text(row, list(heads.values()))}".rstrip())
+    if not all(row.get("available", True) for row in rows):
+        print("\nrun and matrix generate missing problems, as does: proxbench generate NAME")
 
 
 def _families(rows: Sequence[Row]) -> dict[str, list[Row]]:
@@ -138,7 +143,7 @@ def _problem_text(row: Row, widths: Sequence[int]) -> str:
     if row["error"]:
         return str(row["error"])
     if not row["available"]:
-        return f"not generated yet; run: proxbench generate {row['name']}"
+        return NOT_GENERATED
     frictions = [law for law in row["laws"] if law not in ("unilateral", "bilateral")]
     kinds = dict.fromkeys("rolling" if "rolling" in law else law.removesuffix(" friction") for law in frictions)
     cells = row["contacts"], row["rows"], ", ".join(kinds) or "none"

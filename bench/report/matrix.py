@@ -10,7 +10,7 @@ import pandas as pd
 from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.catalog import load
-from ...problems.hard import CASE_GROUPS
+from ...problems.exchange.families import family_of
 from ..store.outcome import BAD_OUTCOMES, Cell, Outcome
 from .layout.text import counted, inline, markdown_table
 
@@ -26,8 +26,6 @@ MARKS = {
     Outcome.TIME_LIMIT: "T",
 }
 """One character for each ending; faults have none and are spelled out."""
-
-_GROUP_OF = {name: group for group, members in CASE_GROUPS.items() for name in members}
 
 MAX_NAMED_SOLVERS = 4
 """Largest number of solvers that the table of reasons names; of more, it names one fewer and counts the others."""
@@ -104,7 +102,7 @@ def matrix_table(cells: Sequence[Cell]) -> pd.DataFrame:
     """
     outcomes: dict[str, dict[str, str]] = {}
     for cell in cells:
-        row = {"problem": cell.problem, "family": _GROUP_OF.get(cell.problem, "")}
+        row = {"problem": cell.problem, "family": _family(cell.problem)}
         outcomes.setdefault(cell.problem, row)[cell.solver] = _outcome_text(cell)
     return pd.DataFrame(outcomes.values())
 
@@ -132,7 +130,7 @@ def _summary(found: pd.DataFrame) -> str:
 
 
 def _family_counts(found: pd.DataFrame) -> str:
-    families = found["problem"].map(lambda name: _GROUP_OF.get(name, "others"))
+    families = found["problem"].map(lambda name: _family(name) or "others")
     names = families.drop_duplicates()
     is_supported = found["outcome"] != Outcome.UNSUPPORTED
     rows = []
@@ -151,11 +149,16 @@ def _grid(found: pd.DataFrame) -> str:
     cells = found.to_dict("records")
     marks = {(cell["problem"], cell["solver"]): _mark(cell["outcome"], cell["residual"]) for cell in cells}
     names = found["problem"].drop_duplicates()
-    for group, members in names.groupby(names.map(lambda name: _GROUP_OF.get(name, "")), sort=False):
+    for group, members in names.groupby(names.map(_family), sort=False):
         rows = [[name, *(marks.get((name, solver), "") for solver in solvers)] for name in members]
         text += f"\n**{group}**\n\n" if group else "\n\n\n"
         text += markdown_table(["problem", *numbers], rows)
     return text
+
+
+def _family(problem: str) -> str:
+    """Return the family of a problem within its suite; empty for suites that are not divided into families."""
+    return family_of(problem).partition(": ")[2]
 
 
 def _mark(outcome: Outcome, residual: float) -> str:

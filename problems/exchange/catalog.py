@@ -37,6 +37,26 @@ WOODPECKER_INCIDENTS = (
     "lower-stick-to-slip",
 )
 
+ARCH_STONES = (7, 9, 13, 27, 51)
+
+BODY_GROUPS: dict[str, list[str]] = {
+    "box stacks": [
+        "stack-10",
+        *(f"stack-10-{heavy}-{ratio}" for heavy in ("bottom", "top") for ratio in ("1e2", "1e4", "1e6")),
+        "stack-100",
+    ],
+    "arches": [*(f"arch-{n}-{state}" for n in ARCH_STONES for state in ("thick", "thin")), "arch-13-sliding"],
+    "card houses": ["cards-1", "cards-3", "cards-3-slipping", "cards-6"],
+    "box piles": ["pile-100-falling", "pile-100", "pile-300", "pile-1000"],
+    "tables": ["table-2", "table-4", "table-4-1e4", "table-10"],
+    "single bodies": ["box-sticking", "box-sliding", "box-thrown", "box-tipping", "sphere-rolling", "cylinder-rolling"],
+    "linkages": ["four-bar", "chain-20", "chain-200", "ball-on-chain-1e4"],
+    "trains": ["train-10", "train-10-1e4", "train-300"],
+}
+"""The problems of the suite ``bodies`` in groups of one kind, without the prefix ``bodies-``.
+
+Hard cases have no group of such a name."""
+
 _FUNNEL = [
     *(f"funnel-{size}{instant}" for size in FUNNEL_SIZES for instant in ("-early", "", "-late")),
     *(f"funnel-planar-{size}" for size in FUNNEL_SIZES),
@@ -46,6 +66,8 @@ _FUNNEL = [
 ]
 
 _PILES = [*(name for name in _FUNNEL if name.startswith("pile-")), *MIXED_PILES]
+
+_BODIES = [f"bodies-{name}" for members in BODY_GROUPS.values() for name in members]
 
 _WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]
 
@@ -63,8 +85,9 @@ SUITES: dict[str, list[str]] = {
     "funnel": _FUNNEL,
     "piles": _PILES,
     "woodpecker": _WOODPECKER,
+    "bodies": _BODIES,
     "hard": list(HARD_CASES),
-    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL, *MIXED_PILES],
+    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL, *MIXED_PILES, *_BODIES],
 }
 """Members of each suite, in the order in which they are run."""
 

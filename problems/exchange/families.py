@@ -9,6 +9,7 @@ from typing import Literal, get_args
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError, suggestion
 from ..hard import CASE_GROUPS
+from .catalog import BODY_GROUPS
 
 FAMILY = "family"
 """Key of the family in the provenance of a problem."""
@@ -21,13 +22,14 @@ Sampling = Literal["proportional", "even"]
 def family_of(problem: str | ContactProblem) -> str:
     """Return the family of a problem.
 
-    That of a problem is what its provenance says. Without it, and for a name: the group of a hard case
-    (``"hard: stacks"``), else what precedes the first dash, or the options of a scene, in the name (``"funnel"``).
+    That of a problem is what its provenance says. Without it, and for a name: the group of a hard case or of a problem
+    of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), else what precedes the first dash, or the
+    options of a scene, in the name (``"funnel"``).
     """
     if not isinstance(problem, str):
         named = problem.provenance.get(FAMILY)
         return str(named) if named else family_of(problem.name)
-    return _hard_families().get(problem) or re.split("[-(]", problem, maxsplit=1)[0] or problem
+    return _grouped_families().get(problem) or re.split("[-(]", problem, maxsplit=1)[0] or problem
 
 
 def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
@@ -62,8 +64,9 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
 
 
 @cache
-def _hard_families() -> Mapping[str, str]:
-    return {name: f"hard: {group}" for group, members in CASE_GROUPS.items() for name in members}
+def _grouped_families() -> Mapping[str, str]:
+    hard = {name: f"hard: {group}" for group, members in CASE_GROUPS.items() for name in members}
+    return hard | {f"bodies-{name}": f"bodies: {group}" for group, members in BODY_GROUPS.items() for name in members}
 
 
 def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:

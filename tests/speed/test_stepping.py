@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from contestants import SIZES, TOLERANCE
-from proxbench.bench.simulation.generate import RECIPES, FunnelRecipe
+from proxbench.bench.simulation.generation.generate import RECIPES, FunnelRecipe
 from proxbench.problems import judge
 from proxbench.problems.motion.scenes.funnel import TIME_STEP
 from proxbench.problems.motion.state import State

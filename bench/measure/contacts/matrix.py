@@ -15,6 +15,7 @@ from ....solvers.registry import available
 from ...plugins.describing import solver_spec
 from ...plugins.problems import resolved
 from ...plugins.remote_solver import FailedSolveError, RemoteSolver
+from ...simulation.generation.generate import generate_missing
 from ...store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
 from ..plan import DEFAULT_SOLVERS
 from ..selection import problem_name
@@ -40,7 +41,7 @@ def measure_matrix(
     """Solve every problem with every solver once.
 
     Args:
-        problems: names of problems, or problems.
+        problems: names of problems, or problems. Missing problems are generated.
         solvers: solvers, or their names with options.
         stop: tolerance and limits of one solve; a solver that is not built in is killed a second after its time limit.
         memory_bytes: memory limit of a solver.
@@ -52,6 +53,7 @@ def measure_matrix(
     Raises:
         ProxbenchError: for an unknown problem or solver.
     """
+    generate_missing(one for one in problems if isinstance(one, str))
     taken, made = {problem_name(one): resolved(one) for one in problems}, [solver_spec(solver) for solver in solvers]
     cells = []
     for solver in made:

@@ -12,7 +12,7 @@ from ....problems.representation import counted
 from ...errors import InterruptedRunError
 from ...plugins.problems import carry, problem_of
 from ...plugins.solver_specs import SolverSpec
-from ...simulation.generate import generate
+from ...simulation.generation.generate import generate
 from ...store.records import CaseRecord, RunRecord
 from ...store.store import Store
 from ..trajectories.methods import Method

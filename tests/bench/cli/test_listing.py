@@ -2,6 +2,7 @@
 
 import re
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -92,6 +93,19 @@ def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFi
         assert {name.strip() for name in shown.split(",")} - {"…"} <= set(members)
 
 
+def test_a_problem_that_is_not_generated_yet_says_so_and_how_it_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path))
+    print_listing(listing_rows("problems", "bodies"))
+    lines = capsys.readouterr().out.splitlines()
+    assert "  bodies-pile-1000            not generated yet" in lines
+    assert "proxbench generate NAME" in lines[-2]
+    assert max(map(len, lines)) <= 80
+    print_listing(listing_rows("problems", "woodpecker"))
+    assert "not generated yet" not in capsys.readouterr().out
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("suite", SUITES)
 def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_families(
@@ -99,7 +113,9 @@ def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_famili
 ) -> None:
     print_listing(listing_rows("problems", suite))
     lines = capsys.readouterr().out.splitlines()
-    assert sorted(line.split()[0] for line in lines if line.startswith("  "))[1:] == sorted(suite_members(suite))
+    names = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert names[0] == "contacts"  # the heads
+    assert sorted(names[1:]) == sorted(suite_members(suite))
     sizes = [int(line.partition("(")[2].rstrip(")")) for line in lines if re.fullmatch(r"\S.* \(\d+\)", line)]
     assert sum(sizes) == len(suite_members(suite))
 

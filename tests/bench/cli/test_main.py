@@ -175,7 +175,9 @@ def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFix
     assert run_command(["list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert {"SORprox", "Jprox", "JORprox", "ClarabelSOCP"} <= {row["name"] for row in listed["solvers"]}
-    assert {"quick", "funnel", "piles", "woodpecker", "hard", "all"} == {row["name"] for row in listed["suites"]}
+    assert {"quick", "funnel", "piles", "woodpecker", "bodies", "hard", "all"} == {
+        row["name"] for row in listed["suites"]
+    }
     assert list(SCENES) == [row["name"] for row in listed["scenes"]]
     slider = next(row for row in listed["problems"] if row["name"] == "hard-duplicated-slider")
     assert (slider["contacts"], slider["rows"]) == (10, 30)

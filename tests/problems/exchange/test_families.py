@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError, load
+from proxbench.problems.exchange.catalog import BODY_GROUPS
 from proxbench.problems.exchange.families import family_of, sampled
+from proxbench.problems.hard import CASE_GROUPS
 
 
 @pytest.mark.parametrize(
@@ -15,6 +17,8 @@ from proxbench.problems.exchange.families import family_of, sampled
         ("funnel-planar-30", "funnel"),
         ("woodpecker-beak-impact", "woodpecker"),
         ("hard-stack-10", "hard: stacks"),
+        ("bodies-stack-10", "bodies: box stacks"),
+        ("bodies-pile-1000", "bodies: box piles"),
         ("Box_Stacks-i0035-31-0", "Box_Stacks"),
         ("funnel(balls=30, outlet=4)", "funnel"),
         ("mine", "mine"),
@@ -23,6 +27,11 @@ from proxbench.problems.exchange.families import family_of, sampled
 )
 def test_a_name_has_the_family_of_its_group_or_its_beginning(name: str, family: str) -> None:
     assert family_of(name) == family
+
+
+def test_no_group_of_bodies_has_the_name_of_a_group_of_hard_cases() -> None:
+    """Pages of one suite leave out its name."""
+    assert not set(BODY_GROUPS) & set(CASE_GROUPS)
 
 
 def test_a_problem_has_the_family_that_its_provenance_names() -> None:

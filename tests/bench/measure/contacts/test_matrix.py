@@ -80,6 +80,19 @@ def test_a_page_beside_a_table_counts_solved_of_supported_problems_by_family() -
     assert "hard-groove" not in page
 
 
+def test_problems_of_bodies_are_generated_and_counted_by_family(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path))
+    names = ["bodies-box-sliding", "bodies-box-tipping", "bodies-four-bar"]
+    made = measure_matrix(names, ["SORprox"], Stop(1e-6, 10_000, 2.0))
+    assert [cell.outcome for cell in made] == [Outcome.SOLVED] * 3
+    page = matrix_page(made, 1e-6, "proxbench matrix", table="cells.csv")
+    assert "| solver | single bodies | linkages |" in page
+    assert "| `SORprox` | 2/2 | 1/1 |" in page
+    assert matrix_table(made)["family"].tolist() == ["single bodies", "single bodies", "linkages"]
+
+
 def test_reasons_that_differ_in_numbers_are_one_row_and_many_solvers_are_counted() -> None:
     made = [
         Cell("hard-groove", f"S{number}", Outcome.STALLED, 1e-3, reason=f"residual {number}.5e-03 after 7 sweeps")

@@ -8,13 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.generate import RECIPES, RollingRecipe, generate, remake_problems
+from proxbench.bench.simulation.generation.generate import (
+    RECIPES,
+    RollingRecipe,
+    generate,
+    generate_missing,
+    remake_problems,
+)
 from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.exchange.catalog import SUITES
 from proxbench.problems.hard import HARD_CASES
 from proxbench.problems.hard.spheres import with_rolling_friction
 
-SMALL = ["funnel-30-early", "funnel-30", "woodpecker-beak-impact"]
+SMALL = ["funnel-30-early", "funnel-30", "woodpecker-beak-impact", "bodies-train-10", "bodies-chain-20"]
 
 
 def difference(first: ContactProblem, second: ContactProblem) -> float:
@@ -74,6 +80,16 @@ def test_problems_of_one_simulation_are_captured_at_their_own_steps(tmp_path: Pa
     assert [file.name for file in files] == ["funnel-30-early.npz", "funnel-30.npz"]
     early, dense = remake_problems(SMALL[:2])
     assert early.provenance["step"] < dense.provenance["step"]  # type: ignore[operator]
+
+
+def test_only_problems_that_are_missing_are_generated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path))
+    generate_missing(["hard-groove", "funnel-30", "bodies-arch-7-thin", "unknown"])
+    assert [file.name for file in tmp_path.iterdir()] == ["bodies-arch-7-thin.npz"]
+    assert load("bodies-arch-7-thin").n_contacts == 32
+    (tmp_path / "bodies-arch-7-thin.npz").write_bytes(b"kept")
+    generate_missing(["bodies-arch-7-thin"])
+    assert (tmp_path / "bodies-arch-7-thin.npz").read_bytes() == b"kept"
 
 
 @pytest.mark.parametrize(("name", "words"), [("hard-groove", "nothing to generate"), ("funel-30", "'funnel-30'")])

@@ -10,28 +10,30 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ...problems.contact.problem import FREE_FALL, ContactProblem
-from ...problems.contact.solver import Stop
-from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
-from ...problems.exchange.catalog import (
+from ....problems.contact.problem import FREE_FALL, ContactProblem
+from ....problems.contact.solver import Stop
+from ....problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ....problems.exchange.catalog import (
     FUNNEL_SIZES,
     MIXED_PILES,
     PILE_SIZES,
     cache_folder,
+    is_available,
     plugin_problems,
     problem_names,
 )
-from ...problems.exchange.files.problem_file import SUFFIX, save_problem
-from ...problems.hard import HARD_CASES
-from ...problems.hard.spheres import with_rolling_friction
-from ...problems.motion.bodies.mixed_friction import MixedFriction
-from ...problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
-from ...problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
-from ...problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
-from ...problems.motion.stepping.midpoint import MidpointRule
-from ...problems.motion.stepping.step import Step
-from ...solvers.registry import create
-from ..plugins.describing import plugin_problem
+from ....problems.exchange.files.problem_file import SUFFIX, save_problem
+from ....problems.hard import HARD_CASES
+from ....problems.hard.spheres import with_rolling_friction
+from ....problems.motion.bodies.mixed_friction import MixedFriction
+from ....problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, Restitution
+from ....problems.motion.scenes.funnel import STANDARD_GRAVITY, TIME_STEP, Funnel
+from ....problems.motion.scenes.woodpecker import PERIOD, section_start, woodpecker
+from ....problems.motion.stepping.midpoint import MidpointRule
+from ....problems.motion.stepping.step import Step
+from ....solvers.registry import create
+from ...plugins.describing import plugin_problem
+from .body_problems import BODY_RECIPES, BodyRecipe, body_problem
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
@@ -103,8 +105,9 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
         yield name, FunnelRecipe(scene, _SETTLED, PILE_STOP, MIXED)
 
 
-RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe] = {
+RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe] = {
     **dict(_funnel_recipes()),
+    **BODY_RECIPES,
     "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
     "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
     "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
@@ -148,6 +151,13 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
     return [target / f"{name}{SUFFIX}" for name in names]
 
 
+def generate_missing(names: Iterable[str]) -> None:
+    """Generate those problems that come from scenes and are not available yet, into the user's cache folder."""
+    missing = [name for name in names if name in RECIPES and not is_available(name)]
+    if missing:
+        generate(missing)
+
+
 def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; problems of the same scene share one simulation."""
     flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
@@ -158,6 +168,8 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
             flows.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
         elif isinstance(recipe, WoodpeckerRecipe):
             pecks[name] = recipe
+        elif isinstance(recipe, BodyRecipe):
+            yield body_problem(name)
         else:
             yield from _rolling_problems(name, recipe)
     for (scene, stop, mixed), members in flows.items():

@@ -1,0 +1,1 @@
+"""Problems of the standard suites, made from steps of scenes."""
