@@ -30,7 +30,7 @@ from ...bodies.rigid.shapes import Box, HalfSpace
 from ...state import State
 from ..effects import Force, Friction, Gravity
 from ..scene import EndingRule, Observable, SceneEnding, check_positive
-from .effects import rigid_bodies
+from .effects import BodyEffect, rigid_bodies
 
 PITCH = 1.3
 """Distance of boxes at the start over their edge."""
@@ -174,7 +174,7 @@ class RotatingDrum:
         masses = np.array([mass] * self.n_boxes + [HEAVY * mass] * STAVES)
         materials = ("box",) * (self.n_boxes + STAVES) + ("end",) * 2
         friction = MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=2)
-        effects = [DrivenRing(self.n_boxes, self.gravity, self.speed), Friction(friction)]
+        effects: list[BodyEffect] = [DrivenRing(self.n_boxes, self.gravity, self.speed), Friction(friction)]
         shapes = [box] * self.n_boxes + [self._stave] * STAVES
         return rigid_bodies(shapes, masses, end_walls(self.width), effects)
 
@@ -259,7 +259,7 @@ class Hopper:
         coefficient, offset = BEVERLOO
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free = max(self.outlet * self.edge - offset * diameter, 0.0)
-        return coefficient * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free**1.5
+        return float(coefficient * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free**1.5)
 
     def system(self) -> RigidBodies:
         """Return the boxes, the wedge, the walls above it, and the end walls."""

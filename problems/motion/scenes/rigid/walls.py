@@ -19,7 +19,7 @@ from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import Observable, check_positive
 from .boxes import Size, incline
-from .effects import rigid_bodies
+from .effects import BodyEffect, rigid_bodies
 
 JOINT = 1e-3
 """Free distance of bricks beside each other over the length of a brick."""
@@ -91,7 +91,7 @@ class BrickWall:
         if self.speed:
             shapes.append(Sphere(self.radius))
             masses.append(self.ball_density * shapes[-1].volume)
-        effects = [Gravity(self.gravity), Friction(self.friction)]
+        effects: list[BodyEffect] = [Gravity(self.gravity), Friction(self.friction)]
         return rigid_bodies(shapes, np.array(masses), [incline(0.0)], effects)
 
     def start(self) -> State:
