@@ -17,7 +17,7 @@ from .impacts import NewtonsCradle, ObliqueImpact
 from .inclines import BlockOnIncline, SlidingSphere, SphereOnIncline
 from .options import Option
 from .resting import Stack, VGroove
-from .scene import ClosedFormScene, Scene, SceneKind, kinetic_energy
+from .scene import ClosedFormScene, Scene, SceneKind, bounded, kinetic_energy
 
 STEP_SIZE = 1e-3
 """Δt [s] of a fixed step."""
@@ -30,7 +30,8 @@ def scene_kind(made: Any, summary: str, duration: float = 1.0, *, has_few_contac
     """Return the entry of a class whose fields are the options of its scene.
 
     Args:
-        made: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``.
+        made: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``,
+            ``ending``, ``step_size`` and ``depth``.
         summary: what it is, for people.
         duration: how long it is simulated by default [s].
         has_few_contacts: as in ``Scene``.
@@ -52,21 +53,24 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
         potential_energy = system.potential_energy
     else:
         potential_energy = motion.potential_energy
-    return Scene(
+    scene = Scene(
         name,
         options,
         system,
         start,
         length=getattr(motion, "radius", LENGTH),
-        step_size=STEP_SIZE,
+        step_size=getattr(motion, "step_size", STEP_SIZE),
         duration=duration,
         kinetic_energy=kinetic_energy(system, start),
         potential_energy=potential_energy,
         n_balls=balls.n_balls if balls else 0,
+        depth=getattr(motion, "depth", None),
         has_few_contacts=has_few_contacts,
         exact=motion.exact if isinstance(motion, ClosedFormScene) else None,
         observables=getattr(motion, "observables", ()),
+        ending=getattr(motion, "ending", None),
     )
+    return bounded(scene, system) if isinstance(system, RigidBodies) else scene
 
 
 def _weight(balls: BallSystem, weight: Gravity, position: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any
 
@@ -176,7 +176,7 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
     if isinstance(system, RigidBodies):
         system.check_start(start.position)
     balls = system if isinstance(system, BallSystem) else None
-    return Scene(
+    scene = Scene(
         name,
         options,
         system,
@@ -188,6 +188,36 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
         potential_energy=system.potential_energy if isinstance(system, BallSystem | RigidBodies) else None,
         n_balls=0 if balls is None else balls.n_balls,
     )
+    return bounded(scene, system) if isinstance(system, RigidBodies) else scene
+
+
+WORLD_RADIUS = 1e4
+"""Distance [m] from the origin beyond which a body has left the world."""
+
+
+def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> Scene:
+    """Return a scene of rigid bodies that ends when one of them is farther than ``radius`` [m] from the origin.
+
+    The observable ``farthest`` records the largest distance.
+    """
+    own = scene.ending
+
+    def farthest(state: State) -> float:
+        return float(np.linalg.norm(bodies.centres(state.position), axis=1).max(initial=0.0))
+
+    def find(steps: NDArray[np.void]) -> SceneEnding | None:
+        time, distance = float(steps["time"][-1]), float(steps["farthest"][-1])
+        if distance > radius:
+            sentence = (
+                f"ended at {time:.4g} s: a body has left the world, {distance:.4g} m from the origin and beyond "
+                f"{radius:g} m; everything up to there is kept"
+            )
+            return SceneEnding("left-world", sentence, False)
+        return None if own is None else own.find(steps)
+
+    observables = (*scene.observables, Observable("farthest", farthest))
+    ending = EndingRule(0.0 if own is None else own.seconds, find)
+    return replace(scene, observables=observables, ending=ending)
 
 
 OVERLAP = 1e-9

@@ -7,7 +7,11 @@ from ..scene import SceneKind
 from .arch import Arch
 from .boxes import BoxOnIncline, BoxStack, ThrownBox, TippingBox
 from .card_house import CardHouse
+from .containers import Hopper, RotatingDrum
+from .dominoes import Dominoes
 from .rolling import RollingCylinder, RollingSphere
+from .spinning_top import SpinningTop
+from .walls import BrickWall
 
 RIGID_SCENES: Mapping[str, SceneKind] = {
     "box_on_incline": scene_kind(BoxOnIncline, "a box that slides, stops or stays on an incline"),
@@ -24,5 +28,10 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
     "box_stack": scene_kind(BoxStack, "boxes at rest one upon the other", 10.0, has_few_contacts=False),
     "arch": scene_kind(Arch, "a masonry arch that stands or falls by its thickness", has_few_contacts=False),
     "card_house": scene_kind(CardHouse, "a house of cards that stands if it has friction", has_few_contacts=False),
+    "spinning_top": scene_kind(SpinningTop, "a top on its tip that precesses steadily", has_few_contacts=False),
+    "dominoes": scene_kind(Dominoes, "a wave of falling dominoes", 0.7, has_few_contacts=False),
+    "brick_wall": scene_kind(BrickWall, "a wall of bricks struck by a ball", 0.5, has_few_contacts=False),
+    "drum": scene_kind(RotatingDrum, "boxes in a rotating drum", 1.5, has_few_contacts=False),
+    "hopper": scene_kind(Hopper, "boxes flowing through a slot", 2.0, has_few_contacts=False),
 }
 """Scenes of rigid bodies by name."""

@@ -162,7 +162,7 @@ def test_the_scenes_are_in_the_registry_with_what_they_observe() -> None:
     observed = {"box_on_incline": "lift", "thrown_box": "lift", "tipping_box": "tilt", "box_stack": "drift"}
     for name, observable in observed.items():
         scene = make_scene(name)
-        assert [one.name for one in scene.observables] == [observable]
+        assert [one.name for one in scene.observables] == [observable, "farthest"]
         assert scene.observables[0].compute(scene.start) == pytest.approx(0.0, abs=1e-15)
         assert scene.potential_energy is not None
         assert isinstance(scene.start, State)

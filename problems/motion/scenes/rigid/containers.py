@@ -1,0 +1,316 @@
+"""Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
+
+The staves of the drum are bodies, ``HEAVY`` times heavier than a box, on circles about the axis: they move as a ring
+that nothing slows down. The walls at the ends of both containers are planes without friction.
+
+Both answers are empirical, and bands rather than limits. The angle of repose of dry grains is between 25 and 45° for
+most, and larger for angular ones than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, Powder Technology 330,
+2018); the surface in a slowly turning drum is near it. The flow through a slot is Beverloo's law for a slot of width D
+and depth w, of grains of the diameter d and a bulk density ρ,
+
+    W = C ρ √g w (D − k d)^(3/2),      C ≈ 1.03, k ≈ 1.4
+
+(Beverloo, Leniger & van de Velde 1961; Nedderman, *Statics and kinematics of granular materials*, chapter 10).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi, sqrt, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....arrays import FloatArray
+from ....errors import ProblemError
+from ...bodies.rigid.materials import MaterialPairs
+from ...bodies.rigid.orientation import about, exponential
+from ...bodies.rigid.rigid_bodies import FixedBody, RigidBodies
+from ...bodies.rigid.shapes import Box, HalfSpace
+from ...state import State
+from ..effects import Force, Friction, Gravity
+from ..scene import EndingRule, Observable, SceneEnding, check_positive
+from .effects import BodyEffect, rigid_bodies
+
+PITCH = 1.3
+"""Distance of boxes at the start over their edge."""
+
+TILT = 0.15
+"""Largest rotation of a box at the start about each axis [rad]."""
+
+HEAVY = 1e9
+"""Mass of a stave over that of a box."""
+
+STAVES = 24
+"""Staves of a drum."""
+
+GAP = 1e-3
+"""Gap between staves over the inner radius, and between staves and end walls."""
+
+JAM_SECONDS = 0.5
+"""Time without a box that passes after which a hopper counts as jammed [s]."""
+
+BEVERLOO = (1.03, 1.4)
+"""C and k of a slot."""
+
+PACKING = 0.6
+"""Part of space that a random pile of boxes fills."""
+
+DOWN = (0.0, 0.0, -1.0)
+
+ACROSS = (0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class DrivenRing(Force):
+    """Weight of boxes, and what keeps the bodies after them on circles about the y axis.
+
+    Attributes:
+        n_boxes: number of bodies with weight.
+        gravity: g [m/s²].
+        speed: angular velocity of the others [rad/s].
+    """
+
+    n_boxes: int
+    gravity: float
+    speed: float
+
+    def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
+        """Return −g of boxes, and −ω² x of the other bodies [m/s²]."""
+        accelerations: FloatArray = -(self.speed**2) * centres * np.array([1.0, 0.0, 1.0])
+        accelerations[: self.n_boxes] = self.gravity * np.array(DOWN)
+        return accelerations
+
+
+def end_walls(width: float) -> list[FixedBody]:
+    """Return the half-spaces beyond y = ±width/2."""
+    return [
+        FixedBody(HalfSpace(), (0.0, 0.5 * side * width, 0.0), tuple(about((1.0, 0.0, 0.0), 0.5 * side * pi)))
+        for side in (-1.0, 1.0)
+    ]
+
+
+def lattice(
+    count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], middle: float
+) -> FloatArray:
+    """Return poses of boxes on a lattice, slightly turned at random, from below and from the middle, shape (count, 7).
+
+    Args:
+        count: number of boxes.
+        edge: of a box [m].
+        layers: layers across, along y.
+        seed: of the rotations.
+        has_room: (x, z) [m] ↦ whether a box with its centre there is inside.
+        middle: least z [m].
+    """
+    pitch, sites = PITCH * edge, []
+    columns = pitch * np.array(sorted(range(-100, 101), key=abs))
+    for row in range(10_000):
+        z = middle + pitch * row
+        sites += [(x, z) for x in columns.tolist() if has_room(x, z)]
+        if layers * len(sites) >= count or (sites and not any(has_room(x, z) for x in columns.tolist())):
+            break
+    if layers * len(sites) < count:
+        raise ProblemError(f"{count} boxes do not fit; there is room for {layers * len(sites)}.")
+    poses = np.zeros((count, 7))
+    for box in range(count):
+        x, z = sites[box // layers]
+        poses[box, :3] = x, pitch * (box % layers - 0.5 * (layers - 1)), z
+    poses[:, 3:] = exponential(np.random.default_rng(seed).uniform(-TILT, TILT, (count, 3)))
+    return poses
+
+
+@dataclass(frozen=True)
+class RotatingDrum:
+    """Boxes in a drum that turns about the y axis.
+
+    Attributes:
+        n_boxes: number of boxes.
+        speed: angular velocity of the drum [rad/s].
+        friction: μ between boxes, and on the staves.
+        edge: of a box [m].
+        radius: inner radius of the drum [m].
+        layers: layers of boxes along the axis, which give the depth of the drum.
+        density: of boxes [kg/m³].
+        gravity: g [m/s²].
+        seed: of the rotations at the start.
+
+    Raises:
+        ProblemError: if a number is not positive, the boxes do not fit, or centrifugal forces exceed weight.
+    """
+
+    n_boxes: int = 48
+    speed: float = 2.0
+    friction: float = 0.3
+    edge: float = 0.016
+    radius: float = 0.1
+    layers: int = 2
+    density: float = 1000.0
+    gravity: float = 9.81
+    seed: int = 0
+
+    depth = 1e-4
+    step_size = 2e-3
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a drum", "n_boxes", "speed", "edge", "radius", "layers", "density", "gravity")
+        if self.speed**2 * self.radius >= self.gravity:
+            raise ProblemError(f"boxes stick to a drum that turns with {self.speed} rad/s; lower its speed or radius.")
+
+    @property
+    def width(self) -> float:
+        """Depth of the drum along its axis [m]."""
+        return PITCH * self.edge * self.layers
+
+    @property
+    def _stave(self) -> Box:
+        length = 2.0 * self.radius * (tan(pi / STAVES) - GAP)
+        return Box((length, (1.0 - 2.0 * GAP) * self.width, 0.2 * self.radius))
+
+    def system(self) -> RigidBodies:
+        """Return the boxes, the staves, and the end walls."""
+        box = Box((self.edge, self.edge, self.edge))
+        mass = self.density * box.volume
+        masses = np.array([mass] * self.n_boxes + [HEAVY * mass] * STAVES)
+        materials = ("box",) * (self.n_boxes + STAVES) + ("end",) * 2
+        friction = MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=2)
+        effects: list[BodyEffect] = [DrivenRing(self.n_boxes, self.gravity, self.speed), Friction(friction)]
+        shapes = [box] * self.n_boxes + [self._stave] * STAVES
+        return rigid_bodies(shapes, masses, end_walls(self.width), effects)
+
+    def start(self) -> State:
+        """Return the boxes at rest, and the staves in motion."""
+        reach = self.radius - self.edge
+
+        def has_room(x: float, z: float) -> bool:
+            return x * x + z * z < reach * reach
+
+        boxes = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, -reach)
+        angles = 2.0 * pi * np.arange(STAVES) / STAVES
+        staves, twists = np.zeros((STAVES, 7)), np.zeros((STAVES, 6))
+        distance = self.radius + 0.5 * self._stave.size[2]
+        staves[:, 0], staves[:, 2] = distance * np.sin(angles), distance * np.cos(angles)
+        staves[:, 3:] = [about(ACROSS, angle) for angle in angles.tolist()]
+        twists[:, 0], twists[:, 2] = self.speed * staves[:, 2], -self.speed * staves[:, 0]
+        twists[:, 4] = self.speed
+        position = np.concatenate([boxes.ravel(), staves.ravel()])
+        return State(0.0, position, np.concatenate([np.zeros(6 * self.n_boxes), twists.ravel()]))
+
+    def slope(self, state: State) -> float:
+        """Return the angle of the line from the axis to the centre of all boxes against the vertical [degrees].
+
+        It is that of the surface, if this is a plane.
+        """
+        x, _, z = state.position.reshape(-1, 7)[: self.n_boxes, :3].mean(axis=0)
+        return float(np.degrees(np.arctan2(-x, -z)))
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The slope of the boxes."""
+        return (Observable("slope", self.slope, label="slope [°]", head="slope"),)
+
+
+@dataclass(frozen=True)
+class Hopper:
+    """Boxes that flow out of a wedge of 45° through a slot along y.
+
+    Attributes:
+        n_boxes: number of boxes.
+        outlet: width of the slot over the edge of a box.
+        friction: μ between boxes, and on the wedge.
+        edge: of a box [m].
+        layers: layers of boxes along the slot, which give its length.
+        density: of boxes [kg/m³].
+        gravity: g [m/s²].
+        seed: of the rotations at the start.
+
+    Raises:
+        ProblemError: if a number is not positive.
+    """
+
+    n_boxes: int = 100
+    outlet: float = 5.0
+    friction: float = 0.3
+    edge: float = 0.02
+    layers: int = 3
+    density: float = 1000.0
+    gravity: float = 9.81
+    seed: int = 0
+
+    depth = 1e-4
+    step_size = 1e-3
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a hopper", "n_boxes", "outlet", "edge", "layers", "density", "gravity")
+
+    @property
+    def width(self) -> float:
+        """Length w of the slot [m]."""
+        return PITCH * self.edge * self.layers
+
+    @property
+    def height(self) -> float:
+        """Height of the wedge [m]."""
+        return 6.0 * self.edge
+
+    @cached_property
+    def flow_rate(self) -> float:
+        """Boxes per second by Beverloo's law, with d of the sphere that has the volume of a box; 0 if they jam."""
+        coefficient, offset = BEVERLOO
+        diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
+        free = max(self.outlet * self.edge - offset * diameter, 0.0)
+        return float(coefficient * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free**1.5)
+
+    def system(self) -> RigidBodies:
+        """Return the boxes, the wedge, the walls above it, and the end walls."""
+        half, height, thick = 0.5 * self.outlet * self.edge, self.height, 2.0 * self.edge
+        fixed = []
+        for side in (-1.0, 1.0):
+            along = np.array([side, 0.0, 1.0]) / sqrt(2.0)
+            out = np.array([side, 0.0, -1.0]) / sqrt(2.0)
+            centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thick * out
+            plate = Box((sqrt(2.0) * height, self.width, thick))
+            fixed.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(ACROSS, -0.25 * side * pi))))
+            wall = tuple(about(ACROSS, -0.5 * side * pi))
+            fixed.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall))
+        fixed += end_walls(self.width)
+        box = Box((self.edge, self.edge, self.edge))
+        materials = ("box",) * (self.n_boxes + 4) + ("end",) * 2
+        friction = MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=6)
+        masses = np.full(self.n_boxes, self.density * box.volume)
+        return rigid_bodies([box] * self.n_boxes, masses, fixed, [Gravity(self.gravity), Friction(friction)])
+
+    def start(self) -> State:
+        """Return the boxes at rest above the outlet."""
+        half, room = 0.5 * self.outlet * self.edge, 0.7 * PITCH * self.edge
+
+        def has_room(x: float, z: float) -> bool:
+            return abs(x) < half + min(z - sqrt(2.0) * room, self.height - room)
+
+        poses = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, self.edge)
+        return State(0.0, poses.ravel(), np.zeros(6 * self.n_boxes))
+
+    def boxes_through(self, state: State) -> int:
+        """Return how many boxes have their centre below the outlet."""
+        return int(np.count_nonzero(state.position[2::7] < 0.0))
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """How many boxes are through."""
+        count = Observable("boxes_through", self.boxes_through, True, "boxes through", "through", "flow rate")
+        return (count,)
+
+    @property
+    def ending(self) -> EndingRule:
+        """It ends when all boxes are through, or none has passed for ``JAM_SECONDS``."""
+        return EndingRule(JAM_SECONDS, self._find_ending)
+
+    def _find_ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
+        last = steps[-1]
+        left, seconds = self.n_boxes - int(last["boxes_through"]), float(last["time"])
+        if not left:
+            return SceneEnding("emptied", f"emptied: all {self.n_boxes} boxes are through after {seconds:.4g} s", True)
+        if steps["time"][0] > seconds - JAM_SECONDS or steps["boxes_through"][0] != last["boxes_through"]:
+            return None
+        sentence = f"jammed at {seconds:.4g} s: none of {left} boxes has passed the outlet for {JAM_SECONDS:g} s"
+        return SceneEnding("jammed", sentence, False)

@@ -1,0 +1,165 @@
+"""A row of dominoes: the first one is pushed, and a wave of falling dominoes runs along the row.
+
+A domino that hits the next one goes on leaning on it, so that the whole train behind the wave pushes its head (D. E.
+Shaw, *Mechanics of a chain of dominoes*, Am. J. Phys. 46, 1978). Dominoes of height h and thickness d that stand p
+apart, and do not slip on the ground, lean by angles with
+
+    h sin(θ_{i−1} − θ_i) = p cos θ_i − d,
+
+so that the train moves with one degree of freedom. Without friction between dominoes it keeps its energy between two
+impacts. At an impact, contact forces do no work on the motion of the longer train, Σ w_j (ω_j⁺ − ω_j⁻) = 0 with
+w_j = ω_j/ω_n. The speed of the wave tends to a limit, which depends on the push no more. Friction slows the wave (van
+Leeuwen, *The domino effect*, Am. J. Phys. 78, 721, 2010).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import asin, hypot, inf, sqrt
+
+import numpy as np
+
+from ....arrays import FloatArray
+from ....errors import ProblemError
+from ...bodies.rigid.materials import MaterialPairs
+from ...bodies.rigid.rigid_bodies import RigidBodies
+from ...bodies.rigid.shapes import Box
+from ...state import State
+from ..effects import Friction, Gravity
+from ..scene import OVERLAP, Observable, check_positive
+from .boxes import Size, incline
+from .effects import rigid_bodies
+
+TRAIN = 40
+"""Impacts after which the speed of the wave counts as its limit."""
+
+ANGLES = 200
+"""Angles between two impacts at which the theory computes the speed of the train."""
+
+
+@dataclass(frozen=True)
+class Dominoes:
+    """A row of dominoes along x; the first one starts to turn about its lower edge.
+
+    Attributes:
+        n_dominoes: number of dominoes.
+        spacing: free distance of two dominoes [m].
+        push: angular velocity of the first domino [rad/s].
+        friction: μ between dominoes.
+        ground_friction: μ of dominoes on the ground.
+        size: thickness along x, width and height of a domino [m].
+        mass: of a domino [kg].
+        gravity: g [m/s²].
+
+    Raises:
+        ProblemError: if a number is not positive, a domino falls short of the next one, or the push does not topple
+            the first one.
+    """
+
+    n_dominoes: int = 20
+    spacing: float = 0.02
+    push: float = 6.0
+    friction: float = 0.2
+    ground_friction: float = 0.8
+    size: Size = (0.008, 0.024, 0.048)
+    mass: float = 0.01
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        check_positive(self, "a row of dominoes", "n_dominoes", "spacing", "push", "mass", "gravity")
+        if len(self.size) != 3 or not all(0.0 < edge < inf for edge in self.size):
+            raise ProblemError(f"size of a domino must be three positive numbers, got {self.size}.")
+        if self.spacing >= self.size[2]:
+            raise ProblemError(
+                f"spacing of dominoes must be less than their height {self.size[2]:g}, got {self.spacing}."
+            )
+        if self.push <= self.toppling_push:
+            raise ProblemError(
+                f"push of the first domino must be above {self.toppling_push:.4g} to topple it, got {self.push}; "
+                "raise it."
+            )
+
+    @property
+    def pitch(self) -> float:
+        """Distance p of two dominoes [m]."""
+        return self.spacing + self.size[0]
+
+    @property
+    def toppling_push(self) -> float:
+        """Least angular velocity of a domino that topples [rad/s]: ½ J ω² lifts its centre above its edge."""
+        diagonal = hypot(self.size[0], self.size[2])
+        return sqrt(3.0 * self.gravity * (diagonal - self.size[2])) / diagonal
+
+    @property
+    def hitting_angle(self) -> float:
+        """Angle at which a domino hits the next one while that stands [rad]."""
+        return asin(self.spacing / self.size[2])
+
+    def system(self) -> RigidBodies:
+        """Return the dominoes on the ground z = 0."""
+        materials = (*["domino"] * self.n_dominoes, "ground")
+        coefficients = {("domino", "domino"): self.friction, ("domino", "ground"): self.ground_friction}
+        friction = Friction(MaterialPairs(materials, coefficients, n_fixed=1))
+        masses = np.full(self.n_dominoes, self.mass)
+        return rigid_bodies(
+            [Box(self.size)] * self.n_dominoes, masses, [incline(0.0)], [Gravity(self.gravity), friction]
+        )
+
+    def start(self) -> State:
+        """Return the upright dominoes, the first one in motion."""
+        thickness, _, height = self.size
+        poses, twists = np.zeros((self.n_dominoes, 7)), np.zeros((self.n_dominoes, 6))
+        poses[:, 0] = self.pitch * np.arange(self.n_dominoes)
+        poses[:, 2], poses[:, 3] = 0.5 * height - OVERLAP, 1.0
+        twists[0] = 0.5 * self.push * np.array([height, 0.0, thickness, 0.0, 2.0, 0.0])
+        return State(0.0, poses.ravel(), twists.ravel())
+
+    def angles(self, state: State) -> FloatArray:
+        """Return the angles by which dominoes have turned [rad], shape (n_dominoes,)."""
+        poses = state.position.reshape(-1, 7)
+        turned: FloatArray = 2.0 * np.arctan2(poses[:, 5], poses[:, 3])
+        return turned
+
+    def front(self, state: State) -> float:
+        """Return how far the wave has come [m]: a domino counts as far as it has turned to the angle of its impact."""
+        return self.pitch * float(np.clip(self.angles(state) / self.hitting_angle, 0.0, 1.0).sum())
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The way of the wave."""
+        return (Observable("front", self.front, label="front of the wave [m]", head="front", rate="wave speed"),)
+
+    @cached_property
+    def frictionless_speed(self) -> float:
+        """Limit of the speed of the wave [m/s] without friction between dominoes, and without slip on the ground."""
+        head = np.linspace(0.0, self.hitting_angle, ANGLES)
+        trains = [self._train(angle) for angle in head.tolist()]
+        leaning, rates = (np.array([train[part] for train in trains]) for part in (0, 1))
+        thickness, _, height = self.size
+        moment = (height**2 + thickness**2) / 3.0
+        potential = 0.5 * self.gravity * (height * np.cos(leaning) + thickness * np.sin(leaning))
+        speeds, seconds = np.zeros(TRAIN), inf
+        speeds[0] = self.push
+        for n in range(1, TRAIN):
+            # n dominoes move; the potential is of the energy over the mass
+            inertia = moment * (rates[:, :n] ** 2).sum(axis=1)
+            energy = 0.5 * inertia[0] * speeds[0] ** 2 + potential[0, :n].sum()
+            squared = 2.0 * (energy - potential[:, :n].sum(axis=1)) / inertia
+            if not (squared > 0.0).all():
+                raise ProblemError("the wave stops, for the push of the first domino is too weak; raise it.")
+            turning = np.sqrt(squared)
+            seconds = float(np.trapezoid(1.0 / turning, head))
+            before = rates[-1, :n] * turning[-1]
+            speeds[0] = rates[0, 1 : n + 1] @ before / (rates[0, : n + 1] @ rates[0, : n + 1])
+        return self.pitch / seconds
+
+    def _train(self, head: float) -> tuple[FloatArray, FloatArray]:
+        """Return angles [rad] and rates w of a train, shape (TRAIN + 1,) each, whose head leans by ``head`` [rad]."""
+        thickness, _, height = self.size
+        angles, rates = [head], [1.0]
+        for _ in range(TRAIN):
+            overlap = (self.pitch * np.cos(angles[-1]) - thickness) / height
+            slope = self.pitch * np.sin(angles[-1]) / height / np.sqrt(1.0 - overlap * overlap)
+            angles.append(angles[-1] + float(np.arcsin(overlap)))
+            rates.append(rates[-1] * float(1.0 - slope))
+        return np.array(angles), np.array(rates)

@@ -1,0 +1,102 @@
+"""A wave of falling dominoes runs with the speed that the theory of leaning dominoes gives it."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ProblemError
+from proxbench.problems.arrays import FloatArray
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.rigid.dominoes import Dominoes
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.solvers import Stop, create
+
+
+def fall(row: Dominoes, time_step: float, seconds: float, tolerance: float) -> list[State]:
+    rule = MidpointRule(row.system(), create("Robust"), Stop(tolerance, 20_000), time_step)
+    return [row.start(), *(step.state for step in rule.steps(row.start(), round(seconds / time_step)))]
+
+
+def wave_speed(row: Dominoes, states: list[State], first: int, last: int) -> float:
+    """Return the speed of the wave between two dominoes [m/s]."""
+    ways = np.array([row.front(state) for state in states])
+    assert ways[-1] > row.pitch * last
+    begin, end = np.interp([row.pitch * first, row.pitch * last], ways, [state.time for state in states])
+    return row.pitch * (last - first) / float(end - begin)
+
+
+def energies(row: Dominoes, states: list[State]) -> FloatArray:
+    system = row.system()
+    assert system.potential_energy is not None
+    return np.array([system.kinetic_energy(one.velocity) + system.potential_energy(one.position) for one in states])
+
+
+def test_dominoes_of_a_train_lean_on_each_other_and_its_rates_are_the_derivatives_of_its_angles() -> None:
+    row = Dominoes()
+    head, step = 0.3, 1e-6
+    angles, rates = row._train(head)
+    thickness, _, height = row.size
+    corners = height * np.array([np.sin(angles[1:]), np.cos(angles[1:])])  # about the lower edge of each domino
+    faces = np.array([-np.cos(angles[:-1]), np.sin(angles[:-1])])
+    distances = ((corners - np.array([[row.pitch], [0.0]])) * faces).sum(axis=0)
+    assert distances == pytest.approx(thickness, abs=1e-15)
+    derivatives = (row._train(head + step)[0] - row._train(head - step)[0]) / (2.0 * step)
+    assert rates == pytest.approx(derivatives, abs=1e-8)
+    assert angles[-1] == pytest.approx(np.arccos(thickness / row.pitch), abs=1e-6)
+
+
+def test_the_theory_is_independent_of_the_push_and_of_mass_and_scales_with_gravity() -> None:
+    speed = Dominoes().frictionless_speed
+    assert Dominoes(push=12.0).frictionless_speed == pytest.approx(speed, rel=1e-4)
+    assert Dominoes(mass=1.0).frictionless_speed == pytest.approx(speed, rel=1e-12)
+    assert Dominoes(push=12.0, gravity=4 * 9.81).frictionless_speed == pytest.approx(2.0 * speed, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_the_wave_without_friction_between_dominoes_has_the_speed_of_the_theory() -> None:
+    row = Dominoes(n_dominoes=12, friction=0.0, push=12.0)
+    states = fall(row, 5e-4, 0.37, 1e-5)
+    assert wave_speed(row, states, 7, 11) == pytest.approx(row.frictionless_speed, rel=0.04)
+
+
+def test_friction_slows_the_wave_and_energy_never_grows() -> None:
+    row = Dominoes(n_dominoes=12, push=12.0)
+    states = fall(row, 1e-3, 0.42, 1e-5)
+    speed = wave_speed(row, states, 6, 10)
+    assert 0.6 * row.frictionless_speed < speed < 0.9 * row.frictionless_speed
+    energy = energies(row, states)
+    assert np.diff(energy).max() <= 1e-5 * energy[0]
+    assert energy[-1] < 0.9 * energy[0]
+
+
+@pytest.mark.parametrize(("factor", "topples"), [(1.03, True), (0.97, False)])
+def test_a_domino_topples_if_its_push_lifts_it_over_its_edge(factor: float, topples: bool) -> None:
+    row = Dominoes(n_dominoes=1)
+    pushed = row.start()
+    pushed = State(0.0, pushed.position, pushed.velocity * factor * row.toppling_push / row.push)
+    rule = MidpointRule(row.system(), create("Robust"), Stop(1e-8, 10_000), 5e-4)
+    *_, last = rule.steps(pushed, 600)
+    assert (row.angles(last.state)[0] > np.arctan2(row.size[0], row.size[2])) is np.bool_(topples)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("push=1.0", "to topple it"),
+        ("spacing=0.05", "less than their height"),
+        ("size=(0.1, 0.2)", "three positive numbers"),
+        ("n_dominoes=0", "n_dominoes of a row of dominoes"),
+    ],
+)
+def test_a_row_that_cannot_fall_is_refused(options: str, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        make_scene(f"dominoes({options})")
+
+
+def test_the_front_counts_dominoes_to_the_angle_of_their_impact() -> None:
+    scene, row = make_scene("dominoes"), Dominoes()
+    front = scene.observables[0]
+    assert (front.name, front.rate) == ("front", "wave speed")
+    turned = scene.start.position.copy().reshape(-1, 7)
+    angles = np.array([1.2, row.hitting_angle, 0.5 * row.hitting_angle])
+    turned[:3, 3], turned[:3, 5] = np.cos(0.5 * angles), np.sin(0.5 * angles)
+    assert front.compute(State(0.0, turned.ravel(), scene.start.velocity)) == pytest.approx(2.5 * row.pitch)
