@@ -4,6 +4,7 @@ As a program, ``python -m proxbench.bench.measure.trajectories.engines.measureme
 run and prints it as the last line of its output.
 """
 
+import math
 import os
 import sys
 import time
@@ -119,7 +120,7 @@ def _solved_again(one: SolvedProblem) -> float:
     from .....problems.contact.solver import Stop
     from .....solvers.registry import create
 
-    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE, 10_000, 10.0))
+    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE, 10_000, math.inf))
     return judge(one.problem, solution.impulses).residual
 
 
