@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from proxbench.bench.measure.trajectories.engines import measurement
 from proxbench.bench.measure.trajectories.engines.description import Description, Setting
 from proxbench.bench.measure.trajectories.engines.engine import ENGINES, Engine, build
 from proxbench.bench.measure.trajectories.engines.measurement import measure, measure_setting
@@ -96,6 +97,15 @@ def test_a_cube_of_dart_slides_as_coulomb_says_only_with_a_contact_at_each_corne
         speed_errors[contacts] = description.measure(description, motion)[1]
     assert speed_errors[1] > 1.0
     assert speed_errors[4] < 1e-4
+
+
+def test_problems_of_few_bodies_are_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = measure_setting("incline-rest", "proxbench", "1e-2, long step")
+    assert found.residual is not None
+    assert found.solved_residual is not None
+    assert found.solved_residual <= 1e-8 < found.residual <= 1e-2
+    monkeypatch.setattr(measurement, "MAX_BODIES_SOLVED_AGAIN", 0)
+    assert measure_setting("incline-rest", "proxbench", "1e-2, long step").solved_residual is None
 
 
 def test_proxbench_solves_each_step_to_its_tolerance() -> None:
