@@ -22,12 +22,11 @@ def _scene_table(comparison: Comparison, scene: str) -> str:
     rows = []
     for engine in comparison.versions:
         best = comparison.best(scene, engine)
-        rows += [_row(run, description.errors, run is best) for run in runs if run.engine == engine]
+        own = {run.setting: run for run in runs if run.engine == engine}
+        in_order = (own[setting.name] for setting in ENGINES[engine].settings if setting.name in own)
+        rows += [_row(run, description.errors, run is best) for run in in_order]
     head = ("engine", "setting", "Δt [ms]", "wall [ms/s]", "processor [ms/s]", *description.errors, "Coulomb", "Robust")
-    table = markdown_table(map(inline, head), rows)
-    if description.own_scene is None and "proxbench" in comparison.versions:
-        table += "\nProxbench has no cubes yet; `Robust` solves the judged steps of the engines again.\n"
-    return table
+    return markdown_table(map(inline, head), rows)
 
 
 def _row(run: Measurement, errors: tuple[str, ...], is_best: bool) -> list[str]:

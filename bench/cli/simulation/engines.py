@@ -18,11 +18,15 @@ def engines(
     ] = None,
     engine: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="mujoco, pybullet, rapier or proxbench; repeatable, all by default."),
+        typer.Option(metavar="NAME", help="mujoco, pybullet, rapier, dart or proxbench; repeatable, all by default."),
     ] = None,
     rounds: Annotated[int, typer.Option(metavar="NUMBER", min=1, help="How often each setting runs.")] = 1,
     output: Annotated[
         Path | None, options.output(metavar="FILE", help="Result to write: tables (.md) or data (.json).")
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        options.output(metavar="RESULT", help="Keep the runs of this .json file, and add the others."),
     ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
@@ -36,7 +40,7 @@ def engines(
     import msgspec
 
     from ...errors import InterruptedWorkError
-    from ...measure.trajectories.engines.run import compare_engines
+    from ...measure.trajectories.engines.run import compare_engines, read_comparison
     from ...report.layout.output_file import refuse_taken, write_file
     from ...report.layout.text import counted, print_json
     from .engine_table import comparison_tables
@@ -45,12 +49,13 @@ def engines(
         _require_suffix(output)
         refuse_taken([output], force)
     shown = _print_run if progress and not as_json else lambda run: None
-    comparison = compare_engines(scenes or (), engine or (), rounds, shown)
+    earlier = None if resume is None else read_comparison(resume)
+    comparison = compare_engines(scenes or (), engine or (), rounds, shown, earlier=earlier)
     data = msgspec.to_builtins(comparison)
     text = comparison_tables(comparison)
-    if output is not None:
-        is_data = output.suffix == ".json"
-        write_file(output, msgspec.json.format(msgspec.json.encode(data)) if is_data else text.encode())
+    for file in filter(None, (resume, output)):
+        is_data = file.suffix == ".json" or file == resume
+        write_file(file, msgspec.json.format(msgspec.json.encode(data)) if is_data else text.encode())
     if as_json:
         print_json(data)
     else:

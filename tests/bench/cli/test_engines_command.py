@@ -82,6 +82,14 @@ def test_an_interrupted_comparison_keeps_its_finished_runs(
     found = json.loads(file.read_text())
     assert [one["setting"] for one in found["measurements"]] == ["default", "16 iterations"]
 
+    monkeypatch.setattr(run, "_in_own_process", measured)
+    assert run_command(["engines", "thrown-cube", "--engine", "rapier", "--resume", str(file)]) == 0
+    printed = capsys.readouterr()
+    assert printed.err.count("per simulated second") == 3
+    found = json.loads(file.read_text())
+    assert len(found["measurements"]) == 5
+    assert not found["is_interrupted"]
+
 
 def test_without_an_engine_the_command_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -98,7 +98,7 @@ class Description:
         errors: names of the errors with their units; the first one decides which setting is best.
         negligible: value of the first error below which settings count as equally accurate.
         measure: makes the errors of a motion, in the order of ``errors``.
-        own_scene: the scene of Proxbench with the same bodies and start, None where it has none.
+        own_scene: the scene of Proxbench with the same bodies and start; a floor is tilted there, and not gravity.
     """
 
     name: str
@@ -111,10 +111,10 @@ class Description:
     errors: tuple[str, ...]
     negligible: float
     measure: Callable[["Description", Motion], tuple[float, ...]]
+    own_scene: str
     panels: tuple[Panel, ...] = ()
     has_floor: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)
-    own_scene: str | None = None
 
     def start(self) -> "BodyStates":
         """Return the states of the bodies at the start."""

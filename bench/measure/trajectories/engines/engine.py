@@ -96,6 +96,20 @@ ENGINES: dict[str, EngineKind] = {
         ),
         "single precision, soft contacts in substeps (iterations); default friction acts once a contact patch",
     ),
+    "dart": EngineKind(
+        "dart_engine",
+        "dartpy",
+        "6.20",
+        (
+            _setting("default", detector="FCL"),
+            _setting("ODE contacts", detector="ODE"),
+            _setting("ODE contacts, sweeps", detector="ODE", sweeps=100),
+            _setting("ODE contacts, NSGS", detector="ODE", nsgs=True),
+            _setting("ODE contacts, half step", 0.5, detector="ODE"),
+            _setting("ODE contacts, long step", 2.5, detector="ODE"),
+        ),
+        "exact solver, friction in a pyramid (*NSGS*: Coulomb), a part of each penetration corrected by impulses",
+    ),
     "proxbench": EngineKind(
         "own_engine",
         "proxbench",
@@ -103,10 +117,12 @@ ENGINES: dict[str, EngineKind] = {
         (
             _setting("1e-2", tolerance=1e-2),
             _setting("1e-4", tolerance=1e-4),
+            _setting("1e-8", tolerance=1e-8),
             _setting("1e-4, half step", 0.5, tolerance=1e-4),
             _setting("1e-2, long step", 2.5, tolerance=1e-2),
+            _setting("1e-8, long step", 2.5, tolerance=1e-8),
         ),
-        "Moreau's rule with projected positions, a round funnel; tolerance of each step; no cubes yet",
+        "Moreau's rule, positions of balls projected; a round funnel; tolerance of each step",
     ),
 }
 """Engines by name."""
@@ -129,11 +145,6 @@ def version_of(name: str) -> str:
     if kind.tried and not version.startswith(f"{kind.tried}."):
         raise BenchError(f"the engine {name} {version} is untried, {kind.tried}.x is supported; {remedy}.")
     return version
-
-
-def takes_part(name: str, description: Description) -> bool:
-    """Whether an engine has what a scene needs: Proxbench has balls alone."""
-    return name != "proxbench" or description.own_scene is not None
 
 
 def build(name: str, description: Description, setting: Setting) -> Engine:

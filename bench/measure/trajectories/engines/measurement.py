@@ -4,6 +4,7 @@ As a program, ``python -m proxbench.bench.measure.trajectories.engines.measureme
 run and prints it as the last line of its output.
 """
 
+import math
 import os
 import sys
 import time
@@ -24,6 +25,9 @@ JUDGED_FRAMES = 10
 ACCURATE = 1e-8
 """Residual to which Proxbench solves the problems of an engine again."""
 
+MAX_BODIES_SOLVED_AGAIN = 10
+"""Bodies of a scene up to which it does; the problems of hundreds of balls would take longer than the motion."""
+
 
 class Measurement(msgspec.Struct, frozen=True, kw_only=True):
     """A run, as it is stored.
@@ -37,7 +41,7 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
         processor_seconds: processor time of the steps per simulated second, 0 if the run failed.
         errors: by name, in the order of the scene.
         residual: largest judged residual of the judged steps under Coulomb's law, None where impulses are not known.
-        solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems.
+        solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems, if bodies are few.
         failure: why there is no measurement, empty if there is one.
     """
 
@@ -95,7 +99,8 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
     chosen = next(one for one in ENGINES[engine].settings if one.name == setting)
     time_step = description.step * chosen.step_factor
     motion, wall, processor, solved = measure(description, build(engine, description, chosen), time_step)
-    numbers = (description.measure(description, motion)) if np.isfinite(motion.positions).all() else ()
+    numbers = description.measure(description, motion) if np.isfinite(motion.positions).all() else ()
+    few = solved if len(description.bodies) <= MAX_BODIES_SOLVED_AGAIN else []
     return Measurement(
         scene=scene,
         engine=engine,
@@ -105,7 +110,7 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
         processor_seconds=processor / description.duration,
         errors=dict(zip(description.errors, map(float, numbers), strict=bool(numbers))),
         residual=max((judge(one.problem, one.impulses).residual for one in solved), default=None),
-        solved_residual=max(map(_solved_again, solved), default=None) if description.own_scene is None else None,
+        solved_residual=max(map(_solved_again, few), default=None),
         failure="" if numbers else "the motion is not finite",
     )
 
@@ -115,7 +120,7 @@ def _solved_again(one: SolvedProblem) -> float:
     from .....problems.contact.solver import Stop
     from .....solvers.registry import create
 
-    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE, 10_000, 10.0))
+    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE, 10_000, math.inf))
     return judge(one.problem, solution.impulses).residual
 
 

@@ -1,9 +1,12 @@
-"""Proxbench itself: Moreau's midpoint rule on its own scene of the same balls and start."""
+"""Proxbench itself: Moreau's midpoint rule on its own scene of the same bodies and start."""
 
 from typing import Any
 
 import numpy as np
 
+from .....problems.arrays import FloatArray
+from .....problems.motion.bodies.rigid.orientation import about, rotation_matrices
+from .....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ....simulation.plan import make_simulation_plan
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem
@@ -13,13 +16,15 @@ WARM_UP = 0.6
 
 
 class OwnEngine:
-    """A scene of balls in Proxbench."""
+    """A scene in Proxbench."""
 
-    def __init__(self, scene: str, time_step: float, duration: float, tolerance: float) -> None:
+    def __init__(self, description: Description, time_step: float, tolerance: float) -> None:
+        duration = description.duration
         plan = make_simulation_plan(
-            scene, stepper=f"Moreau(step={time_step!r})", duration=duration, tolerance=tolerance
+            description.own_scene, stepper=f"Moreau(step={time_step!r})", duration=duration, tolerance=tolerance
         )
         self.system, self.state = plan.scene.system, plan.scene.start
+        self.axes = axes_of(description)
         motion = (plan.scene, plan.step_solver, plan.stop, plan.scene.start, duration)
         self._steps = plan.stepper.steps(*motion)
 
@@ -29,10 +34,15 @@ class OwnEngine:
         self.state = self._last.end
 
     def states(self) -> BodyStates:
-        """Return the states of all balls."""
-        positions = self.state.position.reshape(-1, 3)
+        """Return the states of all bodies, in the axes of the description."""
         velocities = self.state.velocity.reshape(-1, 6)
-        return BodyStates(np.array(positions), velocities[:, :3].copy(), velocities[:, 3:].copy())
+        spins = velocities[:, 3:]
+        if isinstance(self.system, RigidBodies):
+            poses = self.system.poses(self.state.position)
+            positions, spins = poses[:, :3], np.einsum("bij,bj->bi", rotation_matrices(poses[:, 3:]), spins)
+        else:
+            positions = self.state.position.reshape(-1, 3)
+        return BodyStates(positions @ self.axes, velocities[:, :3] @ self.axes, spins @ self.axes)
 
     def remember(self) -> None:
         """Store nothing: each step has its problem."""
@@ -43,11 +53,16 @@ class OwnEngine:
         return None if solved.problem is None else SolvedProblem(solved.problem, solved.impulses)
 
 
+def axes_of(description: Description) -> FloatArray:
+    """Return the axes of a description as columns; in scenes of Proxbench the floor is tilted, and not gravity."""
+    slope = float(np.arctan2(description.gravity[0], -description.gravity[2]))
+    axes: FloatArray = rotation_matrices(about((0.0, 1.0, 0.0), slope)[None])[0]
+    return axes
+
+
 def build(description: Description, time_step: float, options: dict[str, Any]) -> OwnEngine:
     """Build a scene; option: ``tolerance``."""
-    warm_up, engine = (
-        OwnEngine(str(description.own_scene), time_step, description.duration, options["tolerance"]) for _ in range(2)
-    )
+    warm_up, engine = (OwnEngine(description, time_step, options["tolerance"]) for _ in range(2))
     for _ in range(round(WARM_UP * description.duration / time_step)):
         warm_up.step()
     return engine

@@ -5,16 +5,17 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from .....problems.errors import suggestion
+from .....problems.errors import error_text, suggestion
 from ....errors import BenchError
 from ....isolation.fork_server import ONE_THREAD
 from ...machine import this_machine
 from .description import ERROR_MARGIN
-from .engine import ENGINES, takes_part, version_of
+from .engine import ENGINES, version_of
 from .measurement import Measurement
 from .scenes import SCENES, describe
 
@@ -52,6 +53,18 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         return min((run for run in runs if run.errors[first] <= limit), key=lambda run: run.wall_seconds)
 
 
+def read_comparison(file: Path) -> Comparison:
+    """Return a comparison that was written as JSON.
+
+    Raises:
+        BenchError: if the file cannot be read as one.
+    """
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=Comparison)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise BenchError(f"cannot read {file} as a result of proxbench engines: {error_text(error)}.") from None
+
+
 Measure = Callable[[str, str, str], Measurement]
 
 
@@ -61,6 +74,7 @@ def compare_engines(
     rounds: int = 1,
     on_run: Callable[[Measurement], None] = lambda run: None,
     measure: Measure | None = None,
+    earlier: Comparison | None = None,
 ) -> Comparison:
     """Measure each setting of the engines on the scenes.
 
@@ -73,19 +87,26 @@ def compare_engines(
         rounds: how often each setting runs; its shortest times count.
         on_run: called after each run.
         measure: measures one run, given scene, engine and setting; in a process of its own by default.
+        earlier: a comparison whose runs are kept, but for failed ones; settings that have one do not run again.
 
     Raises:
-        BenchError: if a name is unknown, or an engine is not installed or of an untried version.
+        BenchError: if a name is unknown, an engine is not installed or of an untried version, or ``earlier`` is of
+            another version of an engine or another processor.
     """
     for scene in scenes:
         if scene not in SCENES:
             raise BenchError(f"unknown scene {scene!r} of engines{suggestion(scene, SCENES)}")
     versions = {engine: version_of(engine) for engine in engines or ENGINES}
-    before = os.getloadavg()[0]
-    found: dict[tuple[str, str, str], Measurement] = {}
+    machine, before, kept = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
+    if earlier is not None:
+        _require_same(earlier, versions, machine)
+        kept = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
+        versions, rounds, before = earlier.versions | versions, min(rounds, earlier.rounds), earlier.load[0]
+    left = [key for key in _settings(scenes or SCENES, engines or ENGINES) if key not in kept]
+    found = dict(kept)
     is_interrupted = False
     try:
-        for _, key in itertools.product(range(rounds), _settings(scenes or SCENES, versions)):
+        for _, key in itertools.product(range(rounds), left):
             run = (measure or _in_own_process)(*key)
             found[key] = _faster(found.get(key), run)
             on_run(run)
@@ -96,19 +117,25 @@ def compare_engines(
         versions=versions,
         rounds=rounds,
         load=(before, os.getloadavg()[0]),
-        machine=msgspec.to_builtins(this_machine()),
+        machine=machine,
         is_interrupted=is_interrupted,
     )
+
+
+def _require_same(earlier: Comparison, versions: dict[str, str], machine: dict[str, Any]) -> None:
+    """Raise ``BenchError`` if new runs would not compare with earlier ones."""
+    pairs = [(engine, version, earlier.versions.get(engine, version)) for engine, version in versions.items()]
+    pairs.append(("processor", machine["processor"], earlier.machine["processor"]))
+    for name, here, there in pairs:
+        if here != there:
+            raise BenchError(f"the earlier runs are of {name} {there}, not {here}; measure all of them again.")
 
 
 def _settings(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[str, str, str]]:
     """Yield scene, engine and setting, the engines in turn."""
     for scene in scenes:
-        taking_part = [engine for engine in engines if takes_part(engine, describe(scene))]
-        for number in range(max((len(ENGINES[engine].settings) for engine in taking_part), default=0)):
-            for engine in taking_part:
-                if number < len(ENGINES[engine].settings):
-                    yield scene, engine, ENGINES[engine].settings[number].name
+        for settings in itertools.zip_longest(*([(e, s.name) for s in ENGINES[e].settings] for e in engines)):
+            yield from ((scene, *setting) for setting in settings if setting is not None)
 
 
 def _faster(one: Measurement | None, other: Measurement) -> Measurement:

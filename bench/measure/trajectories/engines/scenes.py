@@ -26,7 +26,7 @@ from .....problems.motion.scenes.funnel import CONE_HEIGHT, MASS, RADIUS, STANDA
 from .description import Body, Description, Motion, Panel
 
 THROW_SPEED, SLIDING_FRICTION = 6.0, 0.5
-HALF_EDGE = 0.1
+HALF_EDGE, CUBE_MASS = 0.1, 8.0
 FACETS = 32
 WALL_HEIGHT, PANEL_THICKNESS = 0.5, 0.05
 SETTLED_SECONDS = 0.1
@@ -39,9 +39,10 @@ def describe(name: str) -> Description:
 
 
 def _thrown_cube() -> Description:
-    cube = Body(True, HALF_EDGE, 8.0, (0.0, 0.0, HALF_EDGE), (THROW_SPEED, 0.0, 0.0))
+    cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE), (THROW_SPEED, 0.0, 0.0))
     errors = ("lift [mm]", "speed [%]")
-    return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, 0.01, _measure_throw)
+    own = f"thrown_box(speed={THROW_SPEED})"
+    return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, _measure_throw, own)
 
 
 def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -52,12 +53,13 @@ def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 def _incline(name: str, slope: float) -> Description:
     angle = np.arctan(slope)
-    cube = Body(True, HALF_EDGE, 8.0, (0.0, 0.0, HALF_EDGE))
+    cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE))
     gravity = (STANDARD_GRAVITY * float(np.sin(angle)), 0.0, -STANDARD_GRAVITY * float(np.cos(angle)))
     slides = slope > SLIDING_FRICTION
     errors = ("way [%]" if slides else "drift [mm]", "lift [mm]")
     measure = _measure_slide if slides else _measure_drift
-    return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, 0.01, measure, gravity)
+    own = f"box_on_incline(slope={float(angle)!r})"
+    return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, own, gravity)
 
 
 def _measure_slide(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -76,7 +78,8 @@ def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
 def _stack() -> Description:
     cubes = tuple(Body(True, 0.25, mass, (0.0, 0.0, 0.25 + 0.5 * k)) for k, mass in enumerate((1.0, 10.0, 100.0)))
     errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]")
-    return _of_cubes("stack", cubes, 0.7, 2.0, errors, 0.01, _measure_stack)
+    own = f"box_stack(n_boxes={len(cubes)}, ratio=100.0, heavy_on_top=True)"
+    return _of_cubes("stack", cubes, 0.7, 2.0, errors, _measure_stack, own)
 
 
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -115,14 +118,14 @@ def _of_cubes(
     friction: float,
     duration: float,
     errors: tuple[str, ...],
-    negligible: float,
     measure: Callable[[Description, Motion], tuple[float, ...]],
+    own: str,
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY),
 ) -> Description:
-    length = 2.0 * cubes[0].half
-    return Description(
-        name, cubes, friction, duration, 2e-3, 0.02, length, errors, negligible, measure, gravity=gravity
-    )
+    """Return cubes of one size; ``own`` is the scene of Proxbench, to which size, mass and friction are added."""
+    edge = 2.0 * cubes[0].half
+    own = f"{own[:-1]}, size=({edge}, {edge}, {edge}), mass={cubes[0].mass}, friction={friction})"
+    return Description(name, cubes, friction, duration, 2e-3, 0.02, edge, errors, 0.01, measure, own, gravity=gravity)
 
 
 def _of_balls(
@@ -143,7 +146,7 @@ def _of_balls(
     )
     own = f"{name}(balls={count}, restitution=0.0)"
     return Description(
-        name, balls, 0.3, duration, 1e-3, 0.01, RADIUS, errors, 1e-3, measure, _panels(), not outlet, own_scene=own
+        name, balls, 0.3, duration, 1e-3, 0.01, RADIUS, errors, 1e-3, measure, own, _panels(), not outlet
     )
 
 

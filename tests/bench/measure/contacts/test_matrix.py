@@ -5,8 +5,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cheating_solvers import LateInPrepare
+from handmade_fclib import M, W, global_data, local_data, matrix_data, write_data
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.measure.contacts.matrix import default_solvers, measure_matrix
@@ -165,3 +167,23 @@ def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.Capt
     assert "there is no folder" in capsys.readouterr().err
     assert run_command(["matrix", "--problem", "hard-grove"]) == 2
     assert "hard-groove" in capsys.readouterr().err
+
+
+def test_a_sample_of_a_folder_is_even_over_families_and_passes_files_that_cannot_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for family in ("boxes", "rocks"):
+        (tmp_path / family).mkdir()
+    for number in range(6):
+        write_data(tmp_path / "boxes" / f"{number}.hdf5", local_data(matrix=W + number * np.eye(6)))
+    write_data(tmp_path / "rocks" / "whole.hdf5", local_data())
+    half = matrix_data(np.tril(M) + np.eye(6, k=-3), "triplets")
+    data = global_data() | {f"fclib_global/M/{name}": value for name, value in half.items()}
+    write_data(tmp_path / "rocks" / "half.hdf5", data)
+    line = ["matrix", "--suite", str(tmp_path), "--solver", "SORprox", "--sample", "4", "--sampling", "even", "--json"]
+    assert run_command(line) == 1
+    printed = capsys.readouterr()
+    assert sum(len(row["problem"]) == 1 for row in json.loads(printed.out)) == 2
+    assert [row["outcome"] for row in json.loads(printed.out)] == 3 * ["solved"]
+    assert "half.hdf5: M misses symmetry by" in printed.err
+    assert "only its lower triangle has entries; read it with --symmetry lower" in printed.err

@@ -4,12 +4,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.measure.trajectories.engines.description import Setting
+from proxbench.bench.measure.trajectories.engines import measurement
+from proxbench.bench.measure.trajectories.engines.description import Description, Setting
 from proxbench.bench.measure.trajectories.engines.engine import ENGINES, Engine, build
 from proxbench.bench.measure.trajectories.engines.measurement import measure, measure_setting
+from proxbench.bench.measure.trajectories.engines.own_engine import OwnEngine
 from proxbench.bench.measure.trajectories.engines.scenes import SCENES, describe
+from proxbench.problems import judge
 
-WHEELS = ("mujoco", "pybullet", "rapier")
+WHEELS = ("mujoco", "pybullet", "rapier", "dart")
+DART_SWEEPS = [setting.name for setting in ENGINES["dart"].settings].index("ODE contacts, sweeps")
 
 
 def engine_of(name: str, scene: str, number: int = 0) -> Engine:
@@ -20,16 +24,27 @@ def engine_of(name: str, scene: str, number: int = 0) -> Engine:
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("name", WHEELS)
 def test_bodies_start_as_described(name: str, scene: str) -> None:
-    states, start = engine_of(name, scene).states(), describe(scene).start()
-    assert states.positions == pytest.approx(start.positions, abs=1e-6)  # Rapier has single precision
-    assert states.velocities == pytest.approx(start.velocities, abs=1e-6)
+    check_start(engine_of(name, scene), describe(scene), 1e-6)  # Rapier has single precision
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_bodies_of_proxbench_start_as_described(scene: str) -> None:
+    """Cubes start 1e-9 m deep in what they stand on, so that the first step finds their contacts."""
+    description = describe(scene)
+    check_start(OwnEngine(description, description.step, 1e-2), description, 1e-8)
+
+
+def check_start(engine: Engine, description: Description, tolerance: float) -> None:
+    states, start = engine.states(), description.start()
+    assert states.positions == pytest.approx(start.positions, abs=tolerance)
+    assert states.velocities == pytest.approx(start.velocities, abs=tolerance)
     assert not states.spins.any()
 
 
-@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+@pytest.mark.parametrize("name", ["mujoco", "pybullet", "dart"])
 @pytest.mark.parametrize("scene", ["thrown-cube", "stack", "pile"])
 def test_free_motion_and_impulses_of_a_step_make_the_next_velocity(name: str, scene: str) -> None:
-    engine = engine_of(name, scene)
+    engine = engine_of(name, scene, DART_SWEEPS if name == "dart" else 0)
     for _ in range(300 if scene == "pile" else 1):
         engine.step()
     engine.remember()
@@ -59,6 +74,38 @@ def test_a_thrown_cube_stays_on_the_floor_where_friction_is_that_of_coulomb(name
     found = measure_setting("thrown-cube", name, ENGINES[name].settings[0].name)
     assert found.errors["lift [mm]"] < 0.01
     assert found.errors["speed [%]"] < 0.5
+
+
+@pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest", "stack"])
+def test_cubes_of_proxbench_move_as_the_closed_form_says(scene: str) -> None:
+    """Errors are those of the tolerance: micrometres, and a part of 1e-6 of the speed or the way."""
+    description = describe(scene)
+    engine = OwnEngine(description, 2.5 * description.step, 1e-8)
+    motion, _, _, solved = measure(description, engine, 2.5 * description.step)
+    assert description.measure(description, motion) == pytest.approx(0.0 * np.ones(len(description.errors)), abs=1e-4)
+    assert max(judge(one.problem, one.impulses).residual for one in solved) <= 1e-8
+
+
+def test_a_cube_of_dart_slides_as_coulomb_says_only_with_a_contact_at_each_corner() -> None:
+    """FCL, the default of DART, gives one point of a cube on a plane, so that the cube turns."""
+    description = describe("thrown-cube")
+    speed_errors = {}
+    for number, contacts in ((0, 1), (1, 4)):
+        engine = engine_of("dart", "thrown-cube", number)
+        motion, _, _, solved = measure(description, engine, description.step)
+        assert {one.problem.n_contacts for one in solved} == {contacts}
+        speed_errors[contacts] = description.measure(description, motion)[1]
+    assert speed_errors[1] > 1.0
+    assert speed_errors[4] < 1e-4
+
+
+def test_problems_of_few_bodies_are_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = measure_setting("incline-rest", "proxbench", "1e-2, long step")
+    assert found.residual is not None
+    assert found.solved_residual is not None
+    assert found.solved_residual <= 1e-8 < found.residual <= 1e-2
+    monkeypatch.setattr(measurement, "MAX_BODIES_SOLVED_AGAIN", 0)
+    assert measure_setting("incline-rest", "proxbench", "1e-2, long step").solved_residual is None
 
 
 def test_proxbench_solves_each_step_to_its_tolerance() -> None:

@@ -1,14 +1,16 @@
 """Settings run in turn, the shortest times count, and the best setting is the fastest of the most accurate ones."""
 
 from importlib import metadata
+from pathlib import Path
 
+import msgspec
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.trajectories.engines import run
 from proxbench.bench.measure.trajectories.engines.engine import ENGINES, version_of
 from proxbench.bench.measure.trajectories.engines.measurement import Measurement
-from proxbench.bench.measure.trajectories.engines.run import compare_engines
-from proxbench.bench.measure.trajectories.engines.scenes import describe
+from proxbench.bench.measure.trajectories.engines.run import compare_engines, read_comparison
+from proxbench.bench.measure.trajectories.engines.scenes import SCENES, describe
 
 
 @pytest.fixture(autouse=True)
@@ -44,9 +46,9 @@ def test_engines_take_turns_and_each_round_has_all_settings() -> None:
     assert keys[: len(keys) // 2] == keys[len(keys) // 2 :]
 
 
-def test_proxbench_takes_part_where_all_bodies_are_balls() -> None:
-    scenes = {run.scene for run in compare_engines((), ["proxbench"], measure=measurement).measurements}
-    assert scenes == {"pile", "funnel"}
+def test_every_engine_takes_part_in_every_scene() -> None:
+    runs = compare_engines(measure=measurement).measurements
+    assert {(run.scene, run.engine) for run in runs} == {(scene, engine) for scene in SCENES for engine in ENGINES}
 
 
 def test_the_shortest_time_of_all_rounds_counts() -> None:
@@ -87,6 +89,43 @@ def test_an_engine_that_is_missing_or_untried_is_named_with_the_remedy(monkeypat
         version_of("rapier")
 
 
+def test_earlier_runs_are_kept_and_only_the_others_run(tmp_path: Path) -> None:
+    first = compare_engines(["stack"], ["rapier"], measure=lambda *key: measurement(*key, seconds=3.0))
+    failed = msgspec.structs.replace(first.measurements[1], failure="no memory")
+    file = tmp_path / "engines.json"
+    stored = msgspec.structs.replace(first, measurements=(first.measurements[0], failed, *first.measurements[3:]))
+    file.write_bytes(msgspec.json.encode(stored))
+    keys: list[str] = []
+
+    def measure(*key: str) -> Measurement:
+        keys.append(key[2])
+        return measurement(key[0], key[1], key[2])
+
+    again = compare_engines(["stack"], ["rapier"], measure=measure, earlier=read_comparison(file))
+    settings = [setting.name for setting in ENGINES["rapier"].settings]
+    assert keys == settings[1:3]
+    times = {run.setting: run.wall_seconds for run in again.measurements}
+    assert times == {name: 1.0 if name in keys else 3.0 for name in settings}
+    assert again.load[0] == first.load[0]
+
+
+@pytest.mark.parametrize(("where", "name"), [("versions", "rapier"), ("machine", "processor")])
+def test_runs_of_another_version_or_processor_are_not_mixed(where: str, name: str) -> None:
+    first = compare_engines(["stack"], ["rapier"], measure=measurement)
+    other = msgspec.structs.replace(first, **{where: getattr(first, where) | {name: "0.36.0"}})
+    with pytest.raises(BenchError, match=rf"the earlier runs are of {name} 0\.36\.0, not .+; measure all of them"):
+        compare_engines(["stack"], ["rapier"], measure=measurement, earlier=other)
+
+
+def test_a_file_that_is_no_comparison_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "engines.json"
+    with pytest.raises(BenchError, match=r"cannot read .*engines\.json as a result of proxbench engines: FileNotFound"):
+        read_comparison(file)
+    file.write_text("{}")
+    with pytest.raises(BenchError, match="missing required field"):
+        read_comparison(file)
+
+
 def test_unknown_names_are_named_with_the_nearest() -> None:
     with pytest.raises(BenchError, match="unknown scene 'stak' of engines; did you mean 'stack'"):
         compare_engines(["stak"], measure=measurement)
@@ -94,8 +133,9 @@ def test_unknown_names_are_named_with_the_nearest() -> None:
         compare_engines(["stack"], ["rapid"], measure=measurement)
 
 
-def test_a_run_that_fails_keeps_its_last_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    failed = run._in_own_process("thrown-cube", "proxbench", "1e-2")  # which has no cubes
-    assert "cannot read 'None' as a scene" in failed.failure
+def test_a_run_that_fails_keeps_its_last_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "msgspec.py").write_text("raise RuntimeError('no memory')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert run._in_own_process("thrown-cube", "proxbench", "1e-2").failure == "RuntimeError: no memory"
     monkeypatch.setattr(run, "RUN_SECONDS", 0.01)
     assert run._in_own_process("stack", "rapier", "default").failure == "took longer than 0 s"

@@ -1,0 +1,127 @@
+"""DART: a scene in a world that never sleeps."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from .....problems.arrays import FloatArray
+from .description import BodyStates, Description
+from .solved_problem import SolvedProblem, solved_problem
+
+MAX_CONTACTS = 100_000
+"""Contacts of a step that DART keeps; it drops those beyond 1000 by default."""
+
+
+class DartEngine:
+    """A scene in DART."""
+
+    def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
+        library = import_module("dartpy")
+        self.library, self.description, self.time_step = library, description, time_step
+        self.world = library.simulation.World()
+        self.world.setTimeStep(time_step)
+        self.world.setGravity(np.array(description.gravity))
+        awake = library.simulation.DeactivationOptions()
+        awake.mEnabled = False
+        self.world.setDeactivationOptions(awake)
+        self.world.setCollisionDetector(getattr(library.simulation.CollisionDetectorType, options["detector"]))
+        solver = self.world.getConstraintSolver()
+        solver.getCollisionOption().maxNumContacts = MAX_CONTACTS
+        if "sweeps" in options:
+            sweeping = library.constraint.MatrixFreeContactSolverOptions()
+            sweeping.mEnabled, sweeping.mMinRows = True, 0
+            sweeping.mMaxIterations = options["sweeps"]
+            solver.setMatrixFreeContactSolverOptions(sweeping)
+        if options.get("nsgs"):
+            solver.setBoxedLcpSolver(library.constraint.NsgsFrictionSolver())
+        self._add_static()
+        self.bodies = [self._add_body(body) for body in description.bodies]
+
+    def step(self) -> None:
+        """Advance by one step."""
+        self.world.step()
+
+    def states(self) -> BodyStates:
+        """Return the states of all bodies."""
+        positions = np.array([body.getWorldTransform().translation() for body in self.bodies])
+        velocities = np.array([body.getLinearVelocity() for body in self.bodies])
+        return BodyStates(positions, velocities, np.array([body.getAngularVelocity() for body in self.bodies]))
+
+    def remember(self) -> None:
+        """Store the state before a step."""
+        self._before = self.states()
+
+    def solved_problem(self) -> SolvedProblem | None:
+        """Return the problem of the last step; a force acts on the first body of a contact, along its normal."""
+        found = self.world.getLastCollisionResult().getContacts()
+        if not found:
+            return None
+        number = {body.getName(): k for k, body in enumerate(self.bodies)}
+        normals = np.array([contact.normal for contact in found])
+        tangents = _tangents(normals)
+        forces = np.array([contact.force for contact in found])
+        axes = np.stack([normals, tangents, np.cross(normals, tangents)], axis=1)
+        contacts = {
+            "body_1": [number.get(_owner(contact.collisionObject2), -1) for contact in found],
+            "body_2": [number.get(_owner(contact.collisionObject1), -1) for contact in found],
+            "point": [contact.point for contact in found],
+            "normal": normals,
+            "tangent": tangents,
+            "distance": [-contact.penetrationDepth for contact in found],
+        }
+        impulses = self.time_step * np.einsum("kij,kj->ki", axes, forces)
+        return solved_problem(self.description, self._before, self.time_step, contacts, impulses)
+
+    def _add_static(self) -> None:
+        dynamics = self.library.dynamics
+        static = dynamics.Skeleton("static")
+        _, body = static.createWeldJointAndBodyNodePair()
+        if self.description.has_floor:
+            self._add_shape(body, dynamics.PlaneShape(np.array([0.0, 0.0, 1.0]), 0.0))
+        for panel in self.description.panels:
+            node = self._add_shape(body, dynamics.BoxShape(2.0 * np.array(panel.half)))
+            node.setRelativeTranslation(panel.centre)
+            node.setRelativeRotation(panel.rotation)
+        self.world.addSkeleton(static)
+
+    def _add_body(self, body: Any) -> Any:
+        dynamics = self.library.dynamics
+        skeleton = dynamics.Skeleton(f"body {self.world.getNumSkeletons()}")
+        joint, made = skeleton.createFreeJointAndBodyNodePair()
+        made.setName(skeleton.getName())
+        made.setInertia(dynamics.Inertia(body.mass, np.zeros(3), body.inertia * np.eye(3)))
+        shape = dynamics.BoxShape(np.full(3, 2.0 * body.half)) if body.is_cube else dynamics.SphereShape(body.half)
+        self._add_shape(made, shape)
+        place = self.library.math.Isometry3()
+        place.set_translation(np.array(body.position))
+        joint.setTransform(place)
+        joint.setLinearVelocity(np.array(body.velocity))
+        self.world.addSkeleton(skeleton)
+        return made
+
+    def _add_shape(self, body: Any, shape: Any) -> Any:
+        node = body.createShapeNode(shape)
+        node.createCollisionAspect()
+        node.createDynamicsAspect()
+        node.getDynamicsAspect().setFrictionCoeff(self.description.friction)
+        node.getDynamicsAspect().setRestitutionCoeff(0.0)
+        return node
+
+
+def _tangents(normals: FloatArray) -> FloatArray:
+    """Return a unit tangent of each normal, both of shape (n, 3)."""
+    axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    tangents = np.cross(normals, axes)
+    units: FloatArray = tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
+    return units
+
+
+def _owner(collision_object: Any) -> str:
+    name: str = collision_object.getShapeFrame().getBodyNodePtr().getName()
+    return name
+
+
+def build(description: Description, time_step: float, options: dict[str, Any]) -> DartEngine:
+    """Build a scene; options: ``detector``, ``sweeps``, ``nsgs``."""
+    return DartEngine(description, time_step, options)
