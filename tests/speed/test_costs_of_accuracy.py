@@ -22,8 +22,8 @@ def test_the_least_thickness_in_motion_is_that_of_the_equilibrium() -> None:
     assert thickness_ratio(7, "Robust", to_tolerance(1e-6), 1e-2) == pytest.approx(1.0, abs=3e-4)
 
 
-def test_a_coarse_tolerance_lets_a_thick_arch_fall() -> None:
-    arch = Arch(7, 1.2 * least_thickness(7))
+def test_a_coarse_tolerance_lets_an_arch_fall_that_stands() -> None:
+    arch = Arch(7, 1.02 * least_thickness(7))
     moved = [
         simulate(arch, arch.moved, "Robust", to_tolerance(tolerance), 1e-2, 1.0).largest for tolerance in (1e-2, 1e-4)
     ]
