@@ -216,9 +216,11 @@ def cube() -> Iterator[dict[str, Any]]:
 def chain() -> Iterator[dict[str, Any]]:
     scene = Chain()
     system, start = scene.system(), scene.start()
+    potential_energy = system.potential_energy
+    assert potential_energy is not None
 
     def energy(state: State) -> float:
-        return system.potential_energy(state.position) + system.kinetic_energy(state.velocity)
+        return potential_energy(state.position) + system.kinetic_energy(state.velocity)
 
     begin = energy(start)
     swing = begin - energy(scene.state(0.0 * scene.normal_modes()[0]))
