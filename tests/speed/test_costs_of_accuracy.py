@@ -1,0 +1,41 @@
+"""The measurements of what accuracy costs end where they must, find known limits, and keep other tables."""
+
+import sys
+from pathlib import Path
+
+import costs_of_accuracy
+import pandas as pd
+import pytest
+from costs_of_accuracy import FALLEN, least_thickness, main, simulate, thickness_ratio, to_tolerance
+from proxbench.problems.motion.scenes.rigid.arch import Arch
+
+
+def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
+    arch = Arch(7, 0.08)
+    motion = simulate(arch, arch.moved, "NSGS", to_tolerance(1e-4), 1e-2, 5.0, FALLEN)
+    assert motion.time < 1.0
+    assert FALLEN < motion.largest < 10.0 * FALLEN
+
+
+def test_the_least_thickness_in_motion_is_that_of_the_equilibrium() -> None:
+    assert least_thickness(7) == pytest.approx(0.09570, abs=1e-5)
+    assert thickness_ratio(7, "Robust", to_tolerance(1e-6), 1e-2) == pytest.approx(1.0, abs=3e-4)
+
+
+def test_a_coarse_tolerance_lets_an_arch_fall_that_stands() -> None:
+    arch = Arch(7, 1.02 * least_thickness(7))
+    moved = [
+        simulate(arch, arch.moved, "Robust", to_tolerance(tolerance), 1e-2, 1.0).largest for tolerance in (1e-2, 1e-4)
+    ]
+    assert moved[1] < 1e-2 * FALLEN < FALLEN < moved[0]
+
+
+def test_a_table_that_is_measured_again_replaces_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    values = iter([1.0, 2.0, 3.0])
+    for name in ("arch", "cube"):
+        monkeypatch.setitem(costs_of_accuracy.TABLES, name, lambda: iter([{"ratio": next(values)}]))
+    for names in (["arch", "cube"], ["arch"]):
+        monkeypatch.setattr(sys, "argv", ["", "--tables", *names, "--output", str(tmp_path / "costs.csv")])
+        main()
+    kept = pd.read_csv(tmp_path / "costs.csv")
+    assert dict(zip(kept["table"], kept["ratio"], strict=True)) == {"arch": 3.0, "cube": 2.0}
