@@ -47,12 +47,13 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test outside solvers, captures and engines, with the extras ``peers``, ``mujoco`` and ``engines``."""
-    session.install(".[test,peers,mujoco,engines]")
+    """Test outside solvers, captures, engines and contacts of coal, each with its extra."""
+    session.install(".[test,peers,mujoco,engines,bodies]")
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
     engines = "tests/bench/measure/trajectories/engines"
-    session.run("pytest", "tests/solvers/peers", *captures, engines, *session.posargs)
+    shapes = ("tests/problems/motion/detection", "tests/problems/motion/scenes/rigid/test_rolling.py")
+    session.run("pytest", "tests/solvers/peers", *captures, engines, *shapes, *session.posargs)
 
 
 @nox.session
