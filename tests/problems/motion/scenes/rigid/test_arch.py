@@ -160,7 +160,7 @@ def test_in_motion_an_arch_falls_or_stands_one_per_cent_beside_the_limit(thickne
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stones", PUBLISHED)
+@pytest.mark.parametrize("stones", [7, 13])
 def test_the_limit_in_motion_is_that_of_equilibrium(stones: int) -> None:
     exact = least_thickness(stones, 0.8, straight_stone)
 

@@ -127,8 +127,7 @@ def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
-@pytest.mark.parametrize("heavy_on_top", [False, True])
+@pytest.mark.parametrize(("ratio", "heavy_on_top"), [(1e3, False), (1e6, True)])
 def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top: bool) -> None:
     scene = BoxStack(10, ratio, heavy_on_top)
     moreau = MidpointRule(scene.system(), create("Robust"), Stop(1e-8, 20_000, np.inf), 1e-3)
