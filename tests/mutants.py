@@ -76,7 +76,7 @@ RUN_SECONDS = 300
 """Time limit of all tests of a change [s]."""
 
 POLL_SECONDS = 0.02
-"""Time between two looks at whether tests have ended [s]."""
+"""Interval at which running tests are polled [s]."""
 
 RESULTS = Path("mutants.jsonl")
 """What is known already, one change a line; what was noticed is not tried again. Delete it to begin anew."""

@@ -25,7 +25,7 @@ from ....solvers.registry import create
 from .box_scenes import BoxPile, BoxTable, BoxTrain
 
 SETTLING_STOP = Stop(tolerance=1e-4, max_iterations=50)
-"""Solver limits while boxes settle: only where they come to lie matters, and contacts are redundant."""
+"""Solver limits while boxes settle. Only their final positions matter, and their contacts are redundant."""
 
 JOINT_STOP = Stop(tolerance=1e-10, max_iterations=10_000)
 """Solver limits while a linkage moves."""

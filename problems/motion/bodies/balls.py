@@ -43,6 +43,14 @@ Potential = Callable[[FloatArray, FloatArray], float]
 """(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
 
 
+def known_potential(potentials: Sequence[Potential | None], n_forces: int) -> Potential | None:
+    """Return the sum of the potentials of ``n_forces`` forces; None if one of them is not known."""
+    known = [potential for potential in potentials if potential is not None]
+    if len(known) != n_forces:
+        return None
+    return lambda centres, masses: sum(potential(centres, masses) for potential in known)
+
+
 @dataclass(frozen=True, eq=False)
 class BallSystem:
     """Balls, surfaces, and the effects on them; ``scenes.effects`` builds one from a list of effects.
@@ -214,10 +222,8 @@ class BallSystem:
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
         """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
-        known = [potential for potential in self.potentials if potential is not None]
-        if len(known) != len(self.accelerations):
-            return None
-        return lambda position: sum(potential(self.centres(position), self.masses) for potential in known)
+        known = known_potential(self.potentials, len(self.accelerations))
+        return None if known is None else lambda position: known(self.centres(position), self.masses)
 
     def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
         """Return ½ uᵀ M u of each ball [J], shape (n,)."""

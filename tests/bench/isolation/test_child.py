@@ -1,4 +1,4 @@
-"""A failure for want of memory is told from other failures, however a library passes it on."""
+"""Out-of-memory errors are recognised, however a library raises them."""
 
 import pytest
 from proxbench.bench.isolation.child import MAX_CAUSES, _is_caused_by_memory

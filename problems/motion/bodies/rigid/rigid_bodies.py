@@ -22,7 +22,7 @@ from ....errors import ProblemError
 from ...detection.broad_phase import overlapping_pairs
 from ...detection.contact_keys import ContactKeys
 from ...detection.narrow_phase import MAX_FEATURES, ContactSet, find_contacts
-from ..balls import Acceleration, PairCoefficient, Potential
+from ..balls import Acceleration, PairCoefficient, Potential, known_potential
 from ..system import ActiveContacts, JointErrors, Overlaps, StepAssembly
 from .force_directions import force_directions
 from .materials import MaterialPairs
@@ -357,10 +357,8 @@ class RigidBodies:
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
         """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
-        known = [potential for potential in self.potentials if potential is not None]
-        if len(known) != len(self.accelerations):
-            return None
-        return lambda position: sum(potential(self.centres(position), self.masses) for potential in known)
+        known = known_potential(self.potentials, len(self.accelerations))
+        return None if known is None else lambda position: known(self.centres(position), self.masses)
 
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""

@@ -91,9 +91,11 @@ def end_walls(width: float) -> list[FixedBody]:
 
 
 def lattice(
-    count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], middle: float
+    count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], lowest: float
 ) -> FloatArray:
-    """Return poses of boxes on a lattice, slightly turned at random, from below and from the middle, shape (count, 7).
+    """Return poses of boxes on a lattice, filled from its lowest row and its middle, shape (count, 7).
+
+    Each box is turned by a small random rotation.
 
     Args:
         count: number of boxes.
@@ -101,12 +103,15 @@ def lattice(
         layers: layers across, along y.
         seed: of the rotations.
         has_room: (x, z) [m] ↦ whether a box with its centre there is inside.
-        middle: least z [m].
+        lowest: least z of a centre [m].
+
+    Raises:
+        ProblemError: if the boxes do not fit.
     """
     pitch, sites = PITCH * edge, []
     columns = pitch * np.array(sorted(range(-100, 101), key=abs))
     for row in range(10_000):
-        z = middle + pitch * row
+        z = lowest + pitch * row
         sites += [(x, z) for x in columns.tolist() if has_room(x, z)]
         if layers * len(sites) >= count or (sites and not any(has_room(x, z) for x in columns.tolist())):
             break

@@ -1,6 +1,6 @@
 """A row of dominoes: the first one is pushed, and a wave of falling dominoes runs along the row.
 
-A domino that hits the next one goes on leaning on it, so that the whole train behind the wave pushes its head (D. E.
+A domino that hits the next one keeps leaning on it, so that the whole train behind the wave pushes its head (D. E.
 Shaw, *Mechanics of a chain of dominoes*, Am. J. Phys. 46, 1978). Dominoes of height h and thickness d that stand p
 apart, and do not slip on the ground, lean by angles with
 

@@ -47,7 +47,7 @@ class RollingBody(ClosedFormScene):
 
     @property
     def stop_time(self) -> float:
-        """When it comes to rest [s]."""
+        """Time at which it comes to rest [s]."""
         return self.speed / self.deceleration
 
     def check(self) -> None:

@@ -58,7 +58,7 @@ def test_frozen_later_steps_are_remade_to_the_accuracy_of_the_steps_before(name:
     ("name", "deficiency"),
     [
         ("bodies-stack-10", 60),
-        ("bodies-arch-7-thin", 54),
+        ("bodies-arch-7-thick", 54),
         ("bodies-table-4-1e4", 282),
         ("bodies-four-bar", 3),
         ("bodies-chain-20", 0),

@@ -52,7 +52,7 @@ def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int)
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
-    """Each ball then looks at few others, where a row of cells in one range would give it the whole row."""
+    """Each ball has few candidates; if a row of cells were one range, it would have the whole row."""
     centres = np.zeros((5, dim))
     centres[:, 0] = 0.5 + np.arange(5)
     number, _, _ = _cell_numbers(centres, centres.min(axis=0), 1.0)

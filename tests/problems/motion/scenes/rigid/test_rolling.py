@@ -13,7 +13,7 @@ from proxbench.solvers import Status, Stop, create
 def test_a_round_body_rolls_to_rest_as_in_closed_form(
     kind: type[RollingSphere | RollingCylinder], factor: float
 ) -> None:
-    """Velocities are exact; the stop within a step costs a (s − s²) Δt²/2 of the way, as for all that comes to rest."""
+    """Velocities are exact; a stop at the fraction s of a step shortens the distance by a (s − s²) Δt²/2."""
     scene = kind()
     assert scene.deceleration == pytest.approx(factor * 0.01 * 9.81 / 0.1, rel=1e-14)
     time_step = scene.stop_time / 100.5
