@@ -100,16 +100,12 @@ def test_a_built_in_solver_is_known_by_its_name_however_it_is_given() -> None:
 
 
 def test_an_object_cannot_take_the_name_of_a_built_in_solver() -> None:
-    class Mine(Locked):
-        name = "Robust (of mine)"
-
-        def __init__(self) -> None:
-            pass
-
+    kind: Any = module_from(CLASS, "made_in_memory").Mine
+    kind.name = "Robust (of mine)"
     with pytest.raises(BenchError, match=r"calls itself 'Robust \(of mine\)', a name that Proxbench itself uses"):
-        solver_spec(Mine())
-    Mine.name = "Robuster"
-    assert solver_spec(Mine()).name == "Robuster"
+        solver_spec(kind())
+    kind.name = "Robuster"
+    assert solver_spec(kind()).name == "Robuster"
 
 
 def test_nor_can_an_object_of_a_class_derived_from_another_built_in_solver() -> None:

@@ -1,32 +1,11 @@
 """The times of a study are those of the clock."""
 
-import time
-from typing import Any
-
-from numba.core.compiler_lock import global_compiler_lock
+from holding_solver import PAUSE_SECONDS, Holding
 from proxbench.bench.measure.trajectories.methods import make_method
 from proxbench.bench.measure.trajectories.plan import make_study_plan
 from proxbench.bench.measure.trajectories.problems import trajectory_of
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
 from proxbench.bench.plugins.describing import solver_spec
-from proxbench.problems import ContactProblem, Model
-from proxbench.solvers import create
-
-PAUSE_SECONDS = 2e-3
-
-
-class Holding:
-    """SORprox that holds the lock of numba's compiler for some time."""
-
-    name, model = "Holding", Model.COULOMB
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        return None
-
-    def prepare(self, problem: ContactProblem) -> Any:
-        with global_compiler_lock:
-            time.sleep(PAUSE_SECONDS)
-        return create("SORprox").prepare(problem)
 
 
 def test_a_solver_that_pretends_to_compile_gains_no_time() -> None:
