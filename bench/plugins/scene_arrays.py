@@ -54,7 +54,8 @@ def contact_arrays(contacts: ActiveContacts) -> Arrays:
             "values": pieces.values,
         }
     parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
-    return {**arrays, "row_counts": contacts.row_counts, **parts}
+    drive = {} if contacts.drive is None else {"drive": contacts.drive}
+    return {**arrays, "row_counts": contacts.row_counts, **drive, **parts}
 
 
 def packed(arrays: Arrays) -> bytes:
@@ -139,4 +140,5 @@ def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
     finite_numbers(directions.data, directions.data.shape)
     if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():
         raise ValueError("no rows of contacts")
-    return ActiveContacts(keys, gap, laws, directions, restitution, width, counts)
+    drive = finite_numbers(arrays["drive"], (laws.n_rows,)) if "drive" in arrays else None
+    return ActiveContacts(keys, gap, laws, directions, restitution, width, counts, drive)

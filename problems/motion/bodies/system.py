@@ -40,6 +40,8 @@ class ActiveContacts:
         restitution: ε of each row, shape (n_rows,).
         width: largest number of rows of a contact of the system.
         row_counts: rows of each contact, shape (n_contacts,); None where all have ``width``.
+        drive: χ of each row [m/s], the relative velocity at which it counts as at rest, shape (n_rows,): the target
+            speeds of motors; None where all are 0.
     """
 
     keys: IntArray
@@ -49,6 +51,7 @@ class ActiveContacts:
     restitution: FloatArray
     width: int
     row_counts: IntArray | None = None
+    drive: FloatArray | None = None
 
     @cached_property
     def first_rows(self) -> IntArray:
@@ -59,7 +62,7 @@ class ActiveContacts:
 
     @cached_property
     def is_contact(self) -> NDArray[np.bool_]:
-        """Whether it is a contact and no joint, shape (n_contacts,)."""
+        """Whether it is a contact or the limit of a joint, and no joint, shape (n_contacts,)."""
         if self.row_counts is None:
             return np.ones(len(self.keys), dtype=np.bool_)
         first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
@@ -151,13 +154,13 @@ class Overlaps:
 
     Attributes:
         gap: g(q) [m], negative, shape (n_contacts,).
-        normals: W_N, the normal columns of W(q), in pieces, one block of one lane a contact.
+        normals: W_N, the normal columns of W(q): in pieces, one block of one lane a contact, or with joints scipy CSC.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
         joints: the joints, which are closed together with the contacts; None if there are none.
     """
 
     gap: FloatArray
-    normals: Pieces
+    normals: Pieces | sp.csc_array[Any]
     inverse_mass: InverseMass
     joints: JointErrors | None = None
 
@@ -178,7 +181,10 @@ class System(Protocol):
         ...
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        """Return the contacts with g(q) < 0, or None if none of them is deeper than ``tolerated`` [m]."""
+        """Return the contacts with g(q) < 0, and the joints.
+
+        None if no contact is deeper than ``tolerated`` [m], and there are no joints.
+        """
         ...
 
 

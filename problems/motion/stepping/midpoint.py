@@ -3,11 +3,12 @@
 From t_B to t_E = t_B + Δt:
 
     q_M = q_B + u_B Δt/2
-    G = Wᵀ M⁻¹ W,   c = (I + ε) Wᵀ u_B + Wᵀ M⁻¹ h Δt       at q_M, for the contacts with g(q_M) < 0
+    G = Wᵀ M⁻¹ W,   c = (I + ε) Wᵀ u_B + Wᵀ M⁻¹ h Δt − χ   at q_M, for the contacts with g(q_M) < 0
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
 
-Bodies that penetrate at q_E may be moved apart to an allowed depth (see ``position_projection``).
+χ is the speed of motors. Bodies that penetrate at q_E may be moved apart to an allowed depth, and joints be closed (see
+``position_projection``).
 """
 
 from collections.abc import Iterator
@@ -75,7 +76,7 @@ class MidpointRule:
         time = state.time + self.time_step
         if contacts is None:
             velocity = assembly.free_motion
-            end = State(time, self._end(midpoint, velocity), velocity)
+            end = State(time, *self._end(midpoint, velocity))
             return Step(end, None, np.zeros(0), None, None, 0)
         if held:
             contacts = _without_rebound(contacts, held)
@@ -83,15 +84,15 @@ class MidpointRule:
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
         velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.times(solution.impulses))
-        end = State(time, self._end(midpoint, velocity), velocity, contacts.keys, contacts.lanes(solution.impulses))
+        end = State(time, *self._end(midpoint, velocity), contacts.keys, contacts.lanes(solution.impulses))
         return Step(end, problem, solution.impulses, contacts, solution.status, solution.iterations)
 
-    def _end(self, midpoint: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return q_E, projected if a depth is given."""
+    def _end(self, midpoint: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return q_E and u_E, projected if a depth is given."""
         position = self.system.move(midpoint, velocity, 0.5 * self.time_step)
         if self.depth is None or not np.isfinite(position).all():  # callers report a motion that is not finite
-            return position
-        return projected(self.system, position, self.depth)
+            return position, velocity
+        return projected(self.system, position, velocity, self.depth)
 
     def steps(self, state: State, count: int) -> Iterator[Step]:
         """Yield ``count`` successive steps from ``state``.
@@ -111,9 +112,11 @@ class MidpointRule:
 
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
-    """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B."""
+    """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B − χ."""
     free_velocity = contacts.transposed_times(assembly.free_motion)
     free_velocity += contacts.restitution * contacts.transposed_times(velocity)
+    if contacts.drive is not None:
+        free_velocity -= contacts.drive
     factors = Factors(contacts.directions, assembly.inverse_mass, assembly.free_motion)
     return ContactProblem(free_velocity, contacts.laws, factors=factors)
 

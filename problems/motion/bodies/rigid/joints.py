@@ -1,19 +1,21 @@
-"""Joints between rigid bodies: what they hold together, and the rows of W that belong to it.
+"""Joints between rigid bodies: what they hold together, their limits, friction and motors, and the rows of W.
 
-With the points p and p' of the two bodies and their distance d = x + R p − x' − R' p', a joint holds scalars at zero:
+A ball joint holds three distances along axes at zero, a revolute joint these and two orientations, a prismatic one two
+distances and three orientations, a fixed one three of each, and a distance joint holds |d| at its length; see
+``joint_rows``. Joints hold on velocities; a stepper with a depth takes the drift of positions out
+(``stepping.position_projection``). Beside what a joint holds,
 
-    distance       |d| − length
-    along an axis  (R' n)ᵀ d        for n fixed in the second body
-    orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
+    limits      s ≥ s_min and s ≤ s_max, gaps of unilateral laws that are active while g(q_M) < 0, as those of contacts
+    a rope      |d| ≤ length, likewise
+    friction    −ξ ∈ N_[−aΔt, aΔt](Λ) with ξ = ṡ: a force of at most a against ṡ
+    a motor     the same with ξ = ṡ − w: a force of at most a until the joint moves with its target speed w
 
-A ball joint is three of the second kind, a revolute joint a ball joint and two of the third, a prismatic one two of the
-second and three of the third, a fixed one three of each. All of them stay as they are when both bodies move as one.
-Rates follow from d(R p)/dt = R (ω × p), with ω in body axes. Joints hold on velocities; a stepper with a depth takes
-the drift of positions out (``stepping.position_projection``).
+act on the coordinate s of the joint, the angle of a revolute joint or the displacement of a prismatic one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf, isfinite, pi, remainder
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +24,7 @@ import scipy.sparse as sp
 from ....arrays import FloatArray, IntArray
 from ....contact.laws import LawKind, Laws
 from ....errors import ProblemError
+from .joint_rows import JointPair, JointRow, perpendicular_axes
 from .orientation import IDENTITY, rotation_matrices
 from .rigid_bodies import JointRows
 
@@ -31,10 +34,17 @@ WORLD = -1
 MAX_CLOSING_ERROR = 1e-6
 """Largest residual of a joint at the start of a motion, in m or, for orientations, rad."""
 
-Kind = Literal["ball", "revolute", "prismatic", "fixed", "distance"]
+Kind = Literal["ball", "revolute", "prismatic", "fixed", "distance", "rope"]
 Vector = tuple[float, float, float]
 
-_ROWS: dict[str, tuple[int, int]] = {"ball": (3, 0), "revolute": (3, 2), "prismatic": (2, 3), "fixed": (3, 3)}
+_ROWS: dict[str, tuple[int, int]] = {
+    "ball": (3, 0),
+    "revolute": (3, 2),
+    "prismatic": (2, 3),
+    "fixed": (3, 3),
+    "distance": (1, 0),
+    "rope": (0, 0),
+}
 
 
 @dataclass(frozen=True)
@@ -42,21 +52,26 @@ class Joint:
     """A joint between two bodies, or between a body and the world.
 
     Attributes:
-        kind: "ball", "revolute", "prismatic", "fixed" or "distance".
+        kind: "ball", "revolute", "prismatic", "fixed", "distance" or "rope".
         first: index of a body.
         second: index of the other one, or ``WORLD``.
         first_point: the point of the first body [m], in its body axes.
         second_point: the point of the second one.
         axis: direction of a revolute or prismatic joint, of any length, in the body axes of the second one.
-        first_axis: direction of a revolute joint in the body axes of the first one; ``axis`` if None.
         rotation: a unit quaternion that turns vectors from the first body's axes into the second's where a prismatic
-            or fixed joint closes.
-        length: length of a distance joint [m].
+            or fixed joint closes, and where the angle of a revolute joint is 0.
+        length: length of a distance joint or of a rope [m].
         friction: largest moment [N m] of friction about the axis of a revolute joint, largest force [N] along that of
             a prismatic one.
+        limits: least and largest angle of a revolute joint [rad], by which its first body has turned in the second, or
+            displacement of a prismatic one [m]; None for no limits.
+        restitution: ε at the limits, or of a rope that tightens.
+        motor_speed: target speed of the motor of a revolute [rad/s] or prismatic joint [m/s].
+        motor_bound: largest moment [N m] or force [N] of the motor; 0 for no motor.
 
     Raises:
-        ProblemError: for an unknown kind, an axis or a length that vanishes, or friction where there is no axis.
+        ProblemError: for an unknown kind, an axis or a length that vanishes, a number out of range, or friction, limits
+            or a motor where there is no axis.
     """
 
     kind: Kind
@@ -65,29 +80,42 @@ class Joint:
     first_point: Vector = (0.0, 0.0, 0.0)
     second_point: Vector = (0.0, 0.0, 0.0)
     axis: Vector = (0.0, 0.0, 1.0)
-    first_axis: Vector | None = None
     rotation: tuple[float, float, float, float] = IDENTITY
     length: float = 0.0
     friction: float = 0.0
+    limits: tuple[float, float] | None = None
+    restitution: float = 0.0
+    motor_speed: float = 0.0
+    motor_bound: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.kind != "distance" and self.kind not in _ROWS:
-            raise ProblemError(f"there is no joint {self.kind!r}; choose one of {', '.join((*_ROWS, 'distance'))}.")
-        for name in ("axis", "first_axis"):
-            given = getattr(self, name)
-            if given is not None and not 0.0 < np.linalg.norm(given) < np.inf:
-                raise ProblemError(f"the {name} of a joint must be finite and not vanish, got {given}.")
-        if self.kind == "distance" and not 0.0 < self.length < np.inf:
-            raise ProblemError(f"the length of a distance joint must be positive, got {self.length}.")
-        if not 0.0 <= self.friction < np.inf:
-            raise ProblemError(f"friction of a joint must be finite and not negative, got {self.friction}.")
-        if self.friction and self.kind not in ("revolute", "prismatic"):
-            raise ProblemError(f"a {self.kind} joint has no axis for friction; use a revolute or prismatic joint.")
+        if self.kind not in _ROWS:
+            raise ProblemError(f"there is no joint {self.kind!r}; choose one of {', '.join(_ROWS)}.")
+        if not 0.0 < np.linalg.norm(self.axis) < inf:
+            raise ProblemError(f"the axis of a joint must be finite and not vanish, got {self.axis}.")
+        if self.kind in ("distance", "rope") and not 0.0 < self.length < inf:
+            raise ProblemError(f"the length of a {self.kind} joint must be positive, got {self.length}.")
+        for name in ("friction", "motor_bound"):
+            if not 0.0 <= getattr(self, name) < inf:
+                raise ProblemError(f"{name} of a joint must be finite and not negative, got {getattr(self, name)}.")
+        if not isfinite(self.motor_speed):
+            raise ProblemError(f"motor_speed of a joint must be finite, got {self.motor_speed}.")
+        if not 0.0 <= self.restitution <= 1.0:
+            raise ProblemError(f"restitution of a joint must be between 0 and 1, got {self.restitution}.")
+        for name in ("friction", "limits", "motor_bound"):
+            if getattr(self, name) and self.kind not in ("revolute", "prismatic"):
+                raise ProblemError(f"a {self.kind} joint has no axis for {name}; use a revolute or prismatic joint.")
+        if self.limits is not None:
+            low, high = self.limits
+            if not low < high or not (isfinite(low) and isfinite(high)):
+                raise ProblemError(f"limits of a joint must be finite and ascend, got {self.limits}.")
+            if self.kind == "revolute" and high - low >= 2.0 * pi:
+                raise ProblemError(f"limits of a revolute joint must be less than 2π apart, got {self.limits}.")
 
     @property
     def n_rows(self) -> int:
         """Number of scalars that the joint holds at zero."""
-        return 1 if self.kind == "distance" else sum(_ROWS[self.kind])
+        return sum(_ROWS[self.kind])
 
 
 @dataclass(frozen=True)
@@ -98,8 +126,8 @@ class RigidJoints:
         joints: the joints, in the order of their rows.
         n_bodies: number of bodies that move.
         restitution: ε of what joints hold at zero, Wᵀ (u_E + ε u_B) = 0. With 1 the midpoint rule has order 2 and
-            joints do no work, but an error of Wᵀ u is never damped and can grow where the step is long for the fastest
-            oscillation. With 0 the order is 1, and energy is lost.
+            joints do no work; a stepper with a depth removes the error of Wᵀ u at the end of each step, others let it
+            grow. With 0 the order is 1, and energy is lost.
 
     Raises:
         ProblemError: if a joint names a body that does not exist, or joins a body to itself, or restitution is outside
@@ -124,62 +152,110 @@ class RigidJoints:
 
     @property
     def pairs(self) -> IntArray:
-        """The bodies that are joined to each other, first < second, shape (n, 2)."""
-        joined = [sorted((joint.first, joint.second)) for joint in self.joints if joint.second != WORLD]
+        """The bodies that are joined to each other, other than by a rope, first < second, shape (n, 2)."""
+        joined = [
+            sorted((joint.first, joint.second))
+            for joint in self.joints
+            if joint.second != WORLD and joint.kind != "rope"
+        ]
         return np.array(joined, dtype=np.int64).reshape(-1, 2)
 
     def residual(self, poses: FloatArray) -> FloatArray:
         """Return what the joints hold at zero [m or rad], shape (n_rows,), at poses of shape (n, 7)."""
-        return np.array([row.value for joint in self.joints for row in _rows(joint, poses)])
+        return np.array([row.value for joint in self.joints for row in _held(joint, _pair(joint, poses))])
 
     def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
         """Return W, shape (6 n, n_rows): the rate of ``residual`` is Wᵀ u."""
-        rows = [(joint, row) for joint in self.joints for row in _rows(joint, poses)]
-        return self._columns(rows)
+        return self._columns([(joint, row) for joint in self.joints for row in _held(joint, _pair(joint, poses))])
 
-    def rows_at(self, poses: FloatArray, seconds: float) -> JointRows:
+    def limits_below(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, sp.csc_array[Any]]:
+        """Return keys, gaps [m or rad] and W of the limits and ropes with a gap below ``margin``."""
+        reached = list(self._reached(poses, margin))
+        keys, gap = np.array([key for key, *_ in reached], dtype=np.int64), [row.value for _, _, row in reached]
+        return keys, np.array(gap), self._columns([(joint, row) for _, joint, row in reached])
+
+    def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
         """Return rows, laws and W at poses of shape (n, 7), for a step of ``seconds``.
 
-        Friction of a joint is one row of its own after those that it holds, bounded by a force times the step.
+        Friction and motor of a joint follow what it holds, bounded by a force times the step. Limits and ropes with a
+        gap below ``margin`` follow all joints.
         """
-        rows: list[tuple[Joint, _Row]] = []
-        counts, kinds, bounds = [], [], []
-        for joint in self.joints:
-            own = _rows(joint, poses)
-            rows += [(joint, row) for row in own]
-            counts.append(len(own))
-            kinds += [LawKind.BILATERAL] * len(own)
-            bounds += [0.0] * len(own)
-            if joint.friction:
-                rows.append((joint, _friction_row(joint, poses)))
-                counts[-1] += 1
-                kinds.append(LawKind.PLANAR_FRICTION)
-                bounds.append(joint.friction * seconds)
-        n_rows = len(rows)
-        laws = Laws(
-            np.array(kinds, dtype=np.int8),
-            np.arange(n_rows),
-            np.zeros(n_rows),
-            np.array(bounds),
-            np.full(n_rows, -1),
+        rows: list[_LawRow] = []
+        keys, gaps, counts = [], [], []
+        for key, joint in enumerate(self.joints):
+            own = list(self._law_rows(joint, poses, seconds))
+            if own:
+                keys.append(key)
+                gaps.append(0.0)
+                counts.append(len(own))
+                rows += own
+        for key, joint, row in self._reached(poses, margin):
+            keys.append(key)
+            gaps.append(row.value)
+            counts.append(1)
+            rows.append(_LawRow(joint, row, LawKind.UNILATERAL, restitution=joint.restitution))
+        laws = Laws.in_order(
+            [row.kind for row in rows],
+            np.zeros(len(rows)),
+            np.array([row.bound for row in rows]),
+            np.full(len(rows), -1),
         )
-        return JointRows(np.array(counts, dtype=np.int64), laws, self._columns(rows), self.restitution)
+        return JointRows(
+            np.array(keys, dtype=np.int64),
+            np.array(gaps),
+            np.array(counts, dtype=np.int64),
+            laws,
+            self._columns([(row.joint, row.row) for row in rows]),
+            np.array([row.restitution for row in rows]),
+            np.array([row.drive for row in rows]),
+        )
 
     def check_start(self, poses: FloatArray) -> None:
-        """Check that all joints close.
+        """Check that all joints close, and that none is beyond a limit.
 
         Raises:
             ProblemError: for the joint that misses by most, if that is more than ``MAX_CLOSING_ERROR``.
         """
-        errors = [max(abs(row.value) for row in _rows(joint, poses)) for joint in self.joints]
+        pairs = [_pair(joint, poses) for joint in self.joints]
+        errors = [
+            max((abs(row.value) for row in _held(joint, pair)), default=0.0)
+            for joint, pair in zip(self.joints, pairs, strict=True)
+        ]
         if max(errors, default=0.0) > MAX_CLOSING_ERROR:
             worst = int(np.argmax(errors))
             raise ProblemError(
                 f"joint {worst} does not close at the start: it misses by {errors[worst]:.3g} m or rad; correct its "
                 "points and axes, or the poses of its bodies."
             )
+        beyond = [-min((row.value for row in _gaps(joint, _pair(joint, poses))), default=0.0) for joint in self.joints]
+        if max(beyond, default=0.0) > MAX_CLOSING_ERROR:
+            worst = int(np.argmax(beyond))
+            raise ProblemError(
+                f"joint {worst} is {beyond[worst]:.3g} m or rad beyond its limit at the start; widen the limit, or "
+                "correct the poses of its bodies."
+            )
 
-    def _columns(self, rows: "list[tuple[Joint, _Row]]") -> sp.csc_array[Any]:
+    def _law_rows(self, joint: Joint, poses: FloatArray, seconds: float) -> "Iterator[_LawRow]":
+        """Yield the rows of a joint that is always active."""
+        pair = _pair(joint, poses)
+        for row in _held(joint, pair):
+            yield _LawRow(joint, row, LawKind.BILATERAL, restitution=self.restitution)
+        if joint.friction:
+            yield _LawRow(joint, _coordinate(joint, pair), LawKind.PLANAR_FRICTION, joint.friction * seconds)
+        if joint.motor_bound:
+            bound = joint.motor_bound * seconds
+            yield _LawRow(joint, _coordinate(joint, pair), LawKind.PLANAR_FRICTION, bound, drive=joint.motor_speed)
+
+    def _reached(self, poses: FloatArray, margin: float) -> Iterator[tuple[int, Joint, JointRow]]:
+        """Yield key, joint and row of the limits with a gap below ``margin``; keys follow those of the joints."""
+        for number, joint in enumerate(self.joints):
+            if joint.limits is None and joint.kind != "rope":
+                continue
+            for side, row in enumerate(_gaps(joint, _pair(joint, poses))):
+                if row.value < margin:
+                    yield len(self.joints) + 2 * number + side, joint, row
+
+    def _columns(self, rows: list[tuple[Joint, JointRow]]) -> sp.csc_array[Any]:
         columns = np.zeros((6 * self.n_bodies, len(rows)))
         for column, (joint, row) in enumerate(rows):
             columns[6 * joint.first : 6 * joint.first + 6, column] = row.first
@@ -189,89 +265,61 @@ class RigidJoints:
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
-    """A scalar that is held at zero, and its derivatives by (v, ω) of both bodies, shape (6,)."""
+class _LawRow:
+    """A row with its law: its fixed bound [N s or N m s], its ε, and the speed at which it counts as at rest."""
 
-    value: float
-    first: FloatArray
-    second: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """Both bodies of a joint at one position: their rotations R, points p in body axes, and the distance d."""
-
-    first_rotation: FloatArray
-    second_rotation: FloatArray
-    first_point: FloatArray
-    second_point: FloatArray
-    distance: FloatArray
-
-    @classmethod
-    def create(cls, joint: Joint, poses: FloatArray) -> "_Pair":
-        """Return the bodies of a joint at poses of shape (n, 7)."""
-        first = poses[joint.first]
-        second = np.array([0.0, 0.0, 0.0, *IDENTITY]) if joint.second == WORLD else poses[joint.second]
-        rotations = rotation_matrices(np.array([first[3:], second[3:]]))
-        p, q = np.array(joint.first_point), np.array(joint.second_point)
-        distance = first[:3] + rotations[0] @ p - second[:3] - rotations[1] @ q
-        return cls(rotations[0], rotations[1], p, q, distance)
-
-    def along(self, direction: FloatArray, value: float) -> _Row:
-        """Return the row of the distance along a unit vector that is fixed in the world, with ``value``."""
-        first = np.cross(self.first_point, direction @ self.first_rotation)
-        second = np.cross(self.second_point, direction @ self.second_rotation)
-        return _Row(value, np.append(direction, first), -np.append(direction, second))
-
-    def along_axis(self, axis: FloatArray) -> _Row:
-        """Return the row of the distance along an axis that is fixed in the second body."""
-        direction = self.second_rotation @ axis
-        row = self.along(direction, float(direction @ self.distance))
-        turned = np.append(np.zeros(3), np.cross(axis, self.distance @ self.second_rotation))
-        return _Row(row.value, row.first, row.second + turned)
-
-    def angle(self, first_axis: FloatArray, second_axis: FloatArray) -> _Row:
-        """Return the row of the cosine between an axis of each body."""
-        one, other = self.first_rotation @ first_axis, self.second_rotation @ second_axis
-        nothing = np.zeros(3)
-        first = np.append(nothing, np.cross(first_axis, other @ self.first_rotation))
-        second = np.append(nothing, np.cross(second_axis, one @ self.second_rotation))
-        return _Row(float(one @ other), first, second)
+    joint: Joint
+    row: JointRow
+    kind: LawKind
+    bound: float = 0.0
+    restitution: float = 0.0
+    drive: float = 0.0
 
 
-def _rows(joint: Joint, poses: FloatArray) -> list[_Row]:
-    """Return the rows that a joint holds at zero."""
-    pair = _Pair.create(joint, poses)
+def _pair(joint: Joint, poses: FloatArray) -> JointPair:
+    second = None if joint.second == WORLD else poses[joint.second]
+    return JointPair.create(poses[joint.first], second, np.array(joint.first_point), np.array(joint.second_point))
+
+
+def _held(joint: Joint, pair: JointPair) -> list[JointRow]:
+    """Return the scalars that a joint holds at zero."""
+    if joint.kind == "rope":
+        return []
     if joint.kind == "distance":
-        length = float(np.linalg.norm(pair.distance))
-        if length == 0.0:
+        if not pair.distance.any():
             raise ProblemError("the points of a distance joint coincide; move them apart.")
-        return [pair.along(pair.distance / length, length - joint.length)]
-    axes = _axes(joint.axis)
-    held = axes[1:] if joint.kind == "prismatic" else np.eye(3)
-    rows = [pair.along_axis(axis) for axis in held]
+        row = pair.length()
+        return [JointRow(row.value - joint.length, row.first, row.second)]
+    axes = perpendicular_axes(np.array(joint.axis))
+    rows = [pair.along_axis(axis) for axis in (axes[1:] if joint.kind == "prismatic" else np.eye(3))]
+    in_first = rotation_matrices(np.array([joint.rotation]))[0].T
     if joint.kind == "revolute":
-        first_axis = np.array(joint.axis if joint.first_axis is None else joint.first_axis)
-        first_axis = first_axis / np.linalg.norm(first_axis)
-        rows += [pair.angle(first_axis, axis) for axis in axes[1:]]
+        rows += [pair.cosine(in_first @ axes[0], axis) for axis in axes[1:]]
     elif joint.kind in ("prismatic", "fixed"):
-        in_first = rotation_matrices(np.array([joint.rotation]))[0].T
-        rows += [pair.angle(in_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
+        rows += [pair.cosine(in_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
     return rows
 
 
-def _friction_row(joint: Joint, poses: FloatArray) -> _Row:
-    """Return the row of the relative velocity about or along the axis of a joint."""
-    pair, axis = _Pair.create(joint, poses), _axes(joint.axis)[0]
+def _coordinate(joint: Joint, pair: JointPair) -> JointRow:
+    """Return the angle of a revolute joint or the displacement of a prismatic one."""
+    axes = perpendicular_axes(np.array(joint.axis))
     if joint.kind == "prismatic":
-        return pair.along_axis(axis)
-    nothing, direction = np.zeros(3), pair.second_rotation @ axis
-    return _Row(0.0, np.append(nothing, direction @ pair.first_rotation), -np.append(nothing, axis))
+        return pair.along_axis(axes[0])
+    return pair.angle(axes, rotation_matrices(np.array([joint.rotation]))[0])
 
 
-def _axes(axis: Vector) -> FloatArray:
-    """Return three perpendicular unit vectors, shape (3, 3), the first one along ``axis``."""
-    unit = np.array(axis) / np.linalg.norm(axis)
-    side = np.cross(unit, np.eye(3)[np.abs(unit).argmin()])
-    side /= np.linalg.norm(side)
-    return np.array([unit, side, np.cross(unit, side)])
+def _gaps(joint: Joint, pair: JointPair) -> list[JointRow]:
+    """Return the gaps to the limits of a joint, or of a rope, with their rates."""
+    if joint.kind == "rope":
+        if not pair.distance.any():
+            return []
+        row = pair.length()
+        return [row.reversed_to(joint.length - row.value)]
+    if joint.limits is None:
+        return []
+    low, high = joint.limits
+    row = _coordinate(joint, pair)
+    value, middle = row.value, 0.5 * (low + high)
+    if joint.kind == "revolute":
+        value = middle + remainder(value - middle, 2.0 * pi)
+    return [JointRow(value - low, row.first, row.second), row.reversed_to(high - value)]

@@ -50,19 +50,25 @@ class FixedBody:
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """The rows of all joints at one position.
+    """The rows of all joints at one position, and those of the limits that are reached.
 
     Attributes:
-        row_counts: rows of each joint, shape (n_joints,).
+        keys: identity of each joint and limit, from 0, ascending, shape (n,).
+        gap: g [m or rad] of limits, 0 for joints, shape (n,).
+        row_counts: rows of each, shape (n,).
         laws: their force laws.
         directions: W, shape (n_dofs, n_rows).
-        restitution: ε of the bilateral rows.
+        restitution: ε of each row, shape (n_rows,).
+        drive: speed of motors [m/s or rad/s], as in ``ActiveContacts``, shape (n_rows,).
     """
 
+    keys: IntArray
+    gap: FloatArray
     row_counts: IntArray
     laws: Laws
     directions: sp.csc_array[Any]
-    restitution: float = 0.0
+    restitution: FloatArray
+    drive: FloatArray
 
 
 class Joints(Protocol):
@@ -73,8 +79,12 @@ class Joints(Protocol):
         """The bodies that are joined, first < second, which do not touch each other, shape (n, 2)."""
         ...
 
-    def rows_at(self, poses: FloatArray, seconds: float) -> JointRows:
-        """Return the rows for a step of ``seconds``."""
+    def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
+        """Return the rows for a step of ``seconds``, with those of limits that have a gap below ``margin``."""
+        ...
+
+    def limits_below(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, sp.csc_array[Any]]:
+        """Return keys, gaps [m or rad] and W of the limits with a gap below ``margin``."""
         ...
 
     def residual(self, poses: FloatArray) -> FloatArray:
@@ -86,7 +96,7 @@ class Joints(Protocol):
         ...
 
     def check_start(self, poses: FloatArray) -> None:
-        """Raise ``ProblemError`` if a joint does not close."""
+        """Raise ``ProblemError`` if a joint does not close, or is beyond a limit."""
         ...
 
 
@@ -248,28 +258,35 @@ class RigidBodies:
             free[:, 3:] = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds)
         contacts = self._active_contacts(poses)
         if self.joints is not None:
-            contacts = self._with_joints(contacts, self.joints.rows_at(poses, seconds))
+            contacts = self._with_joints(contacts, self.joints.rows_at(poses, seconds, self.margin))
         return StepAssembly(free.ravel(), self.inverse_mass, contacts)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with a gap below ``limit``."""
-        found = self.contacts_within(self.poses(position), limit)
+        poses = self.poses(position)
+        found = self.contacts_within(poses, limit)
         near = found.gap < limit
-        return self.keys_of(found)[near], found.gap[near]
+        keys, gap = self.keys_of(found)[near], found.gap[near]
+        if self.joints is None:
+            return keys, gap
+        joint_keys, joint_gap, _ = self.joints.limits_below(poses, limit)
+        return np.concatenate([keys, self._first_joint_key + joint_keys]), np.concatenate([gap, joint_gap])
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        """Return all contacts that penetrate, and the joints.
+        """Return all contacts and limits that penetrate, and the joints.
 
-        None if no contact is deeper than ``tolerated`` [m] and all joints close.
+        None if there are no joints, and no contact is deeper than ``tolerated`` [m].
         """
         poses = self.poses(position)
         found = self.contacts_within(poses, 0.0)
-        joined = None
-        if self.joints is not None:
-            joined = JointErrors(self.joints.residual(poses), self.joints.jacobian(poses))
-        if not (found.gap < -tolerated).any() and (joined is None or joined.are_closed):
-            return None
-        return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass, joined)
+        if self.joints is None:
+            if not (found.gap < -tolerated).any():
+                return None
+            return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass)
+        _, limit_gap, limit_normals = self.joints.limits_below(poses, 0.0)
+        normals = sp.csc_array(sp.hstack([force_directions(found, poses, 1, 0).to_csc(), limit_normals]))
+        joined = JointErrors(self.joints.residual(poses), self.joints.jacobian(poses))
+        return Overlaps(np.concatenate([found.gap, limit_gap]), normals, self.inverse_mass, joined)
 
     def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
         """Return the contacts with a gap of less than ``margin`` [m], ordered by bodies and feature."""
@@ -333,25 +350,31 @@ class RigidBodies:
         directions = force_directions(found, poses, self.linear_rows, self.rolling_axes)
         return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
 
-    def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts:
-        """Return the contacts with the rows of the joints after theirs; the keys of joints follow all others."""
-        counts = joints.row_counts
-        rebound = np.where(joints.laws.is_bilateral.repeat(joints.laws.row_count), joints.restitution, 0.0)
-        keys = self._keys.n_bodies**2 * self._keys.n_features + np.arange(len(counts))
-        no_gap = np.zeros(len(counts))
-        width = max(self.rows_per_contact, int(counts.max(initial=1)))
+    @property
+    def _first_joint_key(self) -> int:
+        """The key of the first joint, beyond those of all contacts."""
+        return self._keys.n_bodies**2 * self._keys.n_features
+
+    def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts | None:
+        """Return the contacts with the rows of the joints after theirs."""
+        counts, rebound, drive = joints.row_counts, joints.restitution, joints.drive
+        if not len(counts):
+            return contacts
+        keys = self._first_joint_key + joints.keys
+        width = max(self.rows_per_contact, int(counts.max()))
         if contacts is None:
-            return ActiveContacts(keys, no_gap, joints.laws, joints.directions, rebound, width, counts)
+            return ActiveContacts(keys, joints.gap, joints.laws, joints.directions, rebound, width, counts, drive)
         own = contacts.directions
         assert not isinstance(own, sp.csc_array)
         return ActiveContacts(
             np.concatenate([contacts.keys, keys]),
-            np.concatenate([contacts.gap, no_gap]),
+            np.concatenate([contacts.gap, joints.gap]),
             Laws.together([contacts.laws, joints.laws]),
             sp.csc_array(sp.hstack([own.to_csc(), joints.directions])),
             np.concatenate([contacts.restitution, rebound]),
             width,
             np.concatenate([np.full(len(contacts.keys), contacts.width), counts]),
+            np.concatenate([np.zeros(contacts.laws.n_rows), drive]),
         )
 
     @property

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from proxbench.problems import ProblemError
-from proxbench.problems.contact.laws import LawKind, Laws
+from proxbench.problems.contact.laws import LawKind
 from proxbench.problems.contact.matrices.pieces import Pieces
+from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
 from proxbench.problems.motion.bodies.rigid.materials import MaterialPairs
 from proxbench.problems.motion.bodies.rigid.orientation import about, exponential, product, rotation_matrices
-from proxbench.problems.motion.bodies.rigid.rigid_bodies import FixedBody, JointRows, RigidBodies
+from proxbench.problems.motion.bodies.rigid.rigid_bodies import FixedBody, RigidBodies
 from proxbench.problems.motion.bodies.rigid.shapes import Box, HalfSpace
 from proxbench.problems.motion.scenes.effects import Drag, Friction, Gravity, Restitution
 from proxbench.problems.motion.scenes.rigid.effects import (
@@ -186,7 +186,7 @@ def test_a_box_that_spins_on_its_base_is_slowed_by_spinning_resistance_as_in_clo
 def test_a_box_that_penetrates_is_lifted_and_levelled_by_the_projection() -> None:
     system = on_ground([])
     position = np.concatenate([[0.0, 0.0, 0.04], about((1.0, 0.0, 0.0), 0.05)])
-    end = projected(system, position, 1e-4)
+    end, _ = projected(system, position, np.zeros(6 * system.n_bodies), 1e-4)
     assert -system.gaps_below(end, 0.0)[1].min(initial=0.0) <= 1.2e-4
     assert end[2] > 0.045
     assert np.linalg.norm(end[3:]) == pytest.approx(1.0, abs=1e-14)
@@ -208,19 +208,12 @@ def test_friction_and_restitution_depend_on_the_pair_of_materials() -> None:
         on_ground([Restitution(replace(friction, coefficients={**friction.coefficients, ("ice", "road"): 1.1}))])
 
 
-class Pin:
-    """A joint that holds the first body's centre: three rows of its velocity."""
-
-    pairs = np.zeros((0, 2), dtype=np.int64)
-
-    def rows_at(self, poses: Array, seconds: float) -> JointRows:
-        rows = sp.csc_array(np.eye(6 * len(poses), 3))
-        return JointRows(np.array([3]), Laws.joints(3), rows)
-
-
 @pytest.mark.parametrize("height", [0.0499, 1.0])
 def test_rows_of_joints_follow_those_of_contacts(height: float) -> None:
-    system = replace(on_ground([Gravity(), Friction(0.3)], 2), joints=Pin())
+    system = replace(
+        on_ground([Gravity(), Friction(0.3)], 2),
+        joints=RigidJoints([Joint("ball", 0, WORLD, second_point=(0.0, 0.0, 5.0))], 2),
+    )
     start = np.array([[0.0, 0.0, 5.0, 1, 0, 0, 0], [1.0, 0.0, height, 1, 0, 0, 0]]).ravel()
     contacts = system.assemble(start, np.zeros(12), 1e-3).contacts
     assert contacts is not None

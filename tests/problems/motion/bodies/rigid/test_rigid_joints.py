@@ -8,7 +8,7 @@ from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
 from proxbench.problems.motion.bodies.rigid.orientation import about, moved, product, rotation_matrices
 
-KINDS = ("ball", "revolute", "prismatic", "fixed", "distance")
+KINDS = ("ball", "revolute", "prismatic", "fixed", "distance", "rope")
 
 
 def some_joint(kind: Any, second: int = 1) -> Joint:
@@ -19,7 +19,6 @@ def some_joint(kind: Any, second: int = 1) -> Joint:
         (0.1, -0.2, 0.3),
         (-0.3, 0.1, 0.2),
         axis=(1.0, 2.0, -1.0),
-        first_axis=(0.0, 1.0, 1.0),
         rotation=tuple(about((1.0, 1.0, 0.0), 0.4)),
         length=1.0,
     )
@@ -89,7 +88,7 @@ def test_friction_of_a_joint_is_bounded_by_its_moment_times_the_step() -> None:
     [
         ({"kind": "hinge"}, "no joint 'hinge'"),
         ({"axis": (0.0, 0.0, 0.0)}, "not vanish"),
-        ({"first_axis": (np.nan, 0.0, 0.0)}, "not vanish"),
+        ({"axis": (np.nan, 0.0, 0.0)}, "not vanish"),
         ({"kind": "distance", "length": 0.0}, "must be positive"),
         ({"friction": -1.0}, "not negative"),
         ({"kind": "ball", "friction": 1.0}, "no axis for friction"),
