@@ -6,8 +6,10 @@ All of them move in the plane y = 0. Angles are rotations about the y axis; a ro
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import acos, atan2, cos, hypot, inf, sin, sqrt
+from typing import ClassVar
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from scipy.special import ellipj, ellipk
 
@@ -29,6 +31,9 @@ ACROSS = (0.0, 1.0, 0.0)
 SLENDERNESS = 0.05
 """Thickness of a rod over its length."""
 
+DEPTH = 1e-6
+"""Depth [m] to which limits are projected; joints are closed to rounding."""
+
 
 def rod(length: float) -> Box:
     """Return a rod along the z axis."""
@@ -46,6 +51,40 @@ def jointed(
     """Return bodies that joints of ``restitution`` hold together, under gravity."""
     system = rigid_bodies(shapes, masses, [], [Gravity(gravity)] if gravity else [])
     return replace(system, joints=RigidJoints(joints, len(shapes), restitution))
+
+
+def opening(system: RigidBodies) -> Observable:
+    """Return the largest residual of the joints of a system [m or rad]."""
+    joints = system.joints
+    assert joints is not None
+    return Observable(
+        "opening",
+        lambda state: float(np.abs(joints.residual(system.poses(state.position))).max()),
+        label="opening of joints [m or rad]",
+        head="opening",
+    )
+
+
+def swing_modes(
+    lengths: FloatArray, offsets: FloatArray, masses: FloatArray, moments: FloatArray, gravity: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return angular frequencies [rad/s], ascending, and angles, one column a mode, of a hanging chain of bodies.
+
+    The lever a_ki of the angle of body i on the centre of body k is the length of i for i < k, the offset for i = k,
+    and else 0. Small oscillations in the plane have the kinetic energy ½ Σ (Σ_k m_k a_ki a_kj + J_i δ_ij) θ̇_i θ̇_j and
+    the potential energy ½ Σ g m_k a_ki θ_i².
+
+    Args:
+        lengths: from the upper joint of each body to its lower one [m].
+        offsets: from the upper joint of each body to its centre [m].
+        masses: m [kg].
+        moments: J about the centre, across the plane [kg m²].
+        gravity: g [m/s²].
+    """
+    levers = np.tril(np.tile(lengths, (len(masses), 1)), -1) + np.diag(offsets)
+    inertia = levers.T @ (masses[:, None] * levers) + np.diag(moments)
+    squared, modes = eigh(gravity * np.diag(levers.T @ masses), inertia)
+    return np.sqrt(squared), modes
 
 
 @dataclass(frozen=True)
@@ -68,6 +107,8 @@ class Pendulum(ClosedFormScene):
     length: float = 1.0
     mass: float = 1.0
     gravity: float = 9.81
+
+    depth: ClassVar[float] = DEPTH
 
     def __post_init__(self) -> None:
         check_positive(self, "a pendulum", "length", "mass", "gravity")
@@ -107,8 +148,8 @@ class Pendulum(ClosedFormScene):
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """The angle."""
-        return (Observable("angle", self.angle_of, label="angle [rad]", head="angle"),)
+        """The angle, and the opening of the joint."""
+        return (Observable("angle", self.angle_of, label="angle [rad]", head="angle"), opening(self.system()))
 
 
 @dataclass(frozen=True)
@@ -131,6 +172,8 @@ class Chain:
     length: float = 0.2
     mass: float = 1.0
     gravity: float = 9.81
+
+    depth: ClassVar[float] = DEPTH
 
     def __post_init__(self) -> None:
         check_positive(self, "a chain", "n_links", "length", "mass", "gravity")
@@ -159,24 +202,24 @@ class Chain:
         return self.state(np.full(self.n_links, self.angle))
 
     def normal_modes(self) -> tuple[FloatArray, FloatArray]:
-        """Return angular frequencies [rad/s] and angles, one column a mode, of small oscillations in the plane.
+        """Return angular frequencies [rad/s] and angles of small oscillations in the plane, see ``swing_modes``."""
+        every, system = np.ones(self.n_links), self.system()
+        return swing_modes(
+            self.length * every, 0.5 * self.length * every, system.masses, system.moments[:, 1], self.gravity
+        )
 
-        The kinetic energy is ½ Σ M_ij θ̇_i θ̇_j with M_ij = m L² (n − max(i, j) − ½) for i ≠ j and
-        M_ii = J + m L² (n − i − ¾), the potential energy ½ Σ m g L (n − i − ½) θ_i², for i from 0.
-        """
-        index = np.arange(self.n_links)
-        below = self.n_links - np.maximum.outer(index, index)
-        inertia = self.mass * self.length**2 * (below - 0.5)
-        moment = self.mass * rod(self.length).inertia[1] / rod(self.length).volume
-        inertia[index, index] += moment - 0.25 * self.mass * self.length**2
-        weight = self.mass * self.gravity * self.length * (self.n_links - index - 0.5)
-        squared, modes = eigh(np.diag(weight), inertia)
-        return np.sqrt(squared), modes
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The opening of the joints."""
+        return (opening(self.system()),)
 
 
 @dataclass(frozen=True)
 class BallOnChain:
-    """A heavy ball at the lower end of a light chain, at rest or swinging.
+    """A heavy ball at the lower end of a light chain, released at rest.
+
+    Under its pull rods oscillate with up to ``highest_frequency`` ω. Directions of joints are taken at an explicit
+    midpoint, so that the motion diverges with steps above 2/ω.
 
     Attributes:
         n_links: number of rods.
@@ -199,6 +242,8 @@ class BallOnChain:
     mass: float = 1.0
     gravity: float = 9.81
 
+    depth: ClassVar[float] = DEPTH
+
     def __post_init__(self) -> None:
         check_positive(self, "a ball on a chain", "n_links", "ratio", "length", "radius", "mass", "gravity")
 
@@ -208,11 +253,28 @@ class BallOnChain:
         return Chain(self.n_links, self.angle, self.length, self.mass, self.gravity)
 
     def system(self) -> RigidBodies:
-        """Return the rods, then the ball; rods swing too fast under its weight for joints that do not damp."""
+        """Return the rods, then the ball."""
         hook = Joint("ball", self.n_links, self.n_links - 1, (0.0, 0.0, self.radius), (0.0, 0.0, -0.5 * self.length))
         shapes: list[Shape] = [*[rod(self.length)] * self.n_links, Sphere(self.radius)]
         masses = np.append(np.full(self.n_links, self.mass), self.ratio * self.mass)
-        return jointed(shapes, masses, [*self.chain.joints, hook], self.gravity, 0.0)
+        return jointed(shapes, masses, [*self.chain.joints, hook], self.gravity)
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest angular frequency of small oscillations [rad/s], of rods across the pull of the ball."""
+        every, system = np.ones(self.n_links), self.system()
+        lengths, offsets = self.length * np.append(every, 1.0), np.append(0.5 * self.length * every, self.radius)
+        return float(swing_modes(lengths, offsets, system.masses, system.moments[:, 1], self.gravity)[0][-1])
+
+    @property
+    def step_size(self) -> float:
+        """Δt [s], half of that above which the motion diverges, rounded; at most a millisecond."""
+        return min(1e-3, float(f"{1.0 / self.highest_frequency:.2g}"))
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The opening of the joints."""
+        return (opening(self.system()),)
 
     def start(self) -> State:
         """Return the state at time 0."""
@@ -223,11 +285,12 @@ class BallOnChain:
 
 
 @dataclass(frozen=True)
-class FourBar:
+class FourBar(ClosedFormScene):
     """A crank, a coupler and a rocker on revolute joints, without gravity; the crank starts with an angular velocity.
 
-    The joints at the ground are at (0, 0) and (base, 0) of the plane. Four revolute joints hold 20 scalars of 18
-    velocities and leave one free: three of them are redundant.
+    With the kinetic energy ½ I(θ) θ̇² at the angle θ of the crank, θ̇ = θ̇₀ (I(θ₀)/I(θ))^½. The joints at the ground are
+    at (0, 0) and (base, 0) of the plane. Four revolute joints hold 20 scalars of 18 velocities and leave one free:
+    three of them are redundant.
 
     Attributes:
         crank: its length [m].
@@ -284,6 +347,8 @@ class FourBar:
         rocker = speed * self.crank * sin(b - a) / (self.rocker * sin(b - c))
         return np.array([speed, coupler, rocker])
 
+    depth: ClassVar[float] = DEPTH
+
     def system(self) -> RigidBodies:
         """Return crank, coupler and rocker, whose rods lead along their x axes."""
         a, b, c = (0.5 * length for length in self.lengths)
@@ -309,6 +374,21 @@ class FourBar:
         spins = np.column_stack([np.zeros(3), -rates[:, 0], np.zeros(3)])
         return State(0.0, np.hstack([centres, turns]).ravel(), np.hstack([velocities, spins]).ravel())
 
-    def start(self) -> State:
-        """Return the state at time 0."""
-        return self.state(self.angle, self.speed)
+    def exact(self, time: float) -> State:
+        """Return the state at ``time`` [s], to a relative 1e-12: by integration of θ̇ over one angle."""
+        kinetic_energy = self.system().kinetic_energy
+        inertia = 2.0 * kinetic_energy(self.state(self.angle, 1.0).velocity)
+
+        def speed(angle: float) -> float:
+            return self.speed * sqrt(0.5 * inertia / kinetic_energy(self.state(angle, 1.0).velocity))
+
+        if time == 0.0:
+            return self.state(self.angle, self.speed)
+        turned = solve_ivp(lambda _, q: [speed(q[0])], (0.0, time), [self.angle], "DOP853", rtol=1e-12, atol=1e-12)
+        angle = float(turned.y[0, -1])
+        return replace(self.state(angle, speed(angle)), time=time)
+
+    @property
+    def observables(self) -> Sequence[Observable]:
+        """The opening of the joints."""
+        return (opening(self.system()),)

@@ -9,6 +9,7 @@ from .boxes import BoxOnIncline, BoxStack, ThrownBox, TippingBox
 from .card_house import CardHouse
 from .containers import Hopper, RotatingDrum
 from .dominoes import Dominoes
+from .linkages import BallOnChain, Chain, FourBar, Pendulum
 from .rolling import RollingCylinder, RollingSphere
 from .spinning_top import SpinningTop
 from .walls import BrickWall
@@ -33,5 +34,9 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
     "brick_wall": scene_kind(BrickWall, "a wall of bricks struck by a ball", 0.5, has_few_contacts=False),
     "drum": scene_kind(RotatingDrum, "boxes in a rotating drum", 1.5, has_few_contacts=False),
     "hopper": scene_kind(Hopper, "boxes flowing through a slot", 2.0, has_few_contacts=False),
+    "pendulum": scene_kind(Pendulum, "a rod that swings on a hinge", has_few_contacts=False),
+    "chain": scene_kind(Chain, "rods on ball joints that swing", has_few_contacts=False),
+    "ball_on_chain": scene_kind(BallOnChain, "a heavy ball that swings on a light chain", has_few_contacts=False),
+    "four_bar": scene_kind(FourBar, "a crank, a coupler and a rocker on hinges", has_few_contacts=False),
 }
 """Scenes of rigid bodies by name."""
