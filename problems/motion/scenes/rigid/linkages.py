@@ -236,7 +236,7 @@ class BallOnChain:
 
     n_links: int = 5
     ratio: float = 1e4
-    angle: float = 0.0
+    angle: float = 0.3
     length: float = 0.2
     radius: float = 0.1
     mass: float = 1.0
