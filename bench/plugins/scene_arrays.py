@@ -54,7 +54,7 @@ def contact_arrays(contacts: ActiveContacts) -> Arrays:
             "values": pieces.values,
         }
     parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
-    drive = {} if contacts.drive is None else {"drive": contacts.drive}
+    drive: Arrays = {} if contacts.drive is None else {"drive": contacts.drive}
     return {**arrays, "row_counts": contacts.row_counts, **drive, **parts}
 
 
