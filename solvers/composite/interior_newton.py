@@ -6,6 +6,7 @@ usually find these digits in a few hundred sweeps, which cost less than two fact
 
     InteriorPoint      fast where the path leads straight down
     NesterovSORprox    the last digits, from the end of that run
+    ClarabelCoulomb    from zero, as long as each cone program gains a digit: bodies at rest
     CentralPath        from the beginning of the path, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
@@ -26,7 +27,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.matrices.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Prepared, Solution, Stop
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Stop
 from ..interior.central_path import CentralPath, ResumablePath
 from ..interior.interior_point import InteriorPoint
 from ..interior.runs import SingleRun
@@ -35,7 +36,7 @@ from ..iteration.stopping import Clock
 from ..newton.proximal_point import ProximalPoint
 from .hybrid_newton import HybridNewton
 from .sequence import SolverRun, SolverSequence
-from .sweeping import last_digits_for
+from .sweeping import FACTORS_DENSITY, density, last_digits_for
 
 MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS = 80, 500, 40
 """Iteration limits of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
@@ -64,7 +65,7 @@ class InteriorNewton(Method):
 
     def prepare(self, problem: ContactProblem) -> "PreparedInteriorNewton":
         """Prepare the first method; the others are prepared when they first run."""
-        first = SingleRun(InteriorPoint(form=form_for(problem)))
+        first = first_method(problem)
         return PreparedInteriorNewton(problem, Residual(problem), {first.name: first.prepare(problem)})
 
 
@@ -89,6 +90,23 @@ def run_sequence(sequence: SolverSequence, start: FloatArray | None) -> Solution
         if solution is not None:
             return solution
     return sequence.finish(sequence.status)
+
+
+def first_method(problem: ContactProblem) -> SingleRun:
+    """Return the first method, an interior point method in the form for ``problem``."""
+    return SingleRun(InteriorPoint(form=form_for(problem)))
+
+
+def cone_programs(problem: ContactProblem) -> Solver | None:
+    """Return De Saxcé's fixed point in the form of the faster sweeps, None where the problem has no cone program."""
+    from ..conic.clarabel_coulomb import ClarabelCoulomb  # 20 ms that few solves wait for
+    from ..conic.fixed_point import FastFixedPoint
+
+    forms: list[Literal["delassus", "factors"]] = ["delassus"]
+    if problem.factors is not None and density(problem) > FACTORS_DENSITY:
+        forms.insert(0, "factors")
+    methods = (FastFixedPoint(ClarabelCoulomb(form)) for form in forms)
+    return next((method for method in methods if method.supports(problem) is None), None)
 
 
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
@@ -117,10 +135,12 @@ def _n_pairs(pieces: Pieces) -> int:
 def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
     problem = sequence.problem
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
-    first = SingleRun(InteriorPoint(form=form))
-    yield sequence.plan(first, zeros if start is None else start, MAX_FIRST_STEPS)
+    yield sequence.plan(first_method(problem), zeros if start is None else start, MAX_FIRST_STEPS)
     sweeps, end = last_digits_for(problem), sequence.latest
     yield sequence.plan(sweeps, end, MAX_SWEEPS)
+    programs = cone_programs(problem)
+    if programs is not None:
+        yield sequence.plan(programs, None, sequence.stop.max_iterations)
     methods = [CentralPath(order, form) for order, _ in PATH_ROUNDS]
     paths = {path.order: ResumablePath(path, problem) for path in methods if path.supports(problem) is None}
     hybrid_limits = (*HYBRID_LIMITS, sequence.stop.max_iterations)

@@ -9,17 +9,15 @@ as redundant piles and stacks.
     Newton steps        a few from the last swept impulses
     InteriorNewton      interior points, their path, Newton's method and sweeps
 
-A window is the number of sweeps that take about a fifth of the time of an interior point method, measured from 2 to
-2400 contacts. The time lost in slow sweeps is therefore small compared with what follows, and a solve to 1e-8 that
-sweeps finish takes at most about 1.6 times as long as interior points would. Anderson acceleration often gains in a few
-sweeps what momentum does not gain in a whole window. Newton steps on few rows cost no more than a hundred sweeps, and
-with joints they pass impulses on that sweeps pass one joint at a time. In both cases they are tried after a first short
+A window costs at most about half of an interior point method (``windows``), on piles of balls about a fifth. The time
+lost in slow sweeps is therefore small compared with what follows. Anderson acceleration often gains in a few sweeps
+what momentum does not gain in a whole window. Newton steps on few rows cost no more than a hundred sweeps, and with
+joints they pass impulses on that sweeps pass one joint at a time. In both cases they are tried after a first short
 window, and the sweeps continue if they fail. No decision depends on the tolerance, nor on the clock except its limits.
 """
 
 from dataclasses import dataclass, field, replace
-
-import numpy as np
+from functools import partial
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
@@ -33,18 +31,13 @@ from ..iteration.loop import (
 )
 from ..iteration.method import Method
 from ..iteration.stopping import Monitor
-from ..newton.linearised import MAX_DENSE_ROWS, Equations
+from ..newton.linearised import Equations
 from ..newton.steps import LINE_SEARCH, NewtonRunner
 from ..prox.accelerated_sorprox import AndersonSORprox
 from .interior_newton import run_sequence
 from .sequence import SolverSequence
 from .sweeping import can_accelerate, select_sweeps, sweeps_between_checks
-
-WINDOW, WINDOW_PER_CONTACT = 400, 3
-"""Sweeps in a window: a constant, and an addition for each contact."""
-
-SHORT_WINDOW = 90
-"""Sweeps in the first window where Newton systems are dense or there are joints."""
+from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
 """The sweeps that continue where others are slow; their window is the other window divided by this number."""
@@ -90,16 +83,16 @@ class PreparedRobust:
         driver = IterationDriver(self.sweeps.begin(first), self.sweeps.begin, monitor, observe)
         sequence = SolverSequence(problem, residual, self.prepared, stop, observe, monitor.clock)
         equations: Equations | None = None
-        windows = _windows(problem)
-        for length in windows:
-            window = Window(length, driver.iteration)
+        lengths = window_lengths(problem)
+        for length in lengths:
+            window = Window(length, driver.iteration, partial(longest_window, sequence))
             result = run_sweeps(sequence, driver, self.name, window, first=first, min_sweeps=self.between_checks)
-            is_last = result.has_ended or length == windows[-1]
+            is_last = result.has_ended or length == lengths[-1]
             if result.solution is None and is_last and can_accelerate(problem):
                 accelerated = ACCELERATED.prepare(problem)
                 begin = accelerated.begin
                 driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
-                window = Window(windows[-1] // ACCELERATED_SHARE, driver.iteration)
+                window = Window(window.length // ACCELERATED_SHARE, driver.iteration)
                 result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
             if result.solution is not None:
                 return result.solution
@@ -129,22 +122,6 @@ class SweepResult:
     residual: float
     has_ended: bool
     solution: Solution | None
-
-
-class Window:
-    """Tells whether sweeps gain a digit per window of ``length`` sweeps, the first beginning at sweep ``begin``."""
-
-    def __init__(self, length: int, begin: int = 0) -> None:
-        self._length, self._end, self._before = length, begin + length, np.inf
-
-    def is_lost(self, iteration: int, residual: float) -> bool:
-        """Whether the window that ends at this sweep, with this best residual, has gained less than a digit."""
-        if self._before == np.inf:
-            self._before = residual
-        if iteration < self._end:
-            return False
-        before, self._before, self._end = self._before, residual, iteration + self._length
-        return residual > 0.1 * before
 
 
 def run_sweeps(
@@ -185,10 +162,3 @@ def run_newton_steps(sequence: SolverSequence, newton: NewtonRunner, swept: Swee
         return sequence.finish(Status.SOLVED, "")
     limit = newton.reached_limit
     return sequence.finish(limit) if limit else None
-
-
-def _windows(problem: ContactProblem) -> list[int]:
-    """Return the lengths of the windows, after each of which Newton steps are tried."""
-    whole = WINDOW + WINDOW_PER_CONTACT * problem.n_contacts
-    is_short = problem.n_rows <= MAX_DENSE_ROWS or problem.laws.is_bilateral.any()
-    return [SHORT_WINDOW, whole] if is_short else [whole]

@@ -26,7 +26,7 @@ decision depends on the tolerance: a solve to a tighter tolerance begins with th
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -68,14 +68,24 @@ CORRECTION_SUCCESS = 0.1
 
 @dataclass(frozen=True)
 class Phase:
-    """A phase of the iteration: ε (0 for De Saxcé's iteration), and its patience in iterations without progress."""
+    """A phase of the iteration.
+
+    Attributes:
+        weight: ε, 0 for De Saxcé's iteration.
+        patience: the phase ends after so many iterations without progress.
+        progress: a residual below this fraction of the best one is progress.
+    """
 
     weight: float
     patience: int
+    progress: float = PROGRESS
 
 
 PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
 """The phases; all but the first begin at Λ = 0. The last continues to the limits unless nothing changes."""
+
+FAST_PHASE = Phase(0.0, 1, progress=0.1)
+"""De Saxcé's iteration as long as each cone program gains a digit."""
 
 
 def check_memory(memory: int) -> None:
@@ -117,14 +127,48 @@ class FixedPointMethod(Method, ABC):
 
 
 @dataclass(frozen=True)
+class FastFixedPoint(Method):
+    """A fixed point as long as each cone program gains a digit, under the name of the method.
+
+    Where bodies stay at rest s = 0 is the solution, and the first program finds it; the more slowly contacts slip, the
+    faster is the iteration. Where it is slow, other methods are faster.
+    """
+
+    method: FixedPointMethod
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        return self.method.name
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Return why the solver cannot solve ``problem``, or None."""
+        return self.method.supports(problem)
+
+    def prepare(self, problem: ContactProblem) -> "PreparedFixedPoint":
+        """Set up the program."""
+        return replace(self.method.prepare(problem), phases=(FAST_PHASE,))
+
+
+@dataclass(frozen=True)
 class PreparedFixedPoint:
-    """The outer iteration over the cone program of one problem; ``correction`` makes the correction of each solve."""
+    """The outer iteration over the cone program of one problem.
+
+    Attributes:
+        problem: the problem.
+        residual: its residual.
+        program: its cone program.
+        memory: number of pairs of the Anderson acceleration.
+        correction: makes the correction of each solve.
+        phases: the phases of each solve.
+    """
 
     problem: ContactProblem
     residual: Residual = field(repr=False)
     program: ConicProgram = field(repr=False)
     memory: int
     correction: Callable[[Clock, float], Correction] = Correction
+    phases: tuple[Phase, ...] = PHASES
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""
@@ -136,7 +180,7 @@ class PreparedFixedPoint:
         outer = _Outer(self, stop, observe, first, self.residual.judged(self.problem, first))
         if outer.lowest <= stop.tolerance:
             return Solution(first, Status.SOLVED, 0)
-        for phase in PHASES:
+        for phase in self.phases:
             outcome = outer.run(phase, shift, first)
             if outcome is not None:
                 break
@@ -207,7 +251,7 @@ class _Outer:
             residual = self.prepared.residual.judged(problem, result.impulses)
             if result.status is ConicStatus.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
                 floor *= LOOSENING
-            waited = 0 if residual < PROGRESS * lowest else waited + 1
+            waited = 0 if residual < phase.progress * lowest else waited + 1
             found, reached = self.correction.correct(result.impulses, residual, waited == phase.patience)
             self._record(found, reached)
             if self.lowest <= self.stop.tolerance:
