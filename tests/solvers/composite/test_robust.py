@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.composite.robust import WINDOW, PreparedRobust, Window
+from proxbench.solvers.composite.robust import PreparedRobust
 from proxbench.solvers.composite.sweeping import can_accelerate, select_sweeps, sweeps_between_checks
+from proxbench.solvers.composite.windows import WINDOW
 from proxbench.solvers.iteration.loop import iterate
 from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
 
@@ -37,6 +38,7 @@ def test_flows_are_solved_by_sweeps_alone_with_the_same_bits(name: str) -> None:
         ("funnel-30-late", "InteriorPoint"),
         ("hard-stack-100-alternating-1e4", "Newton steps"),
         ("hard-stack-2-top-1e8", "Newton steps"),
+        ("bodies-stack-10-top-1e6", "ClarabelCoulomb(form='factors')"),
     ],
 )
 def test_the_message_ends_with_the_part_that_solves_the_problem(name: str, part: str) -> None:
@@ -143,15 +145,6 @@ def test_sweeps_use_the_factors_for_a_slab_on_many_supports() -> None:
     """512 contacts of one body couple each with each: G has a million entries and more, and is not assembled."""
     assert select_sweeps(load("hard-sliding-block-512")).name == "SORprox(relaxation=1.5, form='factors')"
     assert "form" not in select_sweeps(load("funnel-1000")).name
-
-
-def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:
-    window = Window(100)
-    assert not window.is_lost(0, 1.0)
-    assert not window.is_lost(99, 0.5)
-    assert not window.is_lost(100, 0.09)
-    assert not window.is_lost(199, 0.09)
-    assert window.is_lost(200, 0.01)
 
 
 def test_two_contacts_of_a_mass_ratio_of_1e8_are_solved() -> None:

@@ -9,7 +9,8 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard.families import Family, with_solution
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.conic.fixed_point import PreparedFixedPoint
+from proxbench.solvers.conic.clarabel_coulomb import ClarabelCoulomb
+from proxbench.solvers.conic.fixed_point import FastFixedPoint, PreparedFixedPoint
 from proxbench.solvers.conic.programs import ClarabelProgram, ConicResult, ConicStatus, Form
 
 PROBLEM = load("hard-counterexample")
@@ -106,3 +107,32 @@ def test_a_tighter_tolerance_continues_what_a_looser_one_begins(name: str, probl
     for fewer, more in itertools.pairwise(iterates):
         assert 0 < len(fewer) <= len(more)
         assert np.array_equal(fewer[:-1], more[: len(fewer) - 1])  # the last may be refined further
+
+
+@pytest.mark.parametrize("form", ["delassus", "factors"])
+@pytest.mark.parametrize("n_dofs", [6, 60])
+def test_one_cone_program_solves_what_can_stay_at_rest(form: Form, n_dofs: int) -> None:
+    """c = −GΛ* with Λ* in the cones: ξ = 0 and s = 0, for redundant contacts too."""
+    rng = np.random.default_rng(n_dofs)
+    directions = rng.normal(size=(n_dofs, 60))
+    balanced = np.tile([1.0, 0.2, -0.1], 20) * np.repeat(rng.uniform(0.1, 10.0, 20), 3)
+    problem = ContactProblem.from_factors(
+        directions, np.ones(n_dofs), -directions.T @ (directions @ balanced), friction=0.5, dim=3
+    )
+    solution = FastFixedPoint(ClarabelCoulomb(form)).prepare(problem).solve(Stop(1e-6))
+    assert (solution.status, solution.iterations) == (Status.SOLVED, 1)
+    assert np.abs(problem.relative_velocity(solution.impulses)).max() <= 1e-6 * np.abs(problem.free_velocity).max()
+
+
+def test_a_fast_fixed_point_ends_at_the_first_program_that_gains_less_than_a_digit() -> None:
+    problem, seen = load("pile-100"), [1.0]
+    residual = Residual(problem)
+    solution = (
+        FastFixedPoint(ClarabelCoulomb())
+        .prepare(problem)
+        .solve(Stop(1e-12), observe=lambda _, impulses: seen.append(residual.judged(problem, impulses)))
+    )
+    assert solution.status is Status.STALLED
+    gains = [later / min(seen[: number + 1]) for number, later in enumerate(seen[1:])]
+    assert max(gains[:-1]) < 0.1 <= gains[-1]
+    assert solution.iterations == len(gains) > 1

@@ -1,0 +1,92 @@
+"""Windows: slow sweeps end after the work of a fixed number of interior point steps at the latest."""
+
+import math
+
+import pytest
+from proxbench.problems import load
+from proxbench.problems.contact.residual import Residual
+from proxbench.solvers import Stop, create
+from proxbench.solvers.composite import robust
+from proxbench.solvers.composite.interior_newton import first_method
+from proxbench.solvers.composite.sequence import SolverSequence
+from proxbench.solvers.composite.windows import (
+    MAX_STEPS,
+    SHORT_WINDOW,
+    WINDOW,
+    Window,
+    longest_window,
+    step_seconds,
+    sweep_seconds,
+    window_lengths,
+)
+from proxbench.solvers.iteration.stopping import Clock
+
+
+def sequence_on(name: str) -> SolverSequence:
+    """A sequence that has not run anything."""
+    problem = load(name)
+    return SolverSequence(problem, Residual(problem), {}, Stop(1e-8), None, Clock(math.inf))
+
+
+def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:
+    window = Window(100)
+    assert not window.is_lost(0, 1.0)
+    assert not window.is_lost(99, 0.5)
+    assert not window.is_lost(100, 0.09)
+    assert not window.is_lost(199, 0.09)
+    assert window.is_lost(200, 0.01)
+
+
+@pytest.mark.parametrize(("longest", "end"), [(0, WINDOW), (600, 600), (5000, 1000)])
+def test_a_slow_window_is_shortened_once_and_not_below_its_constant_part(longest: int, end: int) -> None:
+    calls: list[int] = []
+
+    def limit() -> int:
+        calls.append(longest)
+        return longest
+
+    window = Window(1000, 7, limit)
+    lost = [sweep for sweep in range(0, 1001, 10) if window.is_lost(7 + sweep, 0.5)]
+    assert lost[0] == end
+    assert calls == [longest]
+
+
+def test_windows_that_gain_a_digit_are_not_measured() -> None:
+    """The limit requires a prepared interior point method, which fast sweeps must not pay for."""
+    window = Window(1000, 0, lambda: pytest.fail("the limit was computed"))
+    assert not any(window.is_lost(sweep, 10.0 ** (-sweep / 300)) for sweep in range(0, 5000, 10))
+
+
+def test_a_window_takes_the_work_of_a_fixed_number_of_steps() -> None:
+    """Rolling friction makes sweeps slow; the window is 20 w / s, up to rounding down."""
+    sequence = sequence_on("pile-100-rolling")
+    problem, longest = sequence.problem, longest_window(sequence)
+    work = MAX_STEPS * step_seconds(problem, first_method(problem).prepare(problem).system.flops)
+    assert longest * sweep_seconds(problem) <= work < (longest + 1) * sweep_seconds(problem)
+    assert longest < window_lengths(problem)[-1]
+
+
+@pytest.mark.parametrize("name", ["pile-100", "pile-400-mixed-1", "funnel-planar-1000", "hard-chain-100"])
+def test_nothing_is_prepared_where_the_limit_cannot_decide(name: str) -> None:
+    """w ≥ 0.3 ms + 5 µs · m for any number of operations."""
+    sequence = sequence_on(name)
+    assert longest_window(sequence) >= window_lengths(sequence.problem)[-1]
+    assert not sequence.prepared
+
+
+@pytest.mark.parametrize(
+    ("name", "has_short"), [("pile-100", False), ("hard-chain-100", True), ("hard-stack-10", True)]
+)
+def test_few_rows_and_joints_have_a_short_window_first(name: str, has_short: bool) -> None:
+    assert (SHORT_WINDOW in window_lengths(load(name))) is has_short
+
+
+def test_the_limit_shortens_the_sweeps_of_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All windows of ``pile-100`` after the first are slow; one of them fits the limit of a solve only if shortened."""
+    problem = load("pile-100")
+    limits = Stop(1e-8, max_iterations=window_lengths(problem)[-1] + WINDOW + 20)
+    whole = create("Robust").prepare(problem).solve(limits)
+    monkeypatch.setattr(robust, "longest_window", lambda _: 0)
+    shortened = create("Robust").prepare(problem).solve(limits)
+    assert ": slow; AndersonSORprox" not in whole.message
+    assert ": slow; AndersonSORprox" in shortened.message
