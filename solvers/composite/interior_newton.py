@@ -6,7 +6,7 @@ usually find these digits in a few hundred sweeps, which cost less than two fact
 
     InteriorPoint      fast where the path leads straight down
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, as long as each cone program gains a digit: bodies at rest
+    ClarabelCoulomb    from zero, as long as each cone program gains a digit, if they are cheap: bodies at rest
     CentralPath        from the beginning of the path, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
@@ -30,13 +30,14 @@ from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Stop
 from ..interior.central_path import CentralPath, ResumablePath
 from ..interior.interior_point import InteriorPoint
-from ..interior.runs import SingleRun
+from ..interior.runs import PreparedRuns, SingleRun
 from ..iteration.method import Method
 from ..iteration.stopping import Clock
 from ..newton.proximal_point import ProximalPoint
 from .hybrid_newton import HybridNewton
 from .sequence import SolverRun, SolverSequence
 from .sweeping import FACTORS_DENSITY, density, last_digits_for
+from .work import MAX_STEPS, program_seconds, step_seconds
 
 MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS = 80, 500, 40
 """Iteration limits of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
@@ -97,8 +98,21 @@ def first_method(problem: ContactProblem) -> SingleRun:
     return SingleRun(InteriorPoint(form=form_for(problem)))
 
 
-def cone_programs(problem: ContactProblem) -> Solver | None:
-    """Return De Saxcé's fixed point in the form of the faster sweeps, None where the problem has no cone program."""
+def count_operations(sequence: SolverSequence) -> float:
+    """Return the operations of one factorisation of the first method, which is prepared if necessary."""
+    prepared = sequence.prepare(first_method(sequence.problem))
+    assert isinstance(prepared, PreparedRuns)
+    return prepared.system.flops
+
+
+def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
+    """Return De Saxcé's fixed point in the form of the faster sweeps.
+
+    None where the problem has no cone program, or where one takes more work than ``MAX_STEPS`` interior point steps
+    with so many operations.
+    """
+    if program_seconds(operations) > MAX_STEPS * step_seconds(problem, operations):
+        return None
     from ..conic.clarabel_coulomb import ClarabelCoulomb  # 20 ms that few solves wait for
     from ..conic.fixed_point import FastFixedPoint
 
@@ -138,7 +152,7 @@ def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[Solver
     yield sequence.plan(first_method(problem), zeros if start is None else start, MAX_FIRST_STEPS)
     sweeps, end = last_digits_for(problem), sequence.latest
     yield sequence.plan(sweeps, end, MAX_SWEEPS)
-    programs = cone_programs(problem)
+    programs = cone_programs(problem, count_operations(sequence))
     if programs is not None:
         yield sequence.plan(programs, None, sequence.stop.max_iterations)
     methods = [CentralPath(order, form) for order, _ in PATH_ROUNDS]

@@ -7,14 +7,9 @@ follow, a window has
 
 The first term was measured on piles of balls, where the cost of a factorisation grows faster than m. The second one
 limits the work of a window to that of 20 steps. It decides where bodies form chains, whose factorisation is cheap, and
-where sweeps are slow, as with joints. Work is counted in nominal seconds,
-
-    s = 10 ns · k   for contacts alone,   50 ns · k   with joints or rolling friction,
-    w = 0.3 ms + 5 µs · m + f / 15 GHz,
-
-with k rows, blocks padded to equal size, and f operations of a factorisation. Counting the operations takes as long as
-about 400 sweeps, so they are counted after the first 400 sweeps, if these have gained less than a digit and w could
-decide with f = 0. No length depends on the clock.
+where sweeps are slow, as with joints. Both s and w are counted (``work``), and no length depends on the clock. To count
+the operations of a factorisation takes as long as about 400 sweeps. It is therefore done after the first 400 sweeps, if
+these have gained less than a digit and w could decide without these operations.
 """
 
 from collections.abc import Callable
@@ -22,25 +17,16 @@ from collections.abc import Callable
 import numpy as np
 
 from ...problems.contact.problem import ContactProblem
-from ..interior.runs import PreparedRuns
 from ..newton.linearised import MAX_DENSE_ROWS
-from .interior_newton import first_method
+from .interior_newton import count_operations
 from .sequence import SolverSequence
+from .work import MAX_STEPS, step_seconds, sweep_seconds
 
 WINDOW, WINDOW_PER_CONTACT = 400, 3
 """Sweeps in a window: a constant, and an addition for each block."""
 
 SHORT_WINDOW = 90
 """Sweeps in the first window where Newton systems are dense or there are joints."""
-
-MAX_STEPS = 20
-"""Interior point steps whose work a window may take."""
-
-SWEPT_ROW, SWEPT_ROW_OF_ANY_LAW = 1e-8, 5e-8
-"""Nominal seconds to sweep a row of contacts alone, and one where there are joints or rolling friction."""
-
-STEP, STEPPED_BLOCK, OPERATION = 3e-4, 5e-6, 1 / 15e9
-"""Nominal seconds of an interior point step: constant, for each block, and for each operation of its factorisation."""
 
 
 class Window:
@@ -82,17 +68,4 @@ def longest_window(sequence: SolverSequence) -> int:
     lower_bound = int(MAX_STEPS * step_seconds(problem, 0.0) / one_sweep)
     if lower_bound >= window_lengths(problem)[-1]:
         return lower_bound
-    prepared = sequence.prepare(first_method(problem))
-    assert isinstance(prepared, PreparedRuns)
-    return int(MAX_STEPS * step_seconds(problem, prepared.system.flops) / one_sweep)
-
-
-def sweep_seconds(problem: ContactProblem) -> float:
-    """Return the nominal seconds of a sweep."""
-    layout = problem.layout
-    return (SWEPT_ROW if layout.has_contacts_only else SWEPT_ROW_OF_ANY_LAW) * layout.n_blocks * layout.width
-
-
-def step_seconds(problem: ContactProblem, operations: float) -> float:
-    """Return the nominal seconds of an interior point step whose factorisation takes so many operations."""
-    return STEP + STEPPED_BLOCK * problem.layout.n_blocks + OPERATION * operations
+    return int(MAX_STEPS * step_seconds(problem, count_operations(sequence)) / one_sweep)

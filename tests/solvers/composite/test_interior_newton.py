@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.composite.interior_newton import form_for
+from proxbench.solvers.composite.interior_newton import cone_programs, first_method, form_for
 
 
 @pytest.mark.parametrize("name", ["hard-duplicated-slider-mu10", "hard-scaled-tower-10", "hard-linked-redundant"])
@@ -78,3 +78,13 @@ def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
     assert problem.factors is not None
     assert problem.n_rows > 2 * problem.factors.n_dofs
     assert form_for(problem) == "delassus"
+
+
+@pytest.mark.parametrize(("name", "is_cheap"), [("bodies-stack-10", True), ("pile-400-mixed-1", False)])
+def test_cone_programs_are_tried_where_one_takes_the_work_of_a_few_steps(name: str, is_cheap: bool) -> None:
+    """20 f / 3 GHz against 20 steps: on a stack m decides, on a pile of balls f, which grows faster."""
+    problem = load(name)
+    operations = first_method(problem).prepare(problem).system.flops
+    assert (cone_programs(problem, operations) is not None) is is_cheap
+    assert cone_programs(problem, 1e15) is None
+    assert cone_programs(problem, 0.0) is not None

@@ -9,16 +9,8 @@ from proxbench.solvers import Stop, create
 from proxbench.solvers.composite import robust
 from proxbench.solvers.composite.interior_newton import first_method
 from proxbench.solvers.composite.sequence import SolverSequence
-from proxbench.solvers.composite.windows import (
-    MAX_STEPS,
-    SHORT_WINDOW,
-    WINDOW,
-    Window,
-    longest_window,
-    step_seconds,
-    sweep_seconds,
-    window_lengths,
-)
+from proxbench.solvers.composite.windows import SHORT_WINDOW, WINDOW, Window, longest_window, window_lengths
+from proxbench.solvers.composite.work import MAX_STEPS, step_seconds, sweep_seconds
 from proxbench.solvers.iteration.stopping import Clock
 
 
