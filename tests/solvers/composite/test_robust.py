@@ -1,5 +1,6 @@
 """Robust: sweeps solve easy problems, other methods the rest, and the message lists the parts."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -155,3 +156,36 @@ def test_two_contacts_of_a_mass_ratio_of_1e8_are_solved() -> None:
     solution = solve(problem, tolerance=1e-7)
     assert solution.status is Status.SOLVED
     assert solution.impulses == pytest.approx([(light + heavy) * push, heavy * push], rel=1e-6)
+
+
+def heavy_top_stack(seed: int) -> ContactProblem:
+    """Two to five boxes of growing mass, each on four corners, that rest but for a small random velocity."""
+    rng = np.random.default_rng(seed)
+    n, ratio, friction = int(rng.integers(2, 6)), 10.0 ** rng.uniform(0.0, 5.0), rng.uniform(0.3, 0.9)
+    masses = ratio ** (np.arange(n) / (n - 1))
+    edge, height = 0.2, 0.1
+    inertia = np.array([(height**2 + edge**2) / 12.0] * 2 + [edge**2 / 6.0])
+    columns = []
+    for box, x, y in itertools.product(range(n), (-1, 1), (-1, 1)):
+        jitter = 1e-3 * rng.normal(size=2)
+        point = np.array([x * edge / 2 + jitter[0], y * edge / 2 + jitter[1], -height / 2])
+        for axis in np.eye(3)[[2, 0, 1]]:  # the normal is the third one
+            direction = np.zeros((n, 6))
+            direction[box] = [*axis, *np.cross(point, axis)]
+            if box:
+                direction[box - 1] = [*-axis, *-np.cross(point + np.array([0.0, 0.0, height]), axis)]
+            columns.append(direction.ravel())
+    directions = np.array(columns).T
+    inverse_mass = np.concatenate([[1.0 / mass] * 3 + [*1.0 / (mass * inertia)] for mass in masses])
+    velocity = np.tile([0.0, 0.0, -0.02, 0.0, 0.0, 0.0], n)
+    velocity += rng.normal(size=6 * n) * np.tile([1.0] * 3 + [5.0] * 3, n) * 10.0 ** rng.uniform(-5.0, -2.0)
+    return ContactProblem.from_factors(directions, inverse_mass, directions.T @ velocity, friction, dim=3)
+
+
+@pytest.mark.parametrize("seed", [3, 58, 78, 132])
+def test_stacks_of_boxes_with_a_heavy_top_are_solved(seed: int) -> None:
+    """Redundant contacts, of which some open and slip slowly; sweeps end near 0.01 where masses differ."""
+    problem = heavy_top_stack(seed)
+    solution = solve(problem, tolerance=1e-8)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-8
