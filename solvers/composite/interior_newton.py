@@ -14,7 +14,8 @@ usually find these digits in a few hundred sweeps, which cost less than two fact
 
 The last four run five times, with growing iteration limits for the path and the sweeps. The path continues where it
 stopped. Where it has ended, and in the fourth round, it restarts with series of another order, which pass where the
-first ones cycle. No method delays the others for long, and the runs do not depend on the speed of the machine.
+first ones cycle. Once no path is left, ``ProximalPoint`` starts from the best impulses. No method delays the others for
+long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -169,3 +170,4 @@ def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[Solver
         # swept impulses may be better than the end of the path, and identify the states less well
         yield sequence.plan(ProximalPoint(), end, MAX_PROXIMAL_STEPS)
         yield sequence.plan(HybridNewton(), sequence.best_impulses, hybrid_limit)
+        end = sequence.best_impulses  # without a path, the same start would repeat the same steps
