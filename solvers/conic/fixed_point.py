@@ -168,7 +168,7 @@ class PreparedFixedPoint:
     program: ConicProgram = field(repr=False)
     memory: int
     correction: Callable[[Clock, float], Correction] = Correction
-    phases: tuple[Phase, ...] = PHASES
+    phases: tuple[Phase, ...] = field(default=PHASES, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""
