@@ -254,12 +254,18 @@ class RigidBodies:
         poses, free = self.poses(midpoint), self.twists(velocity).copy()
         for acceleration in self.accelerations:
             free[:, :3] += seconds * acceleration(poses[:, :3], self.twists(velocity)[:, :3], self.masses)
-        if self.is_gyroscopic:
-            free[:, 3:] = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds)
         contacts = self._active_contacts(poses)
         if self.joints is not None:
             contacts = self._with_joints(contacts, self.joints.rows_at(poses, seconds, self.margin))
-        return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+        if not self.is_gyroscopic:
+            return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+
+        def with_impulses(impulses: FloatArray | None) -> FloatArray:
+            moments = None if impulses is None else self.twists(impulses)[:, 3:]
+            spins = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds, moments)
+            return np.column_stack([free[:, :3], spins]).ravel()
+
+        return StepAssembly(with_impulses(None), self.inverse_mass, contacts, with_impulses)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with a gap below ``limit``."""

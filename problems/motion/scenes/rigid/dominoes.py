@@ -26,9 +26,12 @@ from ...bodies.rigid.rigid_bodies import RigidBodies
 from ...bodies.rigid.shapes import Box
 from ...state import State
 from ..effects import Friction, Gravity
-from ..scene import OVERLAP, Observable, check_positive
+from ..scene import Observable, check_positive
 from .boxes import Size, incline
 from .effects import rigid_bodies
+
+RESTING_DEPTH = 1e-6
+"""Depth [m] of standing dominoes in the ground; see ``scene.RESTING_OVERLAP``. It shortens levers."""
 
 TRAIN = 40
 """Impacts after which the speed of the wave counts as its limit."""
@@ -110,7 +113,7 @@ class Dominoes:
         thickness, _, height = self.size
         poses, twists = np.zeros((self.n_dominoes, 7)), np.zeros((self.n_dominoes, 6))
         poses[:, 0] = self.pitch * np.arange(self.n_dominoes)
-        poses[:, 2], poses[:, 3] = 0.5 * height - OVERLAP, 1.0
+        poses[:, 2], poses[:, 3] = 0.5 * height - RESTING_DEPTH, 1.0
         twists[0] = 0.5 * self.push * np.array([height, 0.0, thickness, 0.0, 2.0, 0.0])
         return State(0.0, poses.ravel(), twists.ravel())
 
