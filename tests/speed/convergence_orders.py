@@ -176,7 +176,7 @@ def cases() -> Iterator[Case]:
     yield _top(0.3, 1.0)
     yield _case("pendulum", Pendulum(), 0.5, 25, 2.0)
     yield _chain()
-    yield _case("four_bar", FourBar(), 0.25, 25, 2.0)
+    yield _case("four_bar", FourBar(), 0.4, 40, 2.0)
     yield _ball_on_chain()
 
 
