@@ -68,8 +68,6 @@ def piles(sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS) 
             "contacts": contacts,
             "rows/velocities": rows / (6 * n_boxes),
             "rows - rank": redundant,
-            if n_boxes <= MOST_FOR_RANK
-            else f"> {rows - 6 * n_boxes}",
             "ms a step": 1e3 * seconds,
             "detection": detecting / seconds,
             "growth": growth,

@@ -13,6 +13,7 @@ from ...arrays import FloatArray
 from ...errors import ProblemError
 from ..bodies.balls import BallSystem
 from ..bodies.rigid.rigid_bodies import RigidBodies
+from ..bodies.rigid.starts import check_start
 from ..bodies.surfaces import Plane
 from ..bodies.system import MechanicalSystem, System
 from ..state import State
@@ -171,10 +172,10 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
     """Return the scene of a system and its first state, with the usual numbers for all else.
 
     Raises:
-        ProblemError: if rigid bodies penetrate each other deeply at the start.
+        ProblemError: if rigid bodies cannot start so, see ``check_start``.
     """
     if isinstance(system, RigidBodies):
-        system.check_start(start.position)
+        check_start(system, start)
     balls = system if isinstance(system, BallSystem) else None
     scene = Scene(
         name,

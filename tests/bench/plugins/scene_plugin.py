@@ -113,6 +113,15 @@ def wiper(speed: float = 2.0) -> Scene:
     return replace(bare_scene("wiper", {"speed": speed}, system, start), depth=1e-6)
 
 
+def broken(what: str = "flat") -> Scene:
+    """A wiper of a flat rod, or one whose hinge is open."""
+    if what == "flat":
+        Box((0.1, 0.1, 0.0))
+    scene = wiper()
+    raised = np.add(scene.start.position, [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
+    return replace(scene, start=replace(scene.start, position=raised))
+
+
 def twin(balls: int = 20) -> Scene:
     return make_scene("funnel", {"balls": balls})
 
@@ -135,6 +144,7 @@ SCENES = {
     "block": block,
     "coupled": coupled,
     "wiper": wiper,
+    "broken": broken,
     "twin": twin,
     "bouncing": bouncing,
     "needy": needy,

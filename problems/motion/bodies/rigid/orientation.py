@@ -3,13 +3,28 @@
 A body that turns with the angular velocity ω [rad/s], in body axes, for s seconds goes from q to q ⊗ exp(s ω/2).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
 from ....arrays import FloatArray
+from ....errors import ProblemError
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 """The orientation whose body axes are the world axes."""
+
+UNIT = 1e-6
+"""Difference from 1 up to which the length of a quaternion counts as 1."""
+
+
+def check_orientation(what: str, quaternion: Sequence[float]) -> None:
+    """Raise ``ProblemError`` unless the orientation of ``what`` is a quaternion of unit length, to 1e-6."""
+    if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT:
+        raise ProblemError(
+            f"orientation of {what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its "
+            "length."
+        )
 
 
 def product(first: FloatArray, second: FloatArray) -> FloatArray:
