@@ -1,10 +1,12 @@
 """A spinning top precesses steadily, on a joint and on its tip."""
 
+from dataclasses import dataclass, replace
 from math import cos
 
 import numpy as np
 import pytest
-from proxbench.problems import ProblemError
+from proxbench.problems import ContactProblem, ProblemError
+from proxbench.problems.contact.solver import Prepared
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.rigid.spinning_top import SpinningTop
@@ -69,6 +71,26 @@ def test_gyroscopic_moments_do_no_work_on_a_joint() -> None:
     errors = [abs(energy(system, last_state(scene, 0.2, n)) / energy(system, start) - 1.0) for n in (50, 100)]
     assert errors[0] <= 1e-5
     assert errors[1] <= errors[0] / 7.0
+
+
+@dataclass
+class Counting:
+    """A solver that counts its solves."""
+
+    solves: int = 0
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        self.solves += 1
+        return create("Robust").prepare(problem)
+
+
+@pytest.mark.parametrize(("is_gyroscopic", "solves"), [(True, 2), (False, 1)])
+def test_a_step_is_solved_twice_only_if_it_has_gyroscopic_moments(is_gyroscopic: bool, solves: int) -> None:
+    scene, solver = SpinningTop(), Counting()
+    system = replace(scene.system(), is_gyroscopic=is_gyroscopic)
+    [step] = MidpointRule(system, solver, Stop(1e-10, 1000), 1e-3).steps(scene.start(), 1)
+    assert solver.solves == solves
+    assert step.status is Status.SOLVED
 
 
 def test_the_tip_slides_if_its_friction_is_below_that_of_its_circle() -> None:
