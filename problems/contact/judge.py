@@ -7,8 +7,8 @@ For law i with α_i = the largest diagonal entry of its block of G, and the prox
 over the connected components k of the contacts (see ``coupling``). This is the largest velocity by which a law is
 violated, relative to the largest free velocity of a law in its component. It does not depend on the step size of a
 solver, on units, on the choice of tangents, on the number of contacts, or on other components. It remains meaningful
-at large mass ratios, where an impulse error relative to max|Λ| does not. A component whose free velocity is zero, or
-rounding of that of the others, is measured relative to the largest free velocity of all.
+at large mass ratios, where an impulse error relative to max|Λ| does not. If the free velocity of a component is zero or
+rounding, its residual is relative to the largest free velocity of all.
 
 The rows of rolling friction hold angular velocities [rad/s]. They count as velocities at the distance
 
@@ -19,9 +19,9 @@ is ℓ_i α_i ‖R_i‖ and the free velocity ℓ_i ‖c_i‖, so that the resid
 
 Impulses of wedged bodies may be huge, and the terms of ξ = GΛ + c then cancel. Therefore ξ is summed in twice the
 working precision (``matrices.accurate``), and violations are computed without cancellation (``residual``). Every
-reported error is at least what rounding may still hide.
+reported error is at least its possible rounding error.
 
-The impulse of a unilateral law with α = 0 moves nothing itself, but it may permit friction that does. Such a law takes
+The impulse of a unilateral law with α = 0 has no effect on velocities, but it may permit friction. Such a law has
 the largest α of the friction laws that it bounds, so that Λ_N > 0 at an opening contact is a violation.
 """
 
@@ -57,7 +57,7 @@ UNITS = {
     "complementarity": " [J]",
     "dissipated_energy": " [J]",
 }
-"""Units of the fields of a verdict that have one."""
+"""Units of the fields of a verdict with units."""
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, f
 
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
-    """Return for each share the least value that this share of the values does not exceed; 0 for no values."""
+    """Return the quantile of the values for each share; 0 without values."""
     if not len(values):
         return [0.0] * len(shares)
     places = [max(0, math.ceil(share * len(values)) - 1) for share in shares]
@@ -248,7 +248,7 @@ def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
 
 
 def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray, rounding: FloatArray) -> float:
-    """Return ‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N, at least what rounding of ξ and of Λ may hide.
+    """Return ‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N, at least its possible rounding error.
 
     The bound of a friction law that does not follow its partner is fixed at its present value.
     """

@@ -14,8 +14,8 @@ times the friction bound,
 The first two cases have the relative error of ξ, which ``matrices.accurate`` bounds. In the third case h and the
 projection may cancel. I − prox and prox are nonexpansive, so rounding of h contributes u‖h‖ and that of h − ξ
 contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all
-(``_hidden_by_sliding``). The violation is at least that, so that the exact one is at most twice the value returned,
-beside a relative error of a few u. The third case applies wherever ‖h − ξ‖ is not below b by more than rounding.
+(``_hidden_by_sliding``). The returned violation is at least that, so the exact one is at most twice the returned value,
+up to a relative error of a few u. The third case applies unless ‖h − ξ‖ is below b by more than rounding.
 """
 
 from functools import cached_property
@@ -95,7 +95,7 @@ class Residual:
         return float(_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
 
     def rounding(self, impulses: FloatArray) -> float:
-        """Return an estimate of the residual that plain arithmetic cannot tell from zero at Λ [N s], (n_rows,).
+        """Return an estimate of the residual that plain arithmetic cannot distinguish from zero at Λ [N s], (n_rows,).
 
         It is the effect on ξ of rounding Λ and a few hundred terms of its size.
         """
@@ -114,9 +114,9 @@ class Residual:
         return max(self(impulses, velocity), ratio(hidden, self.scale))
 
     def hidden(self, rounding: FloatArray) -> FloatArray:
-        """Return the velocity [m/s] of each law, shape (n_laws,), that rounding of its rows of ξ may hide.
+        """Return the possible rounding error [m/s] of the violation of each law, shape (n_laws,).
 
-        ``rounding`` is that of each row, shape (n_rows,), as ``ContactProblem.accurate_velocity`` returns it.
+        ``rounding`` is the error bound of each row, shape (n_rows,), from ``ContactProblem.accurate_velocity``.
         """
         first = self._rows[2]
         sums: FloatArray = np.add.reduceat(rounding, first) if len(first) else np.zeros(0)
@@ -190,7 +190,7 @@ def _write_squared_violations(  # type: ignore[no-untyped-def]
     """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest root times ratio [m/s], or NaN.
 
     Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
-    for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
+    for α = 0: the violation of a unilateral law is then (−ξ)₊, and that of a friction law 0.
     """
     alpha, lengths, _, ratios, squares = numbers
     largest, one = 0.0, uint64(1)
