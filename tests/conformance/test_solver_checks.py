@@ -80,7 +80,7 @@ def _forgotten() -> Iterator[None]:
         ("no text", "finite", "a message of type int, not text"),
         ("prints", "silent", "'hello'"),
         ("prints below", "silent", "'hello from below'"),
-        ("warns", "silent", "it warned of 'look here'; say it"),
+        ("warns", "silent", "it warned of 'look here'; report it"),
     ],
 )
 def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> None:
@@ -248,7 +248,7 @@ def test_problems_are_held_to_their_promises() -> None:
         check.run(lambda: made(Answer(impulses=(np.ones(1),))))
     with pytest.raises(Violation, match="fixed random seed"):
         OF_PROBLEMS["deterministic"].run(lambda: made(free_velocity=-float(rng.random())))
-    with pytest.raises(Violation, match="the judge reads"):
+    with pytest.raises(Violation, match="its judged residual is"):
         OF_PROBLEMS["answer"].run(lambda: made(Answer(impulses=(np.zeros(1),))))
     with pytest.raises(Violation, match="no contacts"):
         OF_PROBLEMS["made"].run(lambda: ContactProblem.from_delassus(np.zeros((0, 0)), (), dim=1))
