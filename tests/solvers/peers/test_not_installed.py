@@ -7,20 +7,24 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.solvers import SolverError, available, create
-from proxbench.solvers.peers import mujoco_problem, pinocchio_problem
+from proxbench.solvers.peers import kamino_problem, mujoco_problem, pinocchio_problem
 from proxbench.solvers.registry import peers
+
+LIBRARIES = {"MuJoCo": ("mujoco", "mujoco"), "KaminoPADMM": ("newton", "kamino")}
+"""Library and extra of each solver that does not need Pinocchio."""
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
     for library in (pinocchio_problem, mujoco_problem):
         monkeypatch.setattr(library, "find_spec", lambda module: None)
+    monkeypatch.setattr(kamino_problem, "INSTALLED", "no-such-distribution")
 
 
 @pytest.mark.usefixtures("bare")
 @pytest.mark.parametrize("name", peers())
 def test_the_sentence_names_solver_library_and_command(name: str) -> None:
-    library, extra = ("mujoco", "mujoco") if name == "MuJoCo" else ("pinocchio", "peers")
+    library, extra = LIBRARIES.get(name, ("pinocchio", "peers"))
     with pytest.raises(
         SolverError, match=rf'{name} needs {library}, which is not installed; run pip install "\.\[{extra}\]"'
     ):
@@ -55,6 +59,6 @@ def test_outside_solvers_are_not_among_the_available_ones() -> None:
 def test_listing_outside_solvers_imports_no_library() -> None:
     code = (
         "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "
-        "sys.exit(not {'pinocchio', 'mujoco'}.isdisjoint(sys.modules))"
+        "sys.exit(not {'pinocchio', 'mujoco', 'newton', 'warp'}.isdisjoint(sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
