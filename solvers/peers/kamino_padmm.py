@@ -6,7 +6,8 @@ from typing import ClassVar
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
-from .kamino_problem import DualSolver, check_installed, unsupported_reason
+from .installed import check_installed
+from .kamino_problem import TRIED, DualSolver, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 
@@ -32,7 +33,7 @@ class KaminoPADMM(Method):
     has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_installed("KaminoPADMM")
+        check_installed("KaminoPADMM", "newton", "kamino", TRIED)
         check_option("acceleration", self.acceleration, isinstance(self.acceleration, bool), "True or False")
         check_option("penalty", self.penalty, 0.0 < self.penalty < float("inf"), "positive")
 

@@ -9,8 +9,9 @@ same on every problem.
 These parts of Kamino are private, so only the version that they were tried with is accepted.
 """
 
+import sys
 from dataclasses import replace
-from importlib import import_module, metadata
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,31 +20,13 @@ import numpy as np
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import SolverError
 from ..conic.programs import Scaling
 
-INSTALL = 'pip install ".[kamino]"'
-"""The command that installs Kamino."""
-
-INSTALLED = "newton"
-"""The distribution that contains Kamino."""
-
 TRIED = "1.8"
-"""The versions that this module was tried with begin like this."""
+"""The versions of Newton that this module was tried with begin like this."""
 
 MAX_ROWS = 3000
 """Rows beyond which a factorisation, which cannot be interrupted, takes many seconds."""
-
-
-def check_installed(solver: str) -> None:
-    """Raise ``SolverError`` unless Newton is installed in the version that was tried; this does not import it."""
-    remedy = f"run {INSTALL} in a clone of proxbench"
-    try:
-        version = metadata.version(INSTALLED)
-    except metadata.PackageNotFoundError:
-        raise SolverError(f"{solver} needs newton, which is not installed; {remedy}") from None
-    if not version.startswith(f"{TRIED}."):
-        raise SolverError(f"{solver} is untried with newton {version}, {TRIED}.x is supported; {remedy}")
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:
@@ -87,8 +70,7 @@ class DualSolver:
     """
 
     def __init__(self, problem: ContactProblem, acceleration: bool, penalty: float) -> None:
-        self._warp = import_module("warp")
-        self._warp.config.log_level = self._warp.LOG_ERROR
+        self._warp = _import_warp()
         scaling, laws = Scaling(problem), problem.laws
         self._order, self._groups = _rows_of(laws)
         self._impulse = scaling.impulse[self._order]
@@ -184,6 +166,19 @@ class DualSolver:
 
     def _integer(self, value: int) -> Any:
         return self._warp.array([value], dtype=self._warp.int32, device="cpu")
+
+
+def _import_warp() -> Any:
+    """Import Warp and Newton without a word, and without the viewer, whose library would reserve a gigabyte."""
+    warp = import_module("warp")
+    warp.config.log_level = warp.LOG_ERROR
+    if "rerun" not in sys.modules:
+        sys.modules["rerun"] = None  # type: ignore[assignment]  # Newton takes it for not installed
+        try:
+            import_module("newton")
+        finally:
+            del sys.modules["rerun"]
+    return warp
 
 
 def _kamino(module: str) -> Any:
