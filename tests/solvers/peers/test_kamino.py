@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from proxbench.bench.conformance.run import checked
+from proxbench.bench.conformance.run import run_checks
 from proxbench.problems import ContactProblem, LawKind, Laws, judge, load
 from proxbench.problems.contact.transformations import in_units
 from proxbench.solvers import SolverError, Status, Stop, create
@@ -82,4 +82,4 @@ def test_options_out_of_range_are_refused(options: str, words: str) -> None:
 
 @pytest.mark.slow
 def test_it_passes_the_conformance_tests() -> None:
-    assert all(subject["passed"] for subject in checked("KaminoPADMM"))
+    assert all(subject["passed"] for subject in run_checks("KaminoPADMM"))
