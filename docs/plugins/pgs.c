@@ -20,12 +20,6 @@ static double seconds(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-static double diagonal(const pb_problem *p, int row) {
-    for (int k = p->row_starts[row]; k < p->row_starts[row + 1]; k++)
-        if (p->columns[k] == row) return p->values[k];
-    return 0.0;
-}
-
 /* Write P(scale x - weight (G x + c)) of one law into y, with P the projection onto scale times its set. */
 static void project(const pb_problem *p, int law, double scale, double weight, const double *x, double *y) {
     double bound = p->fixed_bound[law], squared = 0.0;
@@ -49,7 +43,7 @@ static double residual(const pb_problem *p, const double *x) {
         project(p, law, p->alpha[law], 1.0, x, y);
         for (int k = 0, row = p->first_row[law]; k < p->row_count[law]; k++, row++) {
             squared += pow(p->alpha[law] * x[row] - y[k], 2.0);
-            hidden = fmax(hidden, p->weight[law] * fabs(diagonal(p, row) * x[row]));
+            hidden = fmax(hidden, p->weight[law] * fabs(p->diagonal[row] * x[row]));
         }
         if (!(p->weight[law] * sqrt(squared) <= largest)) largest = p->weight[law] * sqrt(squared);
     }
@@ -73,7 +67,7 @@ int32_t proxbench_prepare(const pb_problem *p, const char *options, void **prepa
     *s = (solver){p, calloc(rows, 8), calloc(rows, 8), calloc((size_t)p->n_laws + 1, 8)};
     for (int law = 0; law < p->n_laws; law++) {
         double largest = 0.0;
-        for (int k = 0; k < p->row_count[law]; k++) largest = fmax(largest, diagonal(p, p->first_row[law] + k));
+        for (int k = 0; k < p->row_count[law]; k++) largest = fmax(largest, p->diagonal[p->first_row[law] + k]);
         s->step[law] = largest > 0.0 ? relaxation / largest : 0.0;
     }
     return PB_SOLVED;

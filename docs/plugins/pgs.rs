@@ -37,7 +37,7 @@ pub struct Problem { // the first fields of pb_problem, which this solver reads
     alpha: *const f64, weight: *const f64,
     dense: *const f64,
     row_starts: *const i32, columns: *const i32,
-    values: *const f64,
+    values: *const f64, diagonal: *const f64,
 }
 
 #[repr(C)]
@@ -62,8 +62,7 @@ impl Solver {
         let starts: Vec<usize> = from_raw_parts(p.row_starts, n + 1).iter().map(|&k| k as usize).collect();
         let columns: Vec<usize> = from_raw_parts(p.columns, starts[n]).iter().map(|&k| k as usize).collect();
         let values = from_raw_parts(p.values, starts[n]).to_vec();
-        let entry = |row: usize| (starts[row]..starts[row + 1]).find(|&k| columns[k] == row).map_or(0.0, |k| values[k]);
-        let diagonal: Vec<f64> = (0..n).map(entry).collect();
+        let diagonal = from_raw_parts(p.diagonal, n).to_vec();
         let law = |i: usize| {
             let (first, count) = (*p.first_row.add(i) as usize, *p.row_count.add(i) as usize);
             let largest = diagonal[first..first + count].iter().fold(0.0, |a: f64, &b| a.max(b));
