@@ -13,7 +13,7 @@ from .title_bars import with_spatial_views_only, with_whole_curves, without_pane
 STILL, FILM = ".png", ".webp"
 """Suffixes of stills and films."""
 
-STILL_SIZE, FILM_SIZE = (1600, 1000), (800, 500)
+STILL_SIZE, FILM_SIZE = (1600, 1000), (640, 560)
 """Width and height [pixels]."""
 
 FRAMES_PER_SECOND, END_SECONDS = 20, 1.0

@@ -55,9 +55,10 @@ class ForceArrows:
         """What the length of an arrow means."""
         if self.reference is None:
             return ""
+        force = float(f"{self.reference:.2g}")
         return (
-            f" Arrows grow with the root of a force: {RADII:g} radii of the body are {self.reference:.2g} N, and twice "
-            f"that is {MAX_RATIO:g} times this force or more."
+            f" Arrows grow with the root of a force: {RADII:g} radii of the body are {force:g} N, and twice that is "
+            f"{MAX_RATIO:g} times this force or more."
         )
 
     def drawn(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:
