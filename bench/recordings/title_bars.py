@@ -70,7 +70,7 @@ def with_spatial_views_only(blueprint: Blueprint) -> Blueprint:
             is_kept = [has_views(child) for child in _children(fields)]
             for name in ("contents", "col_shares", "row_shares"):
                 if name in fields:
-                    fields[name] = [value for value, keep in zip(fields[name], is_kept, strict=False) if keep]
+                    fields[name] = [value for value, keep in zip(_values(fields, name), is_kept, strict=False) if keep]
             kept[entity], remains = {"ContainerBlueprint": fields}, any(is_kept)
         if not remains:
             for name in [name for name in kept if name == entity or name.startswith(f"{entity}/")]:
@@ -107,14 +107,14 @@ def _boxes(blueprint: Blueprint, entity: str, box: Box) -> Iterator[tuple[str, B
     kind = fields["container_kind"]
     n_columns = {"Horizontal": len(children), "Grid": fields.get("grid_columns", 1)}.get(kind, 1)
     n_rows = math.ceil(len(children) / max(n_columns, 1))
-    columns = _split(left, right, n_columns, fields.get("col_shares"))
-    rows = _split(top, bottom, n_rows, fields.get("row_shares"))
+    columns = _split(left, right, n_columns, _values(fields, "col_shares"))
+    rows = _split(top, bottom, n_rows, _values(fields, "row_shares"))
     for index, child in enumerate(children):
         (near, far), (upper, lower) = columns[index % n_columns], rows[index // n_columns]
         yield from _boxes(blueprint, child, (near, upper, far, lower))
 
 
-def _split(start: float, end: float, count: int, shares: list[float] | None) -> list[tuple[float, float]]:
+def _split(start: float, end: float, count: int, shares: list[float]) -> list[tuple[float, float]]:
     """Return the ends of parts of a line, in proportion to their shares."""
     own = (shares or [1.0] * count)[:count]
     length, parts = end - start - GAP * (count - 1), []
@@ -129,7 +129,13 @@ def _root(blueprint: Blueprint) -> str:
 
 
 def _children(container: Mapping[str, Any]) -> list[str]:
-    return [f"/{child}" for child in container["contents"]]
+    return [f"/{child}" for child in _values(container, "contents")]
+
+
+def _values(fields: Mapping[str, Any], name: str) -> list[Any]:
+    """Return the values of a field; the viewer writes one value without its list."""
+    values = fields.get(name, [])
+    return values if isinstance(values, list) else [values]
 
 
 def _kind(blueprint: Blueprint, entity: str) -> str | None:

@@ -57,6 +57,18 @@ def test_views_have_the_places_of_their_shares() -> None:
     }
 
 
+def test_a_container_of_one_view_is_as_large_as_the_view() -> None:
+    # the viewer writes one value without its list
+    fields = {"container_kind": "Vertical", "contents": "view/a", "row_shares": 2.0}
+    layout = {
+        "/viewport": LAYOUT["/viewport"],
+        "/container/root": {"ContainerBlueprint": fields},
+        "/view/a": view("3D"),
+    }
+    assert view_boxes(layout, (400, 200)) == {"/view/a": (0.0, 0.0, 400.0, 200.0)}
+    assert view_boxes(with_spatial_views_only(layout), (400, 200)) == {"/view/a": (0.0, 0.0, 400.0, 200.0)}
+
+
 def test_a_grid_fills_its_rows_from_the_left() -> None:
     layout = {
         "/viewport": LAYOUT["/viewport"],
