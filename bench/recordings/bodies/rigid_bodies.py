@@ -77,8 +77,9 @@ class RigidRecorder(SceneRecorder):
 
     def _explanation(self) -> str:
         text = (
-            "Bodies are coloured by their height at the start. **Teal** contacts stick, **orange** ones slip; arrows "
-            "are forces on the first body, and lines join the loaded contacts of two bodies."
+            "Bodies are coloured by their height at the start, in alternating shades. **Teal** contacts stick, "
+            "**orange** ones slip; arrows are forces on the first body, and lines join the loaded contacts of two "
+            "bodies."
         )
         if self._joints is not None:
             text += (
