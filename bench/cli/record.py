@@ -37,7 +37,7 @@ def record(
     """
     from ...problems.contact.solver import Stop
     from ..measure.plan import make_plan
-    from ..plugins.problems import resolved
+    from ..plugins.problems import resolve_problem
     from ..recordings.blueprints import ITERATION, STEP, TIME
     from ..recordings.pictures import FILM, STILL, refuse_picture, write_film, write_still
     from ..recordings.solves import record_solves
@@ -58,7 +58,7 @@ def record(
     else:
         plan = make_plan([problem], solver, RunSettings.checked([tolerance]))
         stop = Stop(tolerance, max_iterations, solve_seconds)
-        made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, file, force)
+        made = record_solves(resolve_problem(plan.problems[0]), plan.solvers, stop, file, force)
     if still is not None:
         write_still(file, still, STEP if is_simulation else ITERATION)
     if film is not None:

@@ -1,4 +1,4 @@
-/* Projected Gauss-Seidel sweeps with relaxation, for every law: the solver SORprox(relaxation=...) in C.
+/* Projected Gauss-Seidel sweeps with relaxation, for all laws: the solver SORprox(relaxation=...) in C.
 
    cc -O2 -shared -fPIC -I"$(python -m proxbench.solvers.native)" pgs.c -o libpgs.so -lm
    proxbench run --solver "Shared(./libpgs.so, options='relaxation=1.5')" */
@@ -11,7 +11,7 @@
 
 typedef struct {
     const pb_problem *problem;
-    double *x, *seen, *step; /* impulses now and at the last look [N s], step size of each law [kg] */
+    double *x, *seen, *step; /* impulses now and at the last check [N s], step size of each law [kg] */
 } solver;
 
 static double seconds(void) {
@@ -41,7 +41,7 @@ static void project(const pb_problem *p, int law, double scale, double weight, c
         for (int k = 0; k < p->row_count[law]; k++) y[k] *= scale * bound / sqrt(squared);
 }
 
-/* Return the residual, and at least what rounding hides of it: see PB_SCALES in proxbench.h. */
+/* Return the residual, at least its rounding error: see PB_SCALES in proxbench.h. */
 static double residual(const pb_problem *p, const double *x) {
     double largest = 0.0, hidden = 0.0;
     for (int law = 0; law < p->n_laws; law++) {
@@ -83,7 +83,7 @@ int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *re
     const solver *s = prepared;
     const pb_problem *p = s->problem;
     double end = seconds() + request->max_seconds, lowest = INFINITY, first = 1.0, y[3];
-    int64_t done = 0, next = 0; /* sweeps done, and when to look at the residual next */
+    int64_t done = 0, next = 0; /* sweeps done, and sweep of the next residual check */
     size_t size = 8 * (size_t)p->n_rows;
     memset(result->impulses, 0, size);
     if (p->infeasible_law >= 0) return PB_INFEASIBLE;

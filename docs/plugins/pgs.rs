@@ -1,4 +1,4 @@
-//! Projected Gauss-Seidel sweeps with relaxation, for every law: the solver SORprox(relaxation=...) in Rust.
+//! Projected Gauss-Seidel sweeps with relaxation, for all laws: the solver SORprox(relaxation=...) in Rust.
 //!
 //! rustc -O --crate-type cdylib pgs.rs -o libpgs.so
 //! proxbench run --solver "Shared(./libpgs.so, options='relaxation=1.5')"
@@ -27,7 +27,7 @@ pub struct Description {
 unsafe impl Sync for Description {}
 
 #[repr(C)]
-pub struct Problem { // the beginning of pb_problem, up to the arrays that this solver reads
+pub struct Problem { // the first fields of pb_problem, which this solver reads
     size: u32, forms: u32,
     n_rows: i64, n_laws: i64, n_dofs: i64, n_blocks: i64, width: i64, infeasible_law: i64,
     free_velocity: *const f64,
@@ -101,7 +101,7 @@ impl Solver {
         }
     }
 
-    /// Return the residual, and at least what rounding hides of it: see PB_SCALES in proxbench.h.
+    /// Return the residual, at least its rounding error: see PB_SCALES in proxbench.h.
     fn residual(&self, x: &[f64]) -> f64 {
         let (mut largest, mut hidden) = (0.0f64, 0.0f64);
         for law in &self.laws {
