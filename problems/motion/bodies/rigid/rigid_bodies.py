@@ -282,7 +282,7 @@ class RigidBodies:
         if self.joints is None:
             return keys, gap
         joint_keys, joint_gap, _ = self.joints.limits_below(poses, limit)
-        return np.concatenate([keys, self._first_joint_key + joint_keys]), np.concatenate([gap, joint_gap])
+        return np.concatenate([keys, self.first_joint_key + joint_keys]), np.concatenate([gap, joint_gap])
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all contacts and limits that penetrate, and the joints.
@@ -341,7 +341,7 @@ class RigidBodies:
         return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
 
     @property
-    def _first_joint_key(self) -> int:
+    def first_joint_key(self) -> int:
         """The key of the first joint, beyond those of all contacts."""
         return self._keys.n_bodies**2 * self._keys.n_features
 
@@ -350,7 +350,7 @@ class RigidBodies:
         counts, rebound, drive = joints.row_counts, joints.restitution, joints.drive
         if not len(counts):
             return contacts
-        keys = self._first_joint_key + joints.keys
+        keys = self.first_joint_key + joints.keys
         width = max(self.rows_per_contact, int(counts.max()))
         if contacts is None:
             return ActiveContacts(keys, joints.gap, joints.laws, joints.directions, rebound, width, counts, drive)
