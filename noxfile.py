@@ -48,7 +48,7 @@ def tests(session: nox.Session) -> None:
 @nox.session
 def peers(session: nox.Session) -> None:
     """Test outside solvers, captures, engines and contacts of coal, each with its extra."""
-    session.install(".[test,peers,mujoco,engines,bodies]")
+    session.install(".[test,peers,kamino,mujoco,engines,bodies]")
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
     engines = "tests/bench/measure/trajectories/engines"

@@ -21,7 +21,7 @@ from .measure.plan import make_plan
 from .measure.runner import measure, resume_measuring
 from .measure.trajectories.plan import make_study_plan
 from .plugins.files import use_plugin_files
-from .plugins.problems import problem_of
+from .plugins.problems import problem_of_run
 from .report.build_report import Report, build_report
 from .report.comparison.comparison import SLOWDOWN, Comparison, compare_runs
 from .simulation.starts import DEFAULT_START
@@ -146,7 +146,7 @@ class Run(RunFrames, os.PathLike[str]):
         Raises:
             ProblemError: if there is no problem of that name, or its file is damaged.
         """
-        return problem_of(open_run(self.folder), self.info, name)
+        return problem_of_run(open_run(self.folder), self.info, name)
 
 
 def run(

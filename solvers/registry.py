@@ -51,6 +51,7 @@ PARTS = {
 PEERS = {
     "PinocchioADMM": "peers.pinocchio_admm",
     "PinocchioPGS": "peers.pinocchio_pgs",
+    "KaminoPADMM": "peers.kamino_padmm",
     "MuJoCo": "peers.mujoco_constraints",
 }
 """Module of each outside solver, whose library is an optional dependency."""

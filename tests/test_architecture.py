@@ -19,14 +19,16 @@ FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((RO
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
 RECORDED_WITH_RERUN = (
     "bodies/balls",
+    "bodies/contact_patches",
+    "bodies/joints",
     "bodies/rigid_bodies",
+    "bodies/woodpecker",
     "blueprints",
     "contact_states",
     "file",
+    "headless",
     "simulation",
     "solves",
-    "still",
-    "bodies/woodpecker",
 )
 MOST_ROOMS = 12
 LONGEST_FILE = 400

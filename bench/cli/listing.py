@@ -16,7 +16,7 @@ from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
 from ...solvers.registry import available, composites, create, natives, parts, peers, plugin_solvers
 from ..errors import BenchError
-from ..plugins.describing import described_scene, described_solver, option_texts, plugin_problem
+from ..plugins.describing import describe_scene, describe_solver, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
@@ -185,7 +185,7 @@ def _native(example: str) -> Row:
 
 
 def _plugin_solver(offer: Offer) -> Row:
-    solver = described_solver(offer.name)
+    solver = describe_solver(offer.name)
     return {key: solver[key] for key in ("name", "model", "source", "options")}
 
 
@@ -204,7 +204,7 @@ def _scene(name: str) -> Row:
 
 
 def _plugin_scene(offer: Offer) -> Row:
-    return {"summary": f"from {offer.source}", "options": described_scene(offer.name)}
+    return {"summary": f"from {offer.source}", "options": describe_scene(offer.name)}
 
 
 def _problems() -> list[Row]:

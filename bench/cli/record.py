@@ -23,6 +23,10 @@ def record(
     still: Annotated[
         Path | None, options.output(metavar="FILE", help="Also draw the last frame as a picture (.png).")
     ] = None,
+    film: Annotated[
+        Path | None, options.output(metavar="FILE", help="Also draw the spatial views as an animation (.webp).")
+    ] = None,
+    frames: Annotated[int, options.output(metavar="NUMBER", min=2, help="Frames of the film, 20 a second.")] = 60,
     force: options.Force = False,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
@@ -33,10 +37,10 @@ def record(
     """
     from ...problems.contact.solver import Stop
     from ..measure.plan import make_plan
-    from ..plugins.problems import resolved
-    from ..recordings.blueprints import ITERATION, STEP
+    from ..plugins.problems import resolve_problem
+    from ..recordings.blueprints import ITERATION, STEP, TIME
+    from ..recordings.pictures import FILM, STILL, refuse_picture, write_film, write_still
     from ..recordings.solves import record_solves
-    from ..recordings.still import refuse_still, write_still
     from ..report.layout.text import print_json
     from ..simulation.file import is_result
     from ..store.plans import RunSettings
@@ -45,27 +49,31 @@ def record(
     options.refuse_two_prints(quiet, as_json)
     is_simulation = problem.endswith(".npz") and is_result(Path(problem))
     _require_consistent_options(problem, is_simulation, solver, output)
-    if still is not None:
-        refuse_still(still, force)
+    for picture, suffix in ((still, STILL), (film, FILM)):
+        if picture is not None:
+            refuse_picture(picture, suffix, force)
     file, made = output or Path(problem).with_suffix(".rrd"), None
     if is_simulation:
         record_simulation(Path(problem), file, force)
     else:
         plan = make_plan([problem], solver, RunSettings.checked([tolerance]))
         stop = Stop(tolerance, max_iterations, solve_seconds)
-        made = record_solves(resolved(plan.problems[0]), plan.solvers, stop, file, force)
+        made = record_solves(resolve_problem(plan.problems[0]), plan.solvers, stop, file, force)
     if still is not None:
         write_still(file, still, STEP if is_simulation else ITERATION)
+    if film is not None:
+        write_film(file, film, TIME if is_simulation else ITERATION, frames)
+    pictures = {name: str(path) for name, path in (("still", still), ("film", film)) if path is not None}
     traces = () if made is None else made.traces
     if as_json:
         solves = {} if made is None else {"solves": made.summary()}
-        print_json({"file": str(file), **solves, **({} if still is None else {"still": str(still)})})
+        print_json({"file": str(file), **solves, **pictures})
     else:
         for trace in () if quiet else traces:
             print(f"{trace.solver}: {trace.sentence}")
         print(f"watch it with: rerun {file}")
-        if still is not None:
-            print(f"still: {still}")
+        for name, path in pictures.items():
+            print(f"{name}: {path}")
     return int(any(trace.failed for trace in traces))
 
 

@@ -81,7 +81,7 @@ def report_run(
     page: bool = False,
     profiles: str = "common",
 ) -> int:
-    """Print the tables of a run, then write its files; return 1 if a case failed, is damaged or was omitted.
+    """Print the tables of a run, then write its files; return 1 if a case failed, or is missing, damaged or omitted.
 
     Tables are printed first, so that they are shown even if no file can be written; a sentence on standard error then
     gives the reason. With ``quiet``, this is an error.
@@ -115,7 +115,9 @@ def report_run(
     left_out = [options.spell_options(sentence) for sentence in run.info.plan.left_out]
     for sentence in left_out:
         print(f"proxbench: {sentence}", file=sys.stderr)
-    if not (quiet or as_json):
+    if quiet or as_json:
+        _report_unfinished(frames)
+    else:
         print_tables(frames, console)
         console.print()
     if record:
@@ -135,10 +137,11 @@ def report_run(
 
 
 def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline: str) -> int:
-    """Write the page of a run and print its path; return 1 if a case failed or is damaged."""
+    """Write the page of a run and print its path; return 1 if a case failed, or is missing or damaged."""
     from ..report.layout.text import print_json
 
     _report_damage(run)
+    _report_unfinished(run)
     file = run.page(residual, baseline)
     if as_json:
         print_json({"run": str(run.folder), "page": str(file)})
@@ -148,7 +151,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print the tables of some problems of a run; return 1 if one of their cases failed, or the run is damaged.
+    """Print the tables of some problems of a run; return 1 if one of their cases failed or is missing, or on damage.
 
     Raises:
         BenchError: if the run has no such problem.
@@ -162,6 +165,7 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
     _report_damage(run)
     frames = run.only(problems).judged_by(residual)
     if as_json:
+        _report_unfinished(frames)
         tables = {"problems": problems_table(frames), "results": results_table(frames)}
         records = {name: json_records(table) for name, table in tables.items()}
         print_json({"run": str(run.folder), "residual": residual, **records})
@@ -185,9 +189,17 @@ def _report_damage(run: "Run") -> None:
         print(f"proxbench: {sentence}", file=sys.stderr)
 
 
+def _report_unfinished(frames: "RunFrames") -> None:
+    """Print which cases are missing, where no table does."""
+    from ..store.condition import unfinished
+
+    for sentence in unfinished(frames):
+        print(f"proxbench: {sentence}", file=sys.stderr)
+
+
 def _exit_code(run: "Run", shown: "RunFrames") -> int:
-    """Return 1 if a case that is shown failed, or a file of the run is damaged; else 0."""
-    return int(_has_failed(shown) or bool(run.damaged))
+    """Return 1 if a case that is shown failed or is missing, or a file of the run is damaged; else 0."""
+    return int(_has_failed(shown) or bool(run.damaged) or not shown.is_finished)
 
 
 def _has_failed(frames: "RunFrames") -> bool:

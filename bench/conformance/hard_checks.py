@@ -14,7 +14,7 @@ from ...problems.contact.solver import Solver, Status, Stop
 from ...problems.hard import CASE_GROUPS, hard_case
 from .checks import Check, Violation, checks, of_iterates
 from .samples import supported
-from .trial import meet_answer, tried
+from .trial import require_known_answer, run_trial
 
 HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
 """Limits of the solve of each hard case."""
@@ -23,29 +23,29 @@ ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances in descending order."""
 
 LEAST_DIFFERENCE = 1e-13
-"""Difference below which residuals are equal."""
+"""Difference below which residuals count as equal."""
 
 SAME_ITERATE = 1e-9
-"""Difference below which iterates repeat each other, relative to their largest step."""
+"""Difference below which iterates count as equal, relative to their largest step."""
 
 REPETITIONS = 50
-"""Number of repeated iterations from which a cycle must be reported."""
+"""Number of iterations in a cycle after which the cycle must be reported."""
 
 
-def is_true_on(group: str, solver: Solver) -> None:
+def is_truthful_on_group(group: str, solver: Solver) -> None:
     """On hard cases of one group, results are finite and agree with status and known answer; inputs are kept."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
-        trial = tried(solver, problem, HARD)
+        trial = run_trial(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
-            meet_answer(problem, trial.solution.impulses)
+            require_known_answer(problem, trial.solution.impulses)
 
 
-def gains_by_tolerance(solver: Solver) -> None:
-    """A smaller tolerance never gives a larger residual, unless the residual is within the tolerance."""
+def improves_with_tolerance(solver: Solver) -> None:
+    """A smaller tolerance does not give a larger residual, unless the residual is within the tolerance."""
     for problem in supported(solver):
         before, looser = np.inf, 0.0
         for tolerance in ACCURACIES:
-            trial = tried(solver, problem, Stop(tolerance, HARD.max_iterations, HARD.max_seconds))
+            trial = run_trial(solver, problem, Stop(tolerance, HARD.max_iterations, HARD.max_seconds))
             if trial.solution.status is Status.TIME_LIMIT:
                 break
             if trial.residual > max(before, tolerance) + LEAST_DIFFERENCE:
@@ -57,12 +57,12 @@ def gains_by_tolerance(solver: Solver) -> None:
 
 
 @of_iterates
-def names_cycles(solver: Solver) -> None:
+def reports_cycles(solver: Solver) -> None:
     """A solve whose iterates alternate between two values ends OSCILLATING, not at the iteration limit."""
     stop = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
-        status = solver.prepare(problem).solve(stop, observe=partial(_keep, shown)).status
+        status = solver.prepare(problem).solve(stop, observe=partial(_record_iterate, shown)).status
         if status is Status.ITERATION_LIMIT and _is_cycle(shown):
             raise Violation(
                 f"on {problem.name} its last {REPETITIONS} iterates repeat each other in a cycle of two, and it ends "
@@ -70,7 +70,7 @@ def names_cycles(solver: Solver) -> None:
             )
 
 
-def _keep(shown: deque[FloatArray], iteration: int, impulses: FloatArray) -> None:
+def _record_iterate(shown: deque[FloatArray], iteration: int, impulses: FloatArray) -> None:
     shown.append(np.array(impulses))
 
 
@@ -85,12 +85,12 @@ def _is_cycle(shown: deque[FloatArray]) -> bool:
 
 
 HARD_CHECKS: tuple[Check[Solver], ...] = (
-    *checks(tolerances=gains_by_tolerance, cycles=names_cycles),
+    *checks(tolerances=improves_with_tolerance, cycles=reports_cycles),
     *(
         Check(
             f"hard {group}",
             f"On hard cases ({group}), results are finite and agree with status and known answer; inputs are kept.",
-            partial(is_true_on, group),
+            partial(is_truthful_on_group, group),
         )
         for group in CASE_GROUPS
     ),

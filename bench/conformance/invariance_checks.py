@@ -10,7 +10,7 @@ from ...problems.errors import ProblemError
 from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation, checks
 from .samples import supported
-from .trial import Trial, own_residual, tried
+from .trial import Trial, own_residual, run_trial
 
 STOP = Stop(1e-6, max_iterations=5000, max_seconds=1.0)
 """Limits of the solves of a problem and of its transformations."""
@@ -24,11 +24,11 @@ UNITS = {
 
 
 def ignores_units(solver: Solver) -> None:
-    """In other units of mass, length and time, the problem is solved with the same solution."""
-    for trial in _solved(solver):
+    """In other units of mass, length and time, the problem has the same solution."""
+    for trial in _solved_samples(solver):
         for name, units in UNITS.items():
             other = in_units(trial.problem, **units)
-            again = _again(solver, trial, other, f"in {name}")
+            again = _solve_transformed(solver, trial, other, f"in {name}")
             if again is not None and not again.is_solved:
                 status = again.solution.status
                 raise Violation(
@@ -39,39 +39,39 @@ def ignores_units(solver: Solver) -> None:
 
 def ignores_order(solver: Solver) -> None:
     """With its contacts in another order, a problem has the same solution, or one as accurate."""
-    for trial in _solved(solver):
+    for trial in _solved_samples(solver):
         n = trial.problem.n_contacts
         for order in (np.arange(n)[::-1], np.random.default_rng(n).permutation(n)):
-            _again(solver, trial, permuted(trial.problem, order), "with its contacts in another order")
+            _solve_transformed(solver, trial, permuted(trial.problem, order), "with its contacts in another order")
 
 
 def ignores_tangents(solver: Solver) -> None:
     """With rotated tangents, a problem has the same solution, or one as accurate."""
     if solver.model.kind == "pyramid":
         raise NotApplicable("the edges of a pyramid rotate with the tangents")
-    for trial in _solved(solver):
+    for trial in _solved_samples(solver):
         laws = trial.problem.laws
         angles = np.random.default_rng(laws.n_laws).uniform(-np.pi, np.pi, size=laws.n_laws)
-        _again(solver, trial, rotated(trial.problem, angles), "with rotated tangents")
+        _solve_transformed(solver, trial, rotated(trial.problem, angles), "with rotated tangents")
 
 
 def ignores_copies(solver: Solver) -> None:
     """With a duplicated contact, a problem has the same solution, or one as accurate, for the sum of both copies."""
-    for trial in _solved(solver):
+    for trial in _solved_samples(solver):
         for contact in {0, trial.problem.n_contacts - 1}:
             try:
                 other = duplicated(trial.problem, contact)
             except ProblemError:
                 continue
-            _again(solver, trial, other, f"with contact {contact} duplicated")
+            _solve_transformed(solver, trial, other, f"with contact {contact} duplicated")
 
 
-def _solved(solver: Solver) -> Iterator[Trial]:
+def _solved_samples(solver: Solver) -> Iterator[Trial]:
     """Yield the small problems that the solver solves, with their solutions."""
     none = f"it solves none of the small problems to {STOP.tolerance:g}"
     is_any_solved = False
     for problem in supported(solver, none=none):
-        trial = tried(solver, problem, STOP)
+        trial = run_trial(solver, problem, STOP)
         if trial.is_solved:
             is_any_solved = True
             yield trial
@@ -79,8 +79,8 @@ def _solved(solver: Solver) -> Iterator[Trial]:
         raise NotApplicable(none)
 
 
-def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
-    """Solve the transformed problem; None if the solver does not support it or reaches the time limit.
+def _solve_transformed(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
+    """Solve the transformed problem; return None if the solver does not support it or reaches the time limit.
 
     Raises:
         Violation: if its claimed solution does not solve the original problem.
@@ -88,7 +88,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
     if solver.supports(other.problem) is not None:
         return None
     try:
-        again = tried(solver, other.problem.renamed(f"{trial.problem.name} {how}"), STOP)
+        again = run_trial(solver, other.problem.renamed(f"{trial.problem.name} {how}"), STOP)
     except Violation as violation:
         raise Violation(f"it solves {trial.problem.name} as stated, but {violation}") from None
     if again.solution.status is Status.TIME_LIMIT:
@@ -98,7 +98,7 @@ def _again(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial 
         if not residual <= WRONG_FACTOR * STOP.tolerance:
             raise Violation(
                 f"{how} its solution of {trial.problem.name}, carried back, has a residual of {residual:.1e}; "
-                "make the method independent of the statement of the problem."
+                "make the method independent of order, tangents and duplicates."
             )
     return again
 

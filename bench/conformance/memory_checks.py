@@ -1,4 +1,4 @@
-"""Check that a solver solves each problem anew, instead of returning an earlier answer."""
+"""Test that a solver solves each problem again instead of returning an earlier answer."""
 
 import time
 
@@ -25,7 +25,7 @@ ATTEMPTS = 4
 """Number of different problems on which a solver must repeat answers to fail the check."""
 
 RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
-"""Factor and time by which a first solve, with cold caches, may take longer than repeated ones."""
+"""Factor and time [s] by which a first solve, with cold caches, may take longer than repeated ones."""
 
 
 def solves_each_time(solver: Solver) -> None:
@@ -33,7 +33,7 @@ def solves_each_time(solver: Solver) -> None:
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
     problem = supported(solver, problems, "it supports none of the problems that are large enough for timing")[0]
     found: list[tuple[float, float]] = []
-    with threadpool_limits(1):  # busy waiting of library threads would count, mostly in a first solve
+    with threadpool_limits(1):  # library threads that wait actively would count, mostly in a first solve
         solution_of(solver, perturbed_copy(problem), STOP)
         for _ in range(ATTEMPTS):
             first, repeated = _first_and_repeated(solver, problem)
@@ -54,10 +54,10 @@ def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float,
         Violation: if their results are not identical.
     """
     changed = in_other_units(perturbed_copy(problem)).problem.renamed(problem.name)
-    first, first_seconds = _worked(solver, changed)
+    first, first_seconds = _timed_solve(solver, changed)
     seconds: list[float] = []
     for _ in range(REPEATS):
-        again, more = _worked(solver, changed)
+        again, more = _timed_solve(solver, changed)
         seconds.append(more)
         is_cut = Status.TIME_LIMIT in (first.status, again.status)
         if not (draws_randomly(solver) or is_cut or np.array_equal(first.impulses, again.impulses, equal_nan=True)):
@@ -69,7 +69,7 @@ def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float,
     return first_seconds, float(np.median(seconds))
 
 
-def _worked(solver: Solver, problem: ContactProblem) -> tuple[Solution, float]:
+def _timed_solve(solver: Solver, problem: ContactProblem) -> tuple[Solution, float]:
     """Return a solution and its processor time [s], which does not depend on the load of the machine."""
     fresh = problem.fresh()
     began = time.process_time()

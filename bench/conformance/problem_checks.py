@@ -14,13 +14,13 @@ ANSWER_ACCURACY = 1e-6
 MakeProblem = Callable[[], ContactProblem]
 
 
-def is_made(make: MakeProblem) -> None:
+def can_be_created(make: MakeProblem) -> None:
     """The problem can be created, and has contacts."""
     if make().n_rows == 0:
         raise Violation("it has no contacts; add at least one.")
 
 
-def is_made_alike(make: MakeProblem) -> None:
+def is_deterministic(make: MakeProblem) -> None:
     """Creating the problem twice gives the same numbers, so that runs are comparable."""
     if make().digest != make().digest:
         raise Violation("creating it twice gives different numbers; use a fixed random seed.")
@@ -42,12 +42,12 @@ def answer_is_right(make: MakeProblem) -> None:
     for index, impulses in enumerate(answer.impulses):
         residual = judge(problem, impulses).residual
         if answer.solvable and not residual <= ANSWER_ACCURACY:
-            raise Violation(f"answer.impulses[{index}] is no solution: the judge reads {residual:.1e}.")
+            raise Violation(f"answer.impulses[{index}] is not a solution: its judged residual is {residual:.1e}.")
         if residual <= ANSWER_ACCURACY and not answer.solvable:
             raise Violation("it is declared unsolvable, but has a solution.")
 
 
 PROBLEM_CHECKS: tuple[Check[MakeProblem], ...] = checks(
-    made=is_made, deterministic=is_made_alike, file=round_trips_through_file, answer=answer_is_right
+    made=can_be_created, deterministic=is_deterministic, file=round_trips_through_file, answer=answer_is_right
 )
 """All tests of a problem."""

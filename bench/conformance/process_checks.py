@@ -26,7 +26,7 @@ def has_no_side_effects(solver: Solver) -> None:
     if fault := replaced_names(before):
         raise Violation(f"{fault}.")
     if changed := before.changed():
-        raise Violation(f"it changed {_listed(changed)}; restore global state before solve returns.")
+        raise Violation(f"it changed {_join_words(changed)}; restore global state before solve returns.")
     deadline = time.monotonic() + PATIENCE_SECONDS
     while _n_running() > others and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -39,5 +39,5 @@ def _n_running() -> int:
     return _thread._count() + len(descendants(os.getpid()))
 
 
-def _listed(words: list[str]) -> str:
+def _join_words(words: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))

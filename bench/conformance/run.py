@@ -30,7 +30,7 @@ OnCheck = Callable[[str, int, int], None]
 """Called before every check with the name of the subject, the number of finished checks and of all its checks."""
 
 
-def checked(
+def run_checks(
     target: str, seconds: float = CHECK_SECONDS, on_check: OnCheck = lambda what, done, total: None
 ) -> list[dict[str, Any]]:
     """Run all conformance tests on a solver or problem, or on all solvers and problems of a plugin file.
@@ -53,9 +53,9 @@ def checked(
     file = PluginFile.read(target) if is_path else None
     known = [other for other, _ in registered()]
     try:
-        subjects = _named(target) if file is None else _offered(file, seconds)
+        subjects = _subjects_by_name(target) if file is None else _subjects_of_file(file, seconds)
         with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES) as worker:
-            return [_checked(worker, subject, on_check) for subject in subjects]
+            return [_check_subject(worker, subject, on_check) for subject in subjects]
     finally:
         if file is not None and file not in known:
             forget(file)
@@ -90,7 +90,7 @@ def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> N
         print(f"  {', '.join(counts)}\n")
 
 
-def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
+def _subjects_of_file(file: PluginFile, seconds: float) -> list[dict[str, str]]:
     """Register a plugin file for child processes, and return kind, name and source of its solvers and problems."""
     use_plugin_files([file.path], seconds)
     offers = [offer for offer in (*plugin_solvers(), *plugin_problems()) if offer.file == file]
@@ -99,7 +99,7 @@ def _offered(file: PluginFile, seconds: float) -> list[dict[str, str]]:
     return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers]
 
 
-def _named(target: str) -> list[dict[str, str]]:
+def _subjects_by_name(target: str) -> list[dict[str, str]]:
     """Return kind, name and source of the solver or problem called ``target``."""
     if target.partition("(")[0].strip() in (*available(), *composites(), *peers(), *natives()):
         solver = solver_spec(target)
@@ -115,7 +115,7 @@ def _named(target: str) -> list[dict[str, str]]:
     return [{"kind": "problem", "name": target, "source": source}]
 
 
-def _checked(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:
+def _check_subject(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:
     rows: list[dict[str, Any]] = []
     checks = CHECKS[subject["kind"]]
     for check in checks:

@@ -89,13 +89,13 @@ def asymmetric() -> ContactProblem:
 
 
 def infeasible() -> ContactProblem:
-    """Return two contacts of which the second has G_ii = 0 and c_i < 0, so that there is no solution."""
+    """Return two contacts without a solution: the second has G_ii = 0 and c_i < 0."""
     directions = np.array([[1.0, 0.0]])
     return ContactProblem.from_factors(directions, np.ones(1), (-1.0, -1.0), dim=1, name="an immovable contact")
 
 
 def at_rest(dim: int) -> ContactProblem:
-    """Return contacts of ``dim`` rows with c = 0, of which Λ = 0 is the only sensible solution."""
+    """Return contacts of ``dim`` rows with c = 0, solved by Λ = 0."""
     return ContactProblem.from_factors(
         np.eye(6), np.ones(6), np.zeros(6), 0.5, dim=dim, name=f"contacts of {dim} rows at rest"
     )

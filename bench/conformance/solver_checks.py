@@ -29,7 +29,7 @@ from .invariance_checks import INVARIANCE_CHECKS
 from .memory_checks import solves_each_time
 from .process_checks import has_no_side_effects
 from .samples import at_rest, empty, infeasible, random_contacts, samples, supported
-from .trial import expect_finite, expect_unchanged, own_residual, solution_of, true_residual
+from .trial import confirmed_residual, own_residual, require_finite, require_unchanged, solution_of
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances at which claims are compared with the judge."""
@@ -41,7 +41,7 @@ USEFUL_ACCURACY = 1e-3
 """Judged residual, under its own model, that a solver must reach on at least one problem; Λ = 0 never reaches it."""
 
 SLACK_SECONDS = 1.0
-"""Time by which a solve may exceed its time limit to finish an iteration [s]."""
+"""Time by which a solve may exceed its time limit, to finish an iteration [s]."""
 
 
 def on_samples(test: Callable[[Solver, ContactProblem], None]) -> Callable[[Solver], None]:
@@ -55,14 +55,14 @@ def on_samples(test: Callable[[Solver, ContactProblem], None]) -> Callable[[Solv
     return on_each
 
 
-def keeps_to_interface(solver: Solver) -> None:
+def conforms_to_interface(solver: Solver) -> None:
     """Name, model, ``supports``, ``prepare`` and ``solve`` conform to the interface."""
     fault = form_fault(solver) or prepared_fault(solver.prepare(_supported(solver)[0]))
     if fault:
         raise Violation(f"{fault}.")
 
 
-def travels(solver: Solver) -> None:
+def can_be_pickled(solver: Solver) -> None:
     """The solver can be sent to another process, where every case runs."""
     try:
         name = pickle.loads(pickle.dumps(solver)).name
@@ -73,7 +73,7 @@ def travels(solver: Solver) -> None:
         raise Violation(f"pickled and unpickled, {solver.name!r} calls itself {name!r}; pickle all its options.")
 
 
-def refuses_through_supports(solver: Solver) -> None:
+def declines_through_supports(solver: Solver) -> None:
     """``supports`` is deterministic and returns None or a reason; supported problems do not end as unsupported."""
     for problem in samples():
         fault = reason_fault(solver.supports(problem))
@@ -93,7 +93,7 @@ def refuses_through_supports(solver: Solver) -> None:
 def returns_finite_impulses(solver: Solver, problem: ContactProblem) -> None:
     """With every status, the impulses are finite floats of shape (n_rows,)."""
     for stop in (MODEST, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
-        expect_finite(problem, solution_of(solver, problem, stop))
+        require_finite(problem, solution_of(solver, problem, stop))
 
 
 @on_samples
@@ -101,7 +101,7 @@ def leaves_inputs_untouched(solver: Solver, problem: ContactProblem) -> None:
     """A solve changes neither the problem nor the start."""
     digest, start = problem.fresh().digest, np.full(problem.n_rows, 0.1)
     solver.prepare(problem).solve(MODEST, start=start)
-    expect_unchanged(problem, digest)
+    require_unchanged(problem, digest)
     if not np.array_equal(start, np.full(problem.n_rows, 0.1)):
         raise Violation(f"it changed the start it was given on {problem.name}; copy it first.")
 
@@ -116,11 +116,11 @@ def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
     if not np.array_equal(kept, first.impulses, equal_nan=True):
         raise Violation(f"a second solve of {problem.name} changed the impulses returned by the first; copy them.")
     for how, other in (("the same prepared problem", again), ("a problem prepared anew", anew)):
-        if not _end_alike(first, other):
+        if not _have_equal_results(first, other):
             raise Violation(
                 f"two solves of {problem.name} differ by up to {np.abs(other.impulses - kept).max():.1e} N s "
                 f"({first.iterations} and {other.iterations} iterations), the second on {how}; keep no state "
-                "between solves, and depend neither on chance nor on time."
+                "between solves, and do not depend on random numbers or time."
             )
 
 
@@ -129,7 +129,7 @@ def claims_truthfully(solver: Solver, problem: ContactProblem) -> None:
     """SOLVED is reported only if the judged residual in the solver's own model is at most ten times the tolerance."""
     for tolerance in ACCURACIES:
         solution = solution_of(solver, problem, replace(MODEST, tolerance=tolerance))
-        true_residual(solver, problem, solution, tolerance)
+        confirmed_residual(solver, problem, solution, tolerance)
 
 
 def is_useful(solver: Solver) -> None:
@@ -186,7 +186,7 @@ def solves_no_contacts(solver: Solver) -> None:
 
 @of_iterates
 @on_samples
-def ends_alike_when_observed(solver: Solver, problem: ContactProblem) -> None:
+def equal_when_observed(solver: Solver, problem: ContactProblem) -> None:
     """Observed and unobserved solves give identical results, and the observer is called once per iteration."""
     unseen = solution_of(solver, problem, MODEST)
     calls: list[tuple[int, FloatArray]] = []
@@ -201,15 +201,13 @@ def ends_alike_when_observed(solver: Solver, problem: ContactProblem) -> None:
         )
     for _, shown in calls:
         if shown.shape != (problem.n_rows,):
-            raise Violation(
-                f"on {problem.name} it showed its observer impulses of shape {shown.shape}, not a row each."
-            )
-    if not _end_alike(unseen, observed):
+            raise Violation(f"on {problem.name} it showed its observer impulses of shape {shown.shape}, not (n_rows,).")
+    if not _have_equal_results(unseen, observed):
         raise Violation(f"on {problem.name} the observed solve differs from the unobserved one; ignore the observer.")
 
 
 @of_iterates
-def stops_at_once_at_the_solution(solver: Solver) -> None:
+def stops_at_solution(solver: Solver) -> None:
     """Started at its own solution, a solve ends within one iteration."""
     is_any_solved = False
     for problem in _supported(solver):
@@ -234,7 +232,7 @@ def obeys_iteration_limit(solver: Solver, problem: ContactProblem) -> None:
     for limit in (1, 5):
         done = solution_of(solver, problem, Stop(1e-300, limit, max_seconds=1.0)).iterations
         if done > limit:
-            raise Violation(f"on {problem.name} it did {done} iterations where {limit} were allowed.")
+            raise Violation(f"on {problem.name} it did {done} iterations, but max_iterations was {limit}.")
 
 
 def obeys_time_limit(solver: Solver) -> None:
@@ -243,7 +241,7 @@ def obeys_time_limit(solver: Solver) -> None:
     problem = _supported(solver)[0] if solver.supports(larger) else larger
     prepared, seconds = solver.prepare(problem), 0.1
     endless = Stop(1e-300, max_iterations=10**9, max_seconds=seconds)
-    prepared.solve(endless)  # exclude compilation and loading
+    prepared.solve(endless)  # compilation and loading do not count
     began = time.perf_counter()
     solution = prepared.solve(endless)
     took = time.perf_counter() - began
@@ -261,17 +259,17 @@ def is_silent(solver: Solver) -> None:
         warnings.simplefilter("always")  # also warnings that were shown in earlier tests
         printed = _printed(lambda: solution_of(solver, problem, MODEST)).strip()
     if warned:
-        raise Violation(f"it warned of {str(warned[0].message)[:100]!r}; say it in Solution.message.")
+        raise Violation(f"it warned of {str(warned[0].message)[:100]!r}; report it in Solution.message.")
     if printed:
-        raise Violation(f"it printed {printed.splitlines()[0][:100]!r}; say it in Solution.message.")
+        raise Violation(f"it printed {printed.splitlines()[0][:100]!r}; report it in Solution.message.")
 
 
 SOLVER_CHECKS: tuple[Check[Solver], ...] = (
     *checks(
-        interface=keeps_to_interface,
-        travels=travels,
+        interface=conforms_to_interface,
+        pickling=can_be_pickled,
         process=has_no_side_effects,
-        supports=refuses_through_supports,
+        supports=declines_through_supports,
         finite=returns_finite_impulses,
         inputs_untouched=leaves_inputs_untouched,
         deterministic=is_deterministic,
@@ -281,8 +279,8 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
         infeasible=reports_infeasibility,
         at_rest=zero_velocity_at_rest,
         no_contacts=solves_no_contacts,
-        observed=ends_alike_when_observed,
-        warm_start=stops_at_once_at_the_solution,
+        observed=equal_when_observed,
+        warm_start=stops_at_solution,
         iteration_limit=obeys_iteration_limit,
         time_limit=obeys_time_limit,
         silent=is_silent,
@@ -307,7 +305,7 @@ def _supported(solver: Solver) -> list[ContactProblem]:
         ) from None
 
 
-def _end_alike(one: Solution, other: Solution) -> bool:
+def _have_equal_results(one: Solution, other: Solution) -> bool:
     """Return whether two solves give identical results, unless one of them met the time limit."""
     if Status.TIME_LIMIT in (one.status, other.status):
         return True

@@ -35,13 +35,13 @@ class CheckingTask:
                 further checks.
         """
         self._before = self._before or ProcessState.now()
-        answer = _carried_out(*arguments)
+        answer = _run_check(*arguments)
         if fault := replaced_names(self._before):
             raise MisbehaviourError(fault)
         return answer, b""
 
 
-def _carried_out(kind: str, name: str, check_name: str) -> dict[str, str]:
+def _run_check(kind: str, name: str, check_name: str) -> dict[str, str]:
     """Run one check; return its result, "passed", "failed" or "not applicable", and its sentence."""
     try:
         subject = create(name) if kind == "solver" else partial(load, name)

@@ -32,7 +32,7 @@ class Trial:
         return self.solution.status is Status.SOLVED
 
 
-def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> Trial:
+def run_trial(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> Trial:
     """Solve ``problem``, which the solver supports.
 
     Raises:
@@ -41,16 +41,16 @@ def tried(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray
     """
     digest = problem.fresh().digest
     solution = solution_of(solver, problem, stop, start)
-    expect_unchanged(problem, digest)
-    expect_finite(problem, solution)
+    require_unchanged(problem, digest)
+    require_finite(problem, solution)
     answer = problem.answer
     if answer is not None and not answer.solvable and solution.status is Status.SOLVED:
-        raise Violation(f"{problem.name} has no solution, and ends as solved; stop on the judge's residual.")
+        raise Violation(f"{problem.name} has no solution, but ends as solved; stop on the judge's residual.")
     if answer is not None and answer.solvable and solution.status is Status.INFEASIBLE:
         raise Violation(
-            f"{problem.name} has a solution, and ends as infeasible; report infeasible only with a proof, else stalled."
+            f"{problem.name} has a solution, but ends as infeasible; report infeasible only with a proof, else stalled."
         )
-    return Trial(problem, solution, true_residual(solver, problem, solution, stop.tolerance))
+    return Trial(problem, solution, confirmed_residual(solver, problem, solution, stop.tolerance))
 
 
 def solution_of(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> Solution:
@@ -62,13 +62,13 @@ def solution_of(solver: Solver, problem: ContactProblem, stop: Stop, start: Floa
     return solution
 
 
-def expect_unchanged(problem: ContactProblem, digest: str) -> None:
+def require_unchanged(problem: ContactProblem, digest: str) -> None:
     """Raise ``Violation`` if the digest of a problem is not ``digest``."""
     if problem.fresh().digest != digest:
         raise Violation(f"it changed the numbers of {problem.name}; copy arrays before changing them.")
 
 
-def expect_finite(problem: ContactProblem, solution: Solution) -> None:
+def require_finite(problem: ContactProblem, solution: Solution) -> None:
     """Raise ``Violation`` if impulses are not finite."""
     if not np.isfinite(solution.impulses).all():
         raise Violation(
@@ -77,7 +77,7 @@ def expect_finite(problem: ContactProblem, solution: Solution) -> None:
         )
 
 
-def true_residual(solver: Solver, problem: ContactProblem, solution: Solution, tolerance: float) -> float:
+def confirmed_residual(solver: Solver, problem: ContactProblem, solution: Solution, tolerance: float) -> float:
     """Return ``own_residual``; raise ``Violation`` if it contradicts the solver's claim."""
     residual = own_residual(solver, problem, solution.impulses)
     if solution.status is Status.SOLVED and not residual <= WRONG_FACTOR * tolerance:
@@ -100,7 +100,7 @@ def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) 
         raise Violation(f"its supports accepts {problem.name}, but {error}") from error
 
 
-def meet_answer(problem: ContactProblem, impulses: FloatArray) -> None:
+def require_known_answer(problem: ContactProblem, impulses: FloatArray) -> None:
     """Raise ``Violation`` if the error of confirmed impulses is larger than their residual implies."""
     known = problem.answer
     if known is None:
@@ -113,6 +113,6 @@ def meet_answer(problem: ContactProblem, impulses: FloatArray) -> None:
     allowed = known.sensitivity * (residual + prepared.rounding(impulses) + ROUNDING)
     if not error <= allowed:
         raise Violation(
-            f"on {problem.name} it misses the known answer by {error:.1e} where its residual of {residual:.1e} implies "
-            f"at most {allowed:.1e}."
+            f"on {problem.name} its error against the known answer is {error:.1e}, but its residual of "
+            f"{residual:.1e} implies at most {allowed:.1e}."
         )

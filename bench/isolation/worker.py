@@ -165,13 +165,6 @@ class Worker:
         """Return the processor time that the process of the case, and those that it keeps, have used [s]."""
         return sum(map(processor_seconds, descendants(self._supervisor.process)))
 
-    def waited_seconds(self) -> float:
-        """Return the time for which the case was ready but did not run [s]; 0 if the system does not count it."""
-        try:
-            return 1e-9 * float(Path(f"/proc/{self.process}/schedstat").read_text().split()[1])
-        except (OSError, ValueError, IndexError):
-            return 0.0
-
     def output(self) -> str:
         """Return the end of the output of the case."""
         size, most = os.fstat(self._output).st_size, MAX_OUTPUT_LENGTH + MAX_LIST_LENGTH

@@ -6,18 +6,21 @@ measured in several passes, each with new processes.
 """
 
 import os
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from ...problems.arrays import FloatArray
 from ..isolation.worker import MAX_CONTENT_BYTES, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
 from ..store.plans import Limits
-from ..store.records import CaseRecord, Curve, Point
+from ..store.records import CaseRecord, Curve, Point, Round
 from .measuring_core import MeasuringCore
 from .points import joined
+from .timed_round import TimedRound
 
 MAX_REASON_LENGTH = 2000
 """Largest number of characters of a solver's message that are kept."""
@@ -31,6 +34,21 @@ INTERRUPT_SECONDS = 0.05
 Answer = TypeVar("Answer")
 """The result of one round of a level."""
 
+Timed = TypeVar("Timed", bound=TimedRound)
+
+
+@dataclass(frozen=True)
+class CasePass:
+    """One pass over the cases of a problem.
+
+    Attributes:
+        session: number of the session of the run.
+        number: number of the pass in the session; points that were measured in more passes are skipped.
+    """
+
+    session: int = 0
+    number: int = 0
+
 
 class LadderCase(ABC, Generic[Answer]):
     """A case with its process, its ladder, and its record.
@@ -39,6 +57,7 @@ class LadderCase(ABC, Generic[Answer]):
         core: the measuring core.
         ladder: values of the ladder, from coarse to fine.
         limits: limits of time, memory and iterations.
+        case_pass: the current pass.
         outcome: MEASURED, or the fault of the case.
         points: the finished points of the ladder.
         is_solvable: whether its problem has a solution under Coulomb's law; None if unknown.
@@ -46,10 +65,10 @@ class LadderCase(ABC, Generic[Answer]):
 
     is_solvable: bool | None = None
 
-    def __init__(self, ladder: Sequence[float], limits: Limits, stored: CaseRecord | None = None) -> None:
+    def __init__(self, ladder: Sequence[float], limits: Limits, stored: CaseRecord | None, case_pass: CasePass) -> None:
         """Store the plan of the case and its previous measurements."""
         self.core = MeasuringCore(None)
-        self.ladder, self.limits = ladder, limits
+        self.ladder, self.limits, self.case_pass = ladder, limits, case_pass
         self.outcome = Outcome.MEASURED
         self.points: list[Point] = []
         self._curve = Curve()
@@ -174,6 +193,26 @@ class LadderCase(ABC, Generic[Answer]):
         elif refusal:
             self._fail(Fault(Outcome.UNSUPPORTED, refusal[:MAX_REASON_LENGTH]))
         return None if refusal else (answer, numbers)
+
+    def _timed_round(
+        self, kind: type[Timed], number: int, request: str, *arguments: Any
+    ) -> tuple[Timed, Round, FloatArray] | None:
+        """Return round ``number`` between two probes of the core, with its record and numbers; None if it failed."""
+        if self._worker is None:
+            return None
+        process, probe, began = self._worker.process, self.core.probe(), time.monotonic()
+        found = self._ask(request, *arguments)
+        if found is None:
+            return None
+        try:
+            timed = kind.read(found[0], time.monotonic() - began)
+            if not self.core.holds(process) or (self.core.number is not None and timed.exceeds_one_core):
+                raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
+        except Fault as fault:
+            self._fail(fault)
+            return None
+        probes, turn = (probe, self.core.probe()), (self.case_pass.session, self.case_pass.number, number)
+        return timed, timed.record(*turn, max(probes), self.core.is_steady(*probes)), found[1]
 
     def _update_costs(self) -> None:
         if self._worker is not None:

@@ -62,11 +62,6 @@ class MeasuringCore:
     _claim: socket.socket | None = None
     _numbers: np.ndarray[tuple[int], np.dtype[np.float64]] = field(default_factory=lambda: np.ones(PROBE_NUMBERS))
 
-    @property
-    def is_pinned(self) -> bool:
-        """Whether processes are pinned to it."""
-        return self.number is not None
-
     @staticmethod
     def claim() -> "MeasuringCore":
         """Claim the highest core that this process may use and no other run has claimed."""

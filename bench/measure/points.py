@@ -71,6 +71,7 @@ def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
         "prepare_seconds": [one.prepare_seconds for one in kept],
         "solve_seconds": [one.solve_seconds for one in kept],
         "total_seconds": [one.total_seconds.median for one in kept],
+        "processor_seconds": [one.processor_seconds / one.repeats for one in kept],
     }
     return {
         **{name: quartiles(np.array(values)) for name, values in columns.items()},

@@ -8,8 +8,8 @@ from ...problems.contact.judge import JUDGE
 from ...problems.motion.scenes.registry import read_scene
 from ..errors import BenchError
 from ..plugins.describing import solver_spec
-from ..plugins.files import check_again, sources, use_plugin_files
-from ..plugins.problems import carry, check_known
+from ..plugins.files import check_plugins_unchanged, sources, use_plugin_files
+from ..plugins.problems import check_known, store_problems
 from ..plugins.solver_specs import SolverSpec
 from ..store.condition import differences, other_software
 from ..store.conversion import content_of, record_of
@@ -52,7 +52,7 @@ def measure(
             machine=this_machine(),
             judge=JUDGE,
             plugins=sources([solver.name for solver in solvers], plan.record.problems, scenes),
-            carried=carry(plan.problems, store),
+            carried=store_problems(plan.problems, store),
         )
         record = record_of(content_of(record), RunRecord)
         _executor(plan.solvers, store, record, on_event, executor).execute({})
@@ -96,7 +96,7 @@ def resume_measuring(
             f"comparable; begin a new run, or mix them with `mix=True`."
         )
     use_plugin_files(plugins)
-    check_again(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
+    check_plugins_unchanged(use for use in record.plugins if use.kind == "solver" or use.name not in record.carried)
     solvers: Solvers = tuple(map(stored_method, record.plan.methods))
     if not solvers:
         check_known(name for name in record.plan.problems if name not in record.carried)

@@ -16,7 +16,7 @@ from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems,
 from ...problems.exchange.families import Sampling, family_of, sampled
 from ...problems.exchange.folder import Member, list_folder
 from ..errors import BenchError
-from ..plugins.problems import check_known, check_numbers, resolved
+from ..plugins.problems import check_known, check_numbers, resolve_problem
 
 Given = str | Path | ContactProblem
 """A problem, its name or file, or a folder of files."""
@@ -137,7 +137,7 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
         elif isinstance(one, str) and not is_path(one) and one not in sources:
             candidates.append(_Candidate(one, family_of(one), one))
         else:
-            problem = resolved(one)
+            problem = resolve_problem(one)
             check_numbers(problem)
             family = sources.get(problem.name) or family_of(problem)
             candidates.append(_Candidate(problem.name, family, problem))

@@ -1,4 +1,4 @@
-"""Balls of a plugin's scene as plain values, so that recordings can draw them without code of the plugin."""
+"""Balls of a plugin's scene as plain data, so that recordings can draw them without code of the plugin."""
 
 from dataclasses import fields
 from typing import Any, Literal, TypeVar
@@ -72,7 +72,7 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
     sizes = (balls.n_balls * balls.dimension, balls.n_balls * balls.dofs_per_ball)
     is_finite = np.isfinite(balls.radii).all() and np.isfinite(balls.masses).all()
     if sizes != (n_coordinates, n_dofs) or len(balls.masses) != balls.n_balls or not is_finite:
-        raise ValueError("these are no balls of the scene")
+        raise ValueError("the balls do not fit the scene")
     return balls
 
 

@@ -26,35 +26,35 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
 from .native_files import use_native_files
-from .solver_specs import SolverSpec, built_in, carried
+from .solver_specs import SolverSpec, built_in, pickle_solver
 
 
 def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
     """Return the specification of a solver, given by its name or as an object.
 
     Raises:
-        SolverError: for an unknown solver or option, with the nearest name.
-        PluginError: if a plugin offers the name but its solver cannot be made, or breaks the contract.
-        BenchError: if an object breaks the contract, or cannot be sent to another process.
+        SolverError: for an unknown solver or option; the message suggests the nearest name.
+        PluginError: if the solver of a plugin cannot be created, or violates the interface.
+        BenchError: if an object violates the interface, or cannot be sent to another process.
     """
     if isinstance(solver, str):
         is_own = registry.find_offer(solver) is None and not registry.native_parts(solver)
-        return built_in(solver) if is_own else _described(solver, b"", PluginError)
+        return built_in(solver) if is_own else _describe_spec(solver, b"", PluginError)
     if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
         raise BenchError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
     if type(solver).__module__.startswith(f"{registry.__package__}."):
         return solver_spec(solver.name)
-    return _described("", carried(solver), BenchError)
+    return _describe_spec("", pickle_solver(solver), BenchError)
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return the names that plugins provide, as far as they are known without running the plugins; solvers first."""
+    """Return the names that plugins provide, solvers first, as far as they are known without running the plugins."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 
-def offered(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
+def offers_of_file(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
     """Return the names that a plugin file provides, by kind, after creating and checking each solver.
 
     Args:
@@ -62,20 +62,20 @@ def offered(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
         seconds: wall time limit to import the file and create its solvers [s].
 
     Raises:
-        PluginError: if the file fails to import, offers nothing, a name that is not free, or a solver that breaks the
-            contract.
+        PluginError: if the file cannot be imported, or provides nothing, a name that is taken, or a solver that
+            violates the interface.
     """
     answer, _ = _ask(f"{file.source} fails to import", PluginError, "offers", file, seconds=seconds)
     return {kind: tuple(map(str, answer["offers"][kind])) for kind in KINDS}
 
 
-def described_solver(name: str) -> dict[str, Any]:
+def describe_solver(name: str) -> dict[str, Any]:
     """Return name, model, source and options of a solver of a plugin.
 
     Raises:
-        PluginError: if it cannot be made, or breaks the contract.
+        PluginError: if it cannot be created, or violates the interface.
     """
-    return _ask(f"the solver {name!r} cannot be made", PluginError, "solver", name, b"")[0]
+    return _ask(f"the solver {name!r} cannot be created", PluginError, "solver", name, b"")[0]
 
 
 def option_texts(name: str) -> list[str]:
@@ -84,13 +84,13 @@ def option_texts(name: str) -> list[str]:
     return [f"{option.name}={option.default!r}" for option in options if option.default is not option.empty]
 
 
-def described_scene(name: str) -> list[str]:
+def describe_scene(name: str) -> list[str]:
     """Return the options of a scene of a plugin with their defaults.
 
     Raises:
-        PluginError: if the plugin fails to import, or an option has no default.
+        PluginError: if the plugin cannot be imported, or an option has no default.
     """
-    answer, _ = _ask(f"the scene {name!r} cannot be made", PluginError, "scene", name)
+    answer, _ = _ask(f"the scene {name!r} cannot be created", PluginError, "scene", name)
     return [str(option) for option in answer["options"]]
 
 
@@ -98,15 +98,15 @@ def plugin_problem(name: str) -> ContactProblem:
     """Return a problem of a plugin.
 
     Raises:
-        PluginError: if the plugin does not make it.
+        PluginError: if the plugin does not create it.
     """
     _, content = _ask(f"the problem {name!r} cannot be built", PluginError, "problem", name)
     return read_problem(io.BytesIO(content), f"problem {name!r}")
 
 
-def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> SolverSpec:
+def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> SolverSpec:
     what = f"the solver {name!r}" if name else "the solver object"
-    answer, _ = _ask(f"{what} cannot be made", error, "solver", name, pickled)
+    answer, _ = _ask(f"{what} cannot be created", error, "solver", name, pickled)
     if not name:
         require_own_name(answer["name"])
     elif _plain_names(answer["name"]) != _plain_names(name):
@@ -117,7 +117,7 @@ def _described(name: str, pickled: bytes, error: type[ProxbenchError]) -> Solver
 
 
 def require_own_name(name: str) -> None:
-    """Check that the name of a solver of the caller does not present its results as those of another solver.
+    """Check that a solver object of the caller does not have the name of a built-in solver.
 
     Raises:
         BenchError: if it is the name of a solver of Proxbench.
@@ -128,7 +128,7 @@ def require_own_name(name: str) -> None:
 
 
 def _plain_names(name: str) -> list[str]:
-    """Return the plain names of a solver and of its parts; the first alone if an option is no literal."""
+    """Return the plain names of a solver and of its parts; only the first if an option is not a literal."""
     try:
         return registry.plain_names(name)
     except SolverError:
@@ -138,8 +138,8 @@ def _plain_names(name: str) -> list[str]:
 def _ask(
     failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
 ) -> tuple[dict[str, Any], bytes]:
-    """Return the answer of a new process, or raise ``error`` with ``failure`` and the reason, or with its refusal."""
-    with RenewedWorker(Describing(), seconds) as worker:
+    """Return the answer of a new process, or raise ``error`` with ``failure`` and the reason, or with the refusal."""
+    with RenewedWorker(DescribingTask(), seconds) as worker:
         try:
             answer, content = worker.ask(request, *arguments)
         except Fault as fault:
@@ -151,7 +151,7 @@ def _ask(
 
 
 @dataclass
-class Describing:
+class DescribingTask:
     """The task of the child: it answers "offers" (file), "solver" (name, pickled object), "problem", "scene" (name)."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
@@ -170,7 +170,7 @@ class Describing:
 
 def _offers(file: PluginFile) -> dict[str, list[str]]:
     """Return the names that a plugin file provides, by kind, after creating each solver; or raise ``PluginError``."""
-    forget(file)  # the known names came from an earlier import of the file
+    forget(file)  # the known names are those of an earlier import of the file
     register(file)
     file.check_offers()
     found = [offer for offer in all_offers() if offer.file == file]
@@ -184,11 +184,11 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
 
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
     if pickled:
-        return _form(_unpickled(pickled), "", [], [])
+        return _solver_description(_unpickled(pickled), "", [], [])
     solver, offer = registry.create(name), registry.find_offer(name)
     native = [one.source for one in map(registry.create, registry.native_parts(name)) if isinstance(one, NativeSolver)]
     source = offer.source if offer is not None else ", ".join(native)
-    return _form(solver, source, option_texts(registry.parse(name).plain), native)
+    return _solver_description(solver, source, option_texts(registry.parse(name).plain), native)
 
 
 def _scene_options(name: str) -> list[str]:
@@ -198,10 +198,10 @@ def _scene_options(name: str) -> list[str]:
     return [f"{key}={value!r}" for key, value in options.items()]
 
 
-def _form(solver: Solver, source: str, options: list[str], native: list[str]) -> dict[str, Any]:
+def _solver_description(solver: Solver, source: str, options: list[str], native: list[str]) -> dict[str, Any]:
     fault = form_fault(solver)
     if fault:
-        raise BenchError(f"the solver {type(solver).__name__} breaks the contract: {fault}.")
+        raise BenchError(f"the solver {type(solver).__name__} violates the interface: {fault}.")
     return {
         "name": solver.name,
         "model": str(solver.model),
@@ -218,6 +218,6 @@ def _unpickled(pickled: bytes) -> Any:
         return cloudpickle.loads(pickled)
     except Exception as error:
         raise BenchError(
-            f"the solver object cannot be made again in the process of its cases: {first_line(error)}; define its "
+            f"the solver object cannot be created in the process of its cases: {first_line(error)}; define its "
             "class where that process can import it, or in the script itself."
         ) from None

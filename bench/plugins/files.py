@@ -11,7 +11,7 @@ from ...solvers import registry
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..store.records import PluginUse
-from .describing import all_offers, offered
+from .describing import all_offers, offers_of_file
 from .native_files import allow_native_file, is_native, is_native_use, native_uses, sha256_in_use
 
 
@@ -19,28 +19,28 @@ def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECON
     """Make the solvers, problems and scenes of plugin files available by name; the files run in child processes only.
 
     Args:
-        paths: the files; of shared libraries and compiled programs the content is noted, so that a stored run may use
-            them.
-        seconds: wall time that the import of each may take, with the making of its solvers [s].
+        paths: the files. Shared libraries and compiled programs are noted by their content, so that a stored run may
+            use them.
+        seconds: wall time limit to import a file and create its solvers [s].
 
     Raises:
-        PluginError: if a file is missing, fails to import, provides nothing, a name that is taken, or a solver that
-            violates the contract; the file is then not registered.
+        PluginError: if a file is missing or cannot be imported, or provides nothing, a name that is taken, or a solver
+            that violates the interface; the file is then not registered.
     """
     for path in map(Path, paths):
         if is_native(path):
             allow_native_file(path)
         else:
-            _use(PluginFile.read(path), seconds)
+            _register_file(PluginFile.read(path), seconds)
 
 
-def _use(file: PluginFile, seconds: float) -> None:
+def _register_file(file: PluginFile, seconds: float) -> None:
     before = next(((known, names) for known, names in registered() if known.path == file.path), None)
     if before is not None and before[0] == file and before[1] is not None:
         return
     register(file, {}, runs_here=False)
     try:
-        register(file, offered(file, seconds), runs_here=False)
+        register(file, offers_of_file(file, seconds), runs_here=False)
         for offer in all_offers():
             if offer.file == file and offer.refusal:
                 raise PluginError(offer.refusal)
@@ -76,7 +76,7 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
     return of_offers + native_uses(solvers)
 
 
-def check_again(recorded: Iterable[PluginUse]) -> None:
+def check_plugins_unchanged(recorded: Iterable[PluginUse]) -> None:
     """Check that the plugin files and the native files of a stored run are in use and unchanged.
 
     The files are not registered automatically, because resuming a run of someone else would execute its code.

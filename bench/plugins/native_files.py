@@ -1,7 +1,7 @@
-"""Files of solvers in other languages: known by their content from the moment that a command names them.
+"""Files of solvers in other languages, identified by their content from the moment that a command names them.
 
-Such a file is loaded or started in children only. A stored run does not make this process use one: who resumes a run of
-others names its files.
+Such a file is loaded or started in child processes only. A stored run cannot make this process use a file: a user who
+resumes the run of someone else must name its files.
 """
 
 import hashlib
@@ -16,14 +16,14 @@ from ...solvers import registry
 from ..store.records import PluginUse
 
 _BEGINNINGS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
-"""What shared libraries and programs begin with on Linux, macOS and Windows, and what scripts begin with."""
+"""First bytes of shared libraries and programs on Linux, macOS and Windows, and of scripts."""
 
 _in_use: dict[str, PluginUse] = {}
-"""Files that this process may use, by their paths."""
+"""SHA-256 of the files that this process may use, by path."""
 
 
 def is_native(path: Path) -> bool:
-    """Whether a file is a shared library, or a program that is no plugin file."""
+    """Whether a file is a shared library or a program, and not a plugin file."""
     try:
         with path.open("rb") as file:
             return path.suffix != ".py" and file.read(4).startswith(_BEGINNINGS)
@@ -32,7 +32,7 @@ def is_native(path: Path) -> bool:
 
 
 def allow_native_file(path: Path) -> None:
-    """Let stored runs use a file, as it is now."""
+    """Allow stored runs to use a file in its current version."""
     place = path.expanduser().absolute()
     _in_use[str(place)] = PluginUse(kind="solver", name="", source="", file=str(place), sha256=_sha256(place))
 
@@ -41,8 +41,8 @@ def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]
     """Note the files of a solver and its parts, and return them.
 
     Args:
-        name: the solver's.
-        sources: what each of its parts in other languages calls itself, in their order.
+        name: name of the solver.
+        sources: names of its parts in other languages, in their order.
 
     Raises:
         PluginError: if a file cannot be read.
@@ -56,7 +56,7 @@ def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]
 
 
 def native_uses(solvers: Iterable[str]) -> list[PluginUse]:
-    """Return the files of solvers in other languages that names of solvers refer to, each once."""
+    """Return the files in other languages that solvers need, each once, from the names of the solvers."""
     parts = dict.fromkeys(part for name in solvers for part in _native_parts(name))
     known = ((part, _in_use.get(str(_place(part)))) for part in parts)
     return [replace(use, name=part) for part, use in known if use is not None]
@@ -73,10 +73,10 @@ def sha256_in_use(path: str) -> str:
 
 
 def check_unchanged(uses: Iterable[PluginUse]) -> None:
-    """Raise ``SolverError`` if a file is not what it was: results of two versions would have one name."""
+    """Raise ``SolverError`` if a file has changed, because results of two versions would have one name."""
     for use in uses:
         if _sha256(Path(use.file)) != use.sha256:
-            raise SolverError(f"{use.file} has changed since it was named; begin again.")
+            raise SolverError(f"{use.file} has changed since the command began; run the command again.")
 
 
 def _place(part: str) -> Path:
@@ -84,7 +84,7 @@ def _place(part: str) -> Path:
 
 
 def _native_parts(name: str) -> list[str]:
-    """Return the same as the registry, nothing for an object of the caller's with a name of its own."""
+    """Return the native parts of a registered solver; none for a solver object of the caller."""
     try:
         return registry.native_parts(name)
     except SolverError:
@@ -95,4 +95,4 @@ def _sha256(path: Path) -> str:
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        raise PluginError(f"cannot read {path}: {error.strerror}; put it back.") from None
+        raise PluginError(f"cannot read {path}: {error.strerror}; restore it.") from None

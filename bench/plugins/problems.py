@@ -18,8 +18,8 @@ from ..store.store import Store
 from .describing import plugin_problem
 
 
-def resolved(problem: str | Path | ContactProblem) -> ContactProblem:
-    """Return a problem, given itself or by its name or file; problems of plugins are created in a child process.
+def resolve_problem(problem: str | Path | ContactProblem) -> ContactProblem:
+    """Return a problem, given as an object, a name or a file; problems of plugins are created in a child process.
 
     Raises:
         ProblemError: as ``load``.
@@ -32,7 +32,7 @@ def resolved(problem: str | Path | ContactProblem) -> ContactProblem:
 
 
 def check_known(names: Iterable[str]) -> None:
-    """Raise ``ProblemError``, with the nearest name, if one of these names is unknown."""
+    """Raise ``ProblemError`` if a name is unknown; the message suggests the nearest name."""
     known = problem_names()
     for name in names:
         if name not in known:
@@ -40,7 +40,7 @@ def check_known(names: Iterable[str]) -> None:
 
 
 def check_numbers(problem: ContactProblem) -> None:
-    """Raise ``BenchError`` if a problem has the name of a problem of the package, but other numbers."""
+    """Raise ``BenchError`` if a problem has the name of a built-in problem, but other numbers."""
     if is_held(problem.name) and load(problem.name).digest != problem.digest:
         raise BenchError(
             f"the problem {problem.name!r} differs from the problem of that name in the library; rename it, as "
@@ -48,7 +48,7 @@ def check_numbers(problem: ContactProblem) -> None:
         )
 
 
-def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, str]:
+def store_problems(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, str]:
     """Store the available problems that the package does not contain, and return their digests by name.
 
     Raises:
@@ -59,14 +59,14 @@ def carry(problems: Iterable[str | ContactProblem], store: Store) -> dict[str, s
     for given in problems:
         name = given if isinstance(given, str) else given.name
         if not is_held(name) and (not isinstance(given, str) or is_available(given)):
-            problem = resolved(given)
+            problem = resolve_problem(given)
             store.write_problem(problem)
             carried[name] = problem.digest
     return carried
 
 
-def problem_of(store: Store | Bundle, run: RunRecord, name: str) -> ContactProblem:
-    """Return a problem of a run, from the run itself or from the package.
+def problem_of_run(store: Store | Bundle, run: RunRecord, name: str) -> ContactProblem:
+    """Return a problem of a run, from the run or from the package.
 
     Raises:
         ProblemError: if the run has no problem of that name, or its file is missing or damaged.
@@ -74,5 +74,5 @@ def problem_of(store: Store | Bundle, run: RunRecord, name: str) -> ContactProbl
     """
     if name not in run.plan.problems:
         raise ProblemError(f"the run has no problem {name!r}{suggestion(name, run.plan.problems)}")
-    problem = store.read_problem(run.carried[name]) if name in run.carried else resolved(name)
+    problem = store.read_problem(run.carried[name]) if name in run.carried else resolve_problem(name)
     return problem if problem.name == name else problem.renamed(name)

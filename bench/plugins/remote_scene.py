@@ -53,7 +53,7 @@ def local_or_remote_scene(
         seconds: wall time limit of one answer of a plugin's scene [s].
 
     Raises:
-        ProblemError: for an unknown scene or option, with the nearest name, or a value out of range.
+        ProblemError: for an unknown scene or option, or a value out of range; the message suggests the nearest name.
         BenchError: if a plugin's scene cannot be built.
     """
     if plugin_scene(read_scene(name)[0]) is None:
@@ -109,7 +109,7 @@ class RemoteSystem(RenewedWorker):
         )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        """Return q after ``seconds`` with u."""
+        """Return q after ``seconds`` at the velocity u."""
         shape = position.shape
         return self._arrays(
             lambda arrays: checked_array(arrays["position"], shape), "move", position, velocity, seconds

@@ -35,7 +35,7 @@ class FailedSolveError(BenchError):
 
     Attributes:
         outcome: the outcome.
-        reason: the reason in words, a sentence without its subject.
+        reason: the reason, a sentence without its subject.
     """
 
     def __init__(self, name: str, fault: Fault) -> None:
@@ -97,7 +97,7 @@ class RemoteSolver(RenewedWorker):
         return RemotePrepared(self, problem)
 
     def make_ready(self, problem: ContactProblem) -> None:
-        """Let the solver prepare ``problem``, unless it has just done so in the same process."""
+        """Let the solver prepare ``problem``, unless it has just done this in the same process."""
         self._send(problem)
         if self._ready is not problem:
             self.ask_in_time("prepare")
@@ -155,10 +155,10 @@ class RemotePrepared:
         Raises:
             FailedSolveError: if the solver does not answer, or its answer is not a solution.
         """
-        self.solver.make_ready(self.problem)  # another problem was prepared since, or the process is new
+        self.solver.make_ready(self.problem)  # another problem has been prepared, or the process is new
         arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
-        _, content = self.solver.ask("impulses")  # the time to transfer iterates is not charged to the solver
+        _, content = self.solver.ask("impulses")  # the transfer of iterates does not count
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
@@ -267,7 +267,7 @@ class SolvingTask:
         return answer, b""
 
 
-def local_or_remote(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
+def local_or_remote_solver(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
     """Return a solver by its name: a built-in solver itself, a plugin's solver in a separate process.
 
     Args:
@@ -301,4 +301,4 @@ def _working(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds
         return solver.make()
     return cast(
         Solver, RemoteSolver(solver, seconds, limit_seconds=limit_seconds)
-    )  # whose has_iterates is its own, not its class's
+    )  # has_iterates may be an attribute of the object

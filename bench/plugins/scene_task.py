@@ -36,7 +36,7 @@ class SceneRecord(Record, frozen=True, kw_only=True):
         time: time of the start [s].
         functions: names of its optional functions.
         observables: quantities that are recorded at each step.
-        ending_seconds: length of the past that its rule of ending uses [s]; None without a rule.
+        ending_seconds: length of the past that its stopping rule uses [s]; None without a rule.
         balls: the balls for recordings; None without balls.
     """
 

@@ -43,7 +43,7 @@ class SolverSpec:
 
     @property
     def n_processes(self) -> int:
-        """Number of processes that it keeps beside its own: one for each executable."""
+        """Number of processes that it keeps in addition to its case: one for each executable."""
         return sum(use.name.startswith(Executable.__name__) for use in self.files)
 
     @property
@@ -55,8 +55,8 @@ class SolverSpec:
         """Return the solver; in the process that judges, only for built-in solvers.
 
         Raises:
-            ProxbenchError: if its class or one of its files is not what it was.
-            Exception: whatever code of the caller's raises.
+            ProxbenchError: if its class or one of its files has changed.
+            Exception: any error of the caller's code.
         """
         check_unchanged(self.files)
         made: Solver = cloudpickle.loads(self.carried) if self.carried else registry.create(self.name)
@@ -64,17 +64,17 @@ class SolverSpec:
 
 
 def built_in(name: str) -> SolverSpec:
-    """Return a built-in solver by its name.
+    """Return the specification of a built-in solver.
 
     Raises:
-        SolverError: for an unknown option of it, or one out of range.
+        SolverError: for an unknown option, or a value out of range.
     """
     solver = registry.create(name)
     return SolverSpec(solver.name, solver.model, shows_iterates(solver), is_randomised=draws_randomly(solver))
 
 
-def carried(solver: Any) -> bytes:
-    """Return a pickled object of the caller, for the processes of its cases.
+def pickle_solver(solver: Any) -> bytes:
+    """Pickle a solver object of the caller for the processes of its cases.
 
     The pickle includes a class that children cannot import (of a notebook, a script, or standard input).
 

@@ -17,6 +17,15 @@ ITERATION, STEP, TIME = "iteration", "step", "time"
 BODIES = "bodies"
 """Entity of the bodies that all solvers share."""
 
+FIELD_OF_VIEW = np.radians(55.0)
+"""Angle between the lower and the upper side of a spatial view, the viewer's own."""
+
+FILLED_SHARE = 0.88
+"""Share of the width or height of a view that its content fills."""
+
+BESIDE, ABOVE = 0.55, 2.2
+"""Width over height of two spatial views that stand side by side, or one above the other, in a still."""
+
 SOLVERS_IN_A_ROW = 4
 SECONDS_TO_PLAY = 12.0
 SLOWEST, FASTEST = 4.0, 120.0
@@ -42,6 +51,47 @@ class Camera:
         """Return the view of a box, given by two corners [m], from a distance [m] in a direction, shape (3,)."""
         middle = (low + high) / 2.0
         return cls(middle + distance * np.array(direction), middle)
+
+
+class CameraFit:
+    """The closest camera that shows all points, found point by point.
+
+    A point x is visible from p if (x − p) · n ≥ 0 for the normal n of each of the four sides of the view. The camera
+    therefore depends on the least x · n of all points alone.
+
+    Args:
+        direction: the camera is in this direction of what it faces, shape (3,).
+        aspect: width of the view over its height.
+    """
+
+    def __init__(self, direction: Sequence[float], aspect: float) -> None:
+        self._forward = -np.array(direction) / np.linalg.norm(direction)
+        right = np.cross(self._forward, (0.0, 0.0, 1.0))
+        self._right = right / np.linalg.norm(right)
+        self._up = np.cross(self._right, self._forward)
+        self._slopes = FILLED_SHARE * np.tan(0.5 * FIELD_OF_VIEW) * np.array([aspect, 1.0])
+        across, along = self._slopes[:, None] * self._forward
+        self._normals = np.array([across + self._right, across - self._right, along + self._up, along - self._up])
+        self._least, self._depths = np.full(4, np.inf), np.array([np.inf, -np.inf])
+
+    def include(self, points: FloatArray) -> None:
+        """Include points [m], shape (n, 3)."""
+        if len(points):
+            self._least = np.minimum(self._least, (points @ self._normals.T).min(axis=0))
+            depths = points @ self._forward
+            self._depths = np.array([min(depths.min(), self._depths[0]), max(depths.max(), self._depths[1])])
+
+    @property
+    def depth(self) -> float:
+        """Place of the camera along its line of sight [m]; larger is closer."""
+        return float((self._least.reshape(2, 2).sum(axis=1) / (2.0 * self._slopes)).min())
+
+    def camera(self) -> Camera:
+        """Return the camera, which faces the middle of the points in depth."""
+        across, along = -0.5 * np.diff(self._least.reshape(2, 2), axis=1).ravel()
+        aside = across * self._right + along * self._up
+        middle = float(self._depths.mean())
+        return Camera(aside + self.depth * self._forward, aside + middle * self._forward)
 
 
 def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str | None = None) -> rrb.Spatial3DView:
@@ -108,15 +158,18 @@ def solves_blueprint(
 
 
 def simulation_blueprint(
-    views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int
+    views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int, are_wide: bool = False
 ) -> rrb.Blueprint:
-    """Return spatial views side by side, with curves and an explanation to their right.
+    """Return spatial views with curves and an explanation to their right.
 
-    One of ``every`` steps is drawn; sixty drawn steps are played per second.
+    One of ``every`` steps is drawn; sixty drawn steps are played per second. Views are side by side, or one above the
+    other if they ``are_wide``.
     """
     about = rrb.TextDocumentView(origin="/about", name="what this shows")
     column = rrb.Vertical(*plots, about, row_shares=[1.0] * len(plots) + [1.3])
-    whole = rrb.Horizontal(*views, column, column_shares=[1.0] * len(views) + [1.0])
+    content: Sequence[rrb.Spatial3DView | rrb.Container] = [rrb.Vertical(*views)] if are_wide else views
+    width = len(views) / max(len(content), 1)
+    whole = rrb.Horizontal(*content, column, column_shares=[width] * len(content) + [1.0])
     return _blueprint(whole, STEP, DRAWN_PER_SECOND * every)
 
 

@@ -3,6 +3,7 @@
 If the bodies of a scene are unknown, its coordinates are recorded.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -46,7 +47,10 @@ COLOURS = {
 MIN_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
 """Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade of logarithms."""
 
-MIN_SPAN_RATIO = 1e-6
+MIN_OBSERVED = 1e-9
+"""Least span of the axis of an observable, in its own unit; below, it is rounding."""
+
+MIN_SPAN_RATIO = 1e-4
 """Least span of an axis relative to its largest value, so that constant curves do not show rounding."""
 
 Entities = Iterable[tuple[str, rr.AsComponents]]
@@ -65,14 +69,12 @@ class SceneRecorder:
         every: number of steps between drawn steps, which determines the speed of playing.
     """
 
-    bodies = "The bodies of this scene are not known; its coordinates are drawn over time."
-    """The explanation, in Markdown."""
-
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         self.scene, self._file, self._force, self._every = scene, file, force, every
         self._observables = [one for one in scene.observables if one.label]
         self._curves: dict[str, dict[int, float]] = {}
-        self._last = scene.start
+        self._exponents: dict[str, int] = {}
+        self._last, self._number, self._seconds = scene.start, 0, scene.step_size
 
     @property
     def title(self) -> str:
@@ -89,36 +91,55 @@ class SceneRecorder:
         Raises:
             BenchError: if the file exists, does not end in ``.rrd``, or cannot be written.
         """
-        start, plots = self.scene.start, self._plots()
+        start = self.scene.start
         times = np.array([start.time, *steps["time"]])
-        self._curves = {
-            name: dict(enumerate(values.tolist())) for name, values in step_curves(self.scene, steps, times).items()
-        }
+        curves = step_curves(self.scene, steps, times)
+        for one in self._observables:
+            self._exponents[one.name] = exponent = unit_exponent(curves[one.name])
+            curves[one.name] = curves[one.name] / 10.0**exponent
+        self._curves = {name: dict(enumerate(values.tolist())) for name, values in curves.items()}
+        plots = self._plots()
         with RecordingFile(self._file, self._force) as recording:
-            blueprint = simulation_blueprint(self._views(), plots, self._every)
+            blueprint = self._blueprint(plots)
             stream = recording.begin("simulation", self.title, blueprint)
             write_state_colours(stream, "scene")
-            about = rr.TextDocument(f"**{self.title}**\n\n{self.bodies}", media_type="text/markdown")
-            _log(stream, [("about", about), *self._scenery()], static=True)
+            _log(stream, self._scenery(), static=True)
             self._take(stream, 0, Step(start, None, np.zeros(0), None, None, 0))
             for number, step in drawn:
+                self._number, self._seconds = number, float(times[number] - times[number - 1])
                 self._take(stream, number, step)
-            _log(stream, self._summary(), static=True)
+            about = rr.TextDocument(f"**{self.title}**\n\n{self._explanation()}", media_type="text/markdown")
+            _log(stream, [("about", about), *self._summary()], static=True)
+            for number, entities in self._drawn_last():
+                stream.set_time(STEP, sequence=number)
+                stream.set_time(TIME, duration=float(times[number]))
+                _log(stream, entities)
             self._write_curves(stream, times)
+            if not any(self._values("contacts")):
+                plots = [view for view in plots if view.origin != "/curves/contacts"]
             if self._frame_curves(plots):
-                stream.send_blueprint(simulation_blueprint(self._views(), plots, self._every), make_active=False)
+                stream.send_blueprint(self._blueprint(plots), make_active=False)
+
+    def _blueprint(self, plots: Sequence[rrb.TimeSeriesView]) -> rrb.Blueprint:
+        return simulation_blueprint(self._views(), plots, self._every, self._are_wide)
+
+    def _explanation(self) -> str:
+        """Return the explanation, in Markdown."""
+        return "The bodies of this scene are not known; its coordinates are drawn over time."
 
     def _take(self, stream: rr.RecordingStream, number: int, step: Step) -> None:
         """Draw a step, and store the curves of its contacts and its state."""
-        states = None
+        states, counted = None, None
         if step.problem is not None:
-            states = contact_states(step.problem.layout, step.problem.layout.pad(step.impulses))
+            layout = step.problem.layout
+            states = contact_states(layout, layout.pad(step.impulses))
+            counted = states[~layout.is_bilateral]
         stream.set_time(STEP, sequence=number)
         stream.set_time(TIME, duration=step.state.time)
         _log(stream, self._bodies(step.state))
         _log(stream, self._impulses(step, states))
         self._last = step.state
-        for name, value in (_counts(states) | self._own_curves(step.state)).items():
+        for name, value in (_counts(counted) | self._own_curves(step.state)).items():
             self._curves.setdefault(name, {})[number] = value
 
     def _write_curves(self, stream: rr.RecordingStream, times: FloatArray) -> None:
@@ -131,9 +152,10 @@ class SceneRecorder:
     def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
         """Widen the axes of constant curves, to avoid magnified rounding; return whether there are any."""
         is_framed = False
+        spans = MIN_SPANS | {name: MIN_OBSERVED / 10.0**exponent for name, exponent in self._exponents.items()}
         for view in plots:
             group = str(view.origin).rpartition("/")[2]
-            span = MIN_SPANS.get(group)  # counts have none
+            span = spans.get(group)  # counts have none
             if span is not None and (heights := axis_range(self._values(group), span)) is not None:
                 set_axis_range(view, heights)
                 is_framed = True
@@ -148,10 +170,18 @@ class SceneRecorder:
         """Return the spatial views."""
         return ()
 
+    @property
+    def _are_wide(self) -> bool:
+        """Whether the spatial views are wider than high."""
+        return False
+
     def _plots(self) -> list[rrb.TimeSeriesView]:
         """Return the plots."""
         return [
-            *(plot(one.label, f"/curves/{one.name}", legend=False) for one in self._observables),
+            *(
+                plot(scaled_label(one.label, self._exponents[one.name]), f"/curves/{one.name}", legend=False)
+                for one in self._observables
+            ),
             plot("active contacts", "/curves/contacts"),
             plot("solver iterations", "/curves/iterations", legend=False),
             plot("log₁₀ residual (judge)", "/curves/residual", legend=False),
@@ -175,7 +205,11 @@ class SceneRecorder:
         return {}
 
     def _summary(self) -> Entities:
-        """Return the entities that are known only at the end."""
+        """Return the static entities that are known only at the end."""
+        return ()
+
+    def _drawn_last(self) -> Iterable[tuple[int, Entities]]:
+        """Return the entities of steps, by their numbers, that are known only at the end."""
         return ()
 
 
@@ -200,6 +234,20 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
         **energies,
         **{one.name: np.array([one.compute(start), *steps[one.name]]) for one in scene.observables if one.label},
     }
+
+
+def unit_exponent(values: FloatArray) -> int:
+    """Return the power of ten, a multiple of 3 from −9 to 0, in whose unit small values are drawn."""
+    largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    return 0 if largest >= 1e-3 else max(-9, 3 * math.floor(math.log10(max(largest, 1e-9)) / 3.0))
+
+
+def scaled_label(label: str, exponent: int) -> str:
+    """Return a label whose unit, in brackets, is multiplied by a power of ten."""
+    if not exponent or not label.endswith("]"):
+        return label
+    power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return label.replace("[", f"[10{power} ")
 
 
 def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:

@@ -14,7 +14,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver, Stop
 from ..errors import BenchError
 from ..plugins.describing import solver_spec
-from ..plugins.problems import problem_of
+from ..plugins.problems import problem_of_run
 from ..plugins.remote_solver import working_solver
 from ..plugins.solver_specs import SolverSpec
 from ..report.charts.palette import look, on_dark, rgb
@@ -161,7 +161,7 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     made = []
     for name in run.plan.problems:
         solvers = [solver for solver in run.plan.solvers if (name, solver) in came_through]
-        if solvers and (problem := problem_of(store, run, name)).n_contacts:
+        if solvers and (problem := problem_of_run(store, run, name)).n_contacts:
             file = folder / FOLDER / f"{plain_name(name)}{SUFFIX}"
             made.append(record_solves(problem, solvers, stop, file, force=True))
     return made

@@ -103,6 +103,7 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
     marks = points["is_excluded"].eq(True).map({True: EXCLUDED_MARK, False: ""})  # missing where nothing was measured
     shown["wall"] = points["total_seconds"].map(duration) + marks
+    shown["CPU"] = points["processor_seconds"].map(duration)
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
     for head, key in counts.items():
         shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]

@@ -16,6 +16,7 @@ _POINT = ("problem", "solver", "tolerance")
 
 _COSTS = (
     "total_seconds",
+    "processor_seconds",
     "is_excluded",
     "iterations",
     "repeats",
@@ -40,9 +41,9 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row for each point and quantity, or for each point without a result.
 
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
-    and its high end, total_seconds (median wall time [s]), is_excluded (whether it has only excluded rounds),
-    iterations (median of one-step solves), repeats (members that finished), failed_members, unsolved_steps,
-    outcome, reason.
+    and its high end, total_seconds and processor_seconds (median times of the steps [s]; NaN if unknown), is_excluded
+    (whether it has only excluded rounds), iterations (median of one-step solves), repeats (members that finished),
+    failed_members, unsolved_steps, outcome, reason.
     """
     return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
         [*_POINT, "quantity", "error", "low", "high", *_COSTS]
@@ -81,10 +82,15 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
             row |= {"from": f"{first['low']:.1e}", "to": f"{first['high']:.1e}"}
         counts = {head: first[name] for head, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))}
         mark = EXCLUDED_MARK if first["is_excluded"] == 1 else ""
-        row |= {"wall [s]": f"{first['total_seconds']:.3g}{mark}", "solves": _count(first["iterations"])}
+        row |= {"wall [s]": f"{first['total_seconds']:.3g}{mark}", "CPU [s]": f"{first['processor_seconds']:.3g}"}
+        row["solves"] = _count(first["iterations"])
         rows.append(row | {head: _count(count) if count else "–" for head, count in counts.items()})
     if rows:
-        print_table(console, pd.DataFrame(rows).fillna("–").replace("nan", "–"), optional=("missed", "failed", "from"))
+        print_table(
+            console,
+            pd.DataFrame(rows).fillna("–").replace("nan", "–"),
+            optional=("missed", "failed", "from", "CPU [s]"),
+        )
     warning = motion_warning(trajectory)
     if warning:
         console.print(Text(hanging(warning, console.width), style="bold yellow"))

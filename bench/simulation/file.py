@@ -26,7 +26,7 @@ from ...problems.exchange.files.archive import ArchiveError, read_arrays
 from ...problems.exchange.files.atomic_file import replacing
 from ...problems.motion.stepping.step import LawStates
 from ..errors import BenchError
-from ..plugins.files import check_again, sources
+from ..plugins.files import check_plugins_unchanged, sources
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
 from ..store.records import PluginUse
@@ -131,7 +131,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
     about = _about(content, path)
     try:
         record = msgspec.convert(printable(about), SimulationRecord)
-        check_again(record.plugins)
+        check_plugins_unchanged(record.plugins)
         simulation = Simulation(
             _plan(record.plan, solver),
             tuple(record.statuses),

@@ -20,7 +20,7 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.describing import require_own_name
 from ..plugins.remote_scene import local_or_remote_scene
-from ..plugins.remote_solver import local_or_remote
+from ..plugins.remote_solver import local_or_remote_solver
 from ..store.fields import Count, Positive, Record, Tolerance
 from .kept_states import STATES
 from .starts import DEFAULT_START, StepSolver, check_start, default_start
@@ -164,7 +164,7 @@ def make_simulation_plan(
         made,
         taken,
         made.duration if duration is None else duration,
-        local_or_remote(chosen, seconds) if isinstance(chosen, str) else chosen,
+        local_or_remote_solver(chosen, seconds) if isinstance(chosen, str) else chosen,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
         default_start(taken) if start is None else start,

@@ -38,15 +38,14 @@ class Hooks(TypedDict, total=False):
         on_progress: called after every step, to show the progress.
         should_stop: called after every step; the simulation ends early if it returns True.
         checkpoint_seconds: wall time between two writes of the result file [s].
-        is_warm: kernels are compiled, so that the times of steps are those of the clock. Otherwise compilation is
-            subtracted from them.
+        watch_steps: wraps the steps as they are taken; by default, it subtracts compilation from their wall times.
     """
 
     on_step: Sequence[OnStep]
     on_progress: OnProgress
     should_stop: Callable[[], bool]
     checkpoint_seconds: float
-    is_warm: bool
+    watch_steps: Callable[[Iterator[AcceptedStep]], Iterator[AcceptedStep]]
 
 
 def simulate(
@@ -140,7 +139,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     began = clock() - simulation.wall_seconds
     _store(simulation)  # detects immediately that the file cannot be written
     written = clock()
-    steps = _steps(simulation, hooks.get("is_warm", False))
+    steps = _steps(simulation, hooks.get("watch_steps", without_compilation))
     try:
         while not simulation.is_finished and not (should_stop and should_stop()):
             taken = _next_step(simulation, steps)
@@ -157,7 +156,9 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
         _store(simulation)
 
 
-def _steps(simulation: Simulation, is_warm: bool) -> Iterator[tuple[AcceptedStep, SceneValues]]:
+def _steps(
+    simulation: Simulation, watch: Callable[[Iterator[AcceptedStep]], Iterator[AcceptedStep]]
+) -> Iterator[tuple[AcceptedStep, SceneValues]]:
     """Yield the remaining steps, with energies and observables at their ends."""
     plan, states = simulation.plan, simulation.law_states
     if isinstance(plan.scene.system, RemoteSystem):
@@ -165,8 +166,7 @@ def _steps(simulation: Simulation, is_warm: bool) -> Iterator[tuple[AcceptedStep
             yield from worker.steps(simulation.state, states)
         return
     motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
-    steps = plan.stepper.steps(*motion, states=states)
-    for taken in steps if is_warm else without_compilation(steps):
+    for taken in watch(plan.stepper.steps(*motion, states=states)):
         yield taken, scene_values(plan.scene, taken.end)
 
 

@@ -1,12 +1,15 @@
-"""Wall times of steps without compilation; numba compiles or loads a kernel at its first call."""
+"""Times of steps: by the clocks, or without compilation, since numba compiles or loads a kernel at its first call."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any
 
 from numba.core import event
 
+from ...problems.contact.solver import Solver
 from ...problems.motion.stepping.step import AcceptedStep
+from ..isolation.process_usage import used_seconds
 
 COMPILER_EVENT = "numba:compiler_lock"
 """Event of the lock that numba holds while it compiles or loads a kernel."""
@@ -29,3 +32,31 @@ def without_compilation(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]
         seconds = max(taken.seconds - compiling, 0.0)
         compiling -= taken.seconds - seconds
         yield replace(taken, seconds=seconds)
+
+
+@dataclass
+class StepClocks:
+    """Wall and processor time of the steps of a simulation.
+
+    Attributes:
+        solver: the solver, whose program counts if it is an executable.
+        wall: wall time [s].
+        processor: processor time [s].
+    """
+
+    solver: Solver
+    wall: float = 0.0
+    processor: float = 0.0
+
+    def watch(self, steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
+        """Yield the steps, and add their times; the last step may fail."""
+        while True:
+            worked, began = used_seconds(self.solver), perf_counter()
+            try:
+                taken = next(steps, None)
+            finally:
+                self.wall += perf_counter() - began
+                self.processor += used_seconds(self.solver) - worked
+            if taken is None:
+                return
+            yield taken

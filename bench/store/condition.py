@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 
@@ -16,6 +17,9 @@ UNSTEADY = 1.5
 
 BUSY = 0.25
 """Number of other cores that other programs may use on average without a warning."""
+
+MAX_MISSING = 3
+"""Largest number of missing cases that a warning names."""
 
 EXCLUDED_MARK = "*"
 """Mark of a time whose rounds are all excluded."""
@@ -118,14 +122,27 @@ def _resuming(frames: RunFrames) -> str:
     return f"proxbench run --resume {frames.folder}"
 
 
+def unfinished(frames: RunFrames) -> list[str]:
+    """Return the warning that planned cases are missing or measured in part; empty if all are measured.
+
+    A case is missing if it was not reached, lost with a worker, or if its file was deleted or is damaged.
+    """
+    if frames.is_finished:
+        return []
+    plan, begun = frames.info.plan, len(frames.cases) - frames.n_finished
+    known = set(zip(frames.cases["problem"], frames.cases["solver"], strict=True))
+    planned = product(plan.problems, plan.solvers)
+    missing = [f"{solver} on {name}" for name, solver in planned if (name, solver) not in known]
+    more = f" and {len(missing) - MAX_MISSING} more" if len(missing) > MAX_MISSING else ""
+    named = f", without {', '.join(missing[:MAX_MISSING])}{more}" if known and missing else ""
+    partly = f", {begun} more in part" if begun else ""
+    counts = f"{frames.n_finished} of {frames.n_planned} cases"
+    return [f"UNFINISHED: {counts} are measured{partly}{named}; resume with: {_resuming(frames)}"]
+
+
 def warnings(frames: RunFrames) -> list[str]:
     """Return the warnings of a run, such as missing cases or an unsteady machine."""
-    found = []
-    if not frames.is_finished:
-        begun = len(frames.cases) - frames.n_finished
-        partly = f", {begun} more in part" if begun else ""
-        counts = f"{frames.n_finished} of {frames.n_planned} cases"
-        found.append(f"UNFINISHED: {counts} are measured{partly}; resume with: {_resuming(frames)}")
+    found = unfinished(frames)
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
         found.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
     if excluded := excluded_points(frames):

@@ -178,10 +178,12 @@ class Measured(Record, frozen=True, kw_only=True):
         residual: judged residual under Coulomb's law; of a trajectory, its largest error.
         model_residual: judged residual under the solver's own model.
         prepare_seconds, solve_seconds, total_seconds: wall times of preparing, solving and both [s], quartiles of the
-            medians of the counted rounds, or of all rounds if all are excluded.
+            medians of the counted rounds, or of all rounds if all are excluded; of a trajectory, a round is a member.
+        processor_seconds: processor times of a solve, mean over a round [s], quartiles over the same rounds; None in
+            runs that were stored before they were counted.
         repeats: number of timed solves.
         is_excluded: whether all rounds are excluded, so that comparisons ignore the times.
-        rounds: the rounds; empty for a trajectory.
+        rounds: the rounds, those of a trajectory one for each member.
         first_seconds: times of first solves in fresh processes [s]; processor times if they were preempted.
         copy_seconds: times of first solves of copies of the problem [s].
         answers: number of different impulse vectors of solved solves, up to ``MAX_ANSWERS``; the worst is judged.
@@ -200,6 +202,7 @@ class Measured(Record, frozen=True, kw_only=True):
     prepare_seconds: Quartiles
     solve_seconds: Quartiles
     total_seconds: Quartiles
+    processor_seconds: Quartiles | None = None
     repeats: Count
     is_excluded: bool = False
     rounds: list[Round] = []

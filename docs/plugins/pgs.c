@@ -1,4 +1,4 @@
-/* Projected Gauss-Seidel sweeps with relaxation, for every law: the solver SORprox(relaxation=...) in C.
+/* Projected Gauss-Seidel sweeps with relaxation, for all laws: the solver SORprox(relaxation=...) in C.
 
    cc -O2 -shared -fPIC -I"$(python -m proxbench.solvers.native)" pgs.c -o libpgs.so -lm
    proxbench run --solver "Shared(./libpgs.so, options='relaxation=1.5')" */
@@ -11,19 +11,13 @@
 
 typedef struct {
     const pb_problem *problem;
-    double *x, *seen, *step; /* impulses now and at the last look [N s], step size of each law [kg] */
+    double *x, *seen, *step; /* impulses now and at the last check [N s], step size of each law [kg] */
 } solver;
 
 static double seconds(void) {
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
-static double diagonal(const pb_problem *p, int row) {
-    for (int k = p->row_starts[row]; k < p->row_starts[row + 1]; k++)
-        if (p->columns[k] == row) return p->values[k];
-    return 0.0;
 }
 
 /* Write P(scale x - weight (G x + c)) of one law into y, with P the projection onto scale times its set. */
@@ -41,7 +35,7 @@ static void project(const pb_problem *p, int law, double scale, double weight, c
         for (int k = 0; k < p->row_count[law]; k++) y[k] *= scale * bound / sqrt(squared);
 }
 
-/* Return the residual, and at least what rounding hides of it: see PB_SCALES in proxbench.h. */
+/* Return the residual, at least its rounding error: see PB_SCALES in proxbench.h. */
 static double residual(const pb_problem *p, const double *x) {
     double largest = 0.0, hidden = 0.0;
     for (int law = 0; law < p->n_laws; law++) {
@@ -49,7 +43,7 @@ static double residual(const pb_problem *p, const double *x) {
         project(p, law, p->alpha[law], 1.0, x, y);
         for (int k = 0, row = p->first_row[law]; k < p->row_count[law]; k++, row++) {
             squared += pow(p->alpha[law] * x[row] - y[k], 2.0);
-            hidden = fmax(hidden, p->weight[law] * fabs(diagonal(p, row) * x[row]));
+            hidden = fmax(hidden, p->weight[law] * fabs(p->diagonal[row] * x[row]));
         }
         if (!(p->weight[law] * sqrt(squared) <= largest)) largest = p->weight[law] * sqrt(squared);
     }
@@ -73,7 +67,7 @@ int32_t proxbench_prepare(const pb_problem *p, const char *options, void **prepa
     *s = (solver){p, calloc(rows, 8), calloc(rows, 8), calloc((size_t)p->n_laws + 1, 8)};
     for (int law = 0; law < p->n_laws; law++) {
         double largest = 0.0;
-        for (int k = 0; k < p->row_count[law]; k++) largest = fmax(largest, diagonal(p, p->first_row[law] + k));
+        for (int k = 0; k < p->row_count[law]; k++) largest = fmax(largest, p->diagonal[p->first_row[law] + k]);
         s->step[law] = largest > 0.0 ? relaxation / largest : 0.0;
     }
     return PB_SOLVED;
@@ -83,7 +77,7 @@ int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *re
     const solver *s = prepared;
     const pb_problem *p = s->problem;
     double end = seconds() + request->max_seconds, lowest = INFINITY, first = 1.0, y[3];
-    int64_t done = 0, next = 0; /* sweeps done, and when to look at the residual next */
+    int64_t done = 0, next = 0; /* sweeps done, and sweep of the next residual check */
     size_t size = 8 * (size_t)p->n_rows;
     memset(result->impulses, 0, size);
     if (p->infeasible_law >= 0) return PB_INFEASIBLE;

@@ -1,4 +1,4 @@
-//! Projected Gauss-Seidel sweeps with relaxation, for every law: the solver SORprox(relaxation=...) in Rust.
+//! Projected Gauss-Seidel sweeps with relaxation, for all laws: the solver SORprox(relaxation=...) in Rust.
 //!
 //! rustc -O --crate-type cdylib pgs.rs -o libpgs.so
 //! proxbench run --solver "Shared(./libpgs.so, options='relaxation=1.5')"
@@ -27,7 +27,7 @@ pub struct Description {
 unsafe impl Sync for Description {}
 
 #[repr(C)]
-pub struct Problem { // the beginning of pb_problem, up to the arrays that this solver reads
+pub struct Problem { // the first fields of pb_problem, which this solver reads
     size: u32, forms: u32,
     n_rows: i64, n_laws: i64, n_dofs: i64, n_blocks: i64, width: i64, infeasible_law: i64,
     free_velocity: *const f64,
@@ -37,7 +37,7 @@ pub struct Problem { // the beginning of pb_problem, up to the arrays that this 
     alpha: *const f64, weight: *const f64,
     dense: *const f64,
     row_starts: *const i32, columns: *const i32,
-    values: *const f64,
+    values: *const f64, diagonal: *const f64,
 }
 
 #[repr(C)]
@@ -62,8 +62,7 @@ impl Solver {
         let starts: Vec<usize> = from_raw_parts(p.row_starts, n + 1).iter().map(|&k| k as usize).collect();
         let columns: Vec<usize> = from_raw_parts(p.columns, starts[n]).iter().map(|&k| k as usize).collect();
         let values = from_raw_parts(p.values, starts[n]).to_vec();
-        let entry = |row: usize| (starts[row]..starts[row + 1]).find(|&k| columns[k] == row).map_or(0.0, |k| values[k]);
-        let diagonal: Vec<f64> = (0..n).map(entry).collect();
+        let diagonal = from_raw_parts(p.diagonal, n).to_vec();
         let law = |i: usize| {
             let (first, count) = (*p.first_row.add(i) as usize, *p.row_count.add(i) as usize);
             let largest = diagonal[first..first + count].iter().fold(0.0, |a: f64, &b| a.max(b));
@@ -101,7 +100,7 @@ impl Solver {
         }
     }
 
-    /// Return the residual, and at least what rounding hides of it: see PB_SCALES in proxbench.h.
+    /// Return the residual, at least its rounding error: see PB_SCALES in proxbench.h.
     fn residual(&self, x: &[f64]) -> f64 {
         let (mut largest, mut hidden) = (0.0f64, 0.0f64);
         for law in &self.laws {

@@ -1,4 +1,4 @@
-/* The solver of pgs.c as an executable, and how any solver with the functions of proxbench.h becomes one.
+/* The solver of pgs.c as an executable; any solver with the functions of proxbench.h can be turned into one this way.
 
    cc -O2 -I"$(python -m proxbench.solvers.native)" pgs_process.c pgs.c -o pgs -lm
    proxbench run --solver "Executable(./pgs)" */

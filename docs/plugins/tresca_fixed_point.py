@@ -1,9 +1,9 @@
-"""TrescaFixedPoint: friction with fixed bounds, and bounds updated from its solution, one after the other.
+"""TrescaFixedPoint: solve friction with fixed bounds, update the bounds from the solution, and repeat.
 
     Λ^{k+1} solves the problem with  ‖Λ_T‖ ≤ b^k  for the friction of each contact,      b^{k+1} = a + μ Λ_N^{k+1}
 
 (Panagiotopoulos 1975; Haslinger 1983; Acary, Brémond & Huber 2018, section 5.5). With fixed bounds (Tresca's friction)
-the problem is the minimum of a convex function over half-lines and discs, which sweeps of SORprox approach. The fixed
+the problem is to minimise a convex function over half-lines and discs, to which sweeps of SORprox converge. The fixed
 point iteration contracts for small μ; for large μ it need not.
 """
 

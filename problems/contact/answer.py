@@ -14,12 +14,12 @@ class Answer:
     """The known part of a solution; fields left out are not unique or not known.
 
     Attributes:
-        impulses: all admissible Λ [N s], each of shape (n_rows,), where there are finitely many; any of them is right.
-        velocity: ξ [m/s], shape (n_rows,), where the relative velocity is unique.
-        functionals: A, shape (k, n_rows), where only A Λ = values is determined (a sum of supports, a moment).
+        impulses: all solutions Λ [N s], each of shape (n_rows,), if there are finitely many; any of them is correct.
+        velocity: ξ [m/s], shape (n_rows,), if the relative velocity is unique.
+        functionals: A, shape (k, n_rows), if only A Λ = values is determined (a sum of supports, a moment).
         values: the right-hand side of ``functionals``, shape (k,).
-        solvable: False where the problem has no solution and must be reported as infeasible.
-        witness: one solution Λ [N s], shape (n_rows,), of perhaps many; it proves that there is one.
+        solvable: False if the problem has no solution and must be reported as infeasible.
+        witness: one solution Λ [N s], shape (n_rows,), which proves that the problem is solvable.
         sensitivity: largest ratio of ``error``, the relative error of velocities and impulses, to the judge's residual.
     """
 

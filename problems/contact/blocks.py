@@ -1,9 +1,8 @@
 """The layout of a problem in blocks of equal width, one for each contact, for kernels.
 
 A block is a unilateral law with the friction laws that it bounds, or a single law. Its lanes are N, T1, T2, R1, R2, R3,
-without those that no block uses: T1 and T2 are left out without friction, T2 in the plane, and R beyond the axes of
-rolling. A lane that a block does not use has a zero row and column in G and c, and keeps Λ = 0 under every projection,
-so that kernels treat all blocks alike.
+without those that no block uses. A lane that a block does not use has a zero row and column in G and c, and keeps Λ = 0
+under every projection, so that kernels treat all blocks alike.
 """
 
 from dataclasses import dataclass
@@ -37,10 +36,10 @@ class BlockLayout:
         fixed_bound: a [N s], shape (n_blocks,).
         rolling_coefficient: μ_r [m], shape (n_blocks,).
         rolling_bound: a of the rolling friction [N m s], shape (n_blocks,).
-        partner: block whose normal impulse bounds the friction; the block itself where there is none, (n_blocks,).
+        partner: block whose normal impulse bounds the friction, shape (n_blocks,); the block itself if there is none.
         is_bilateral: whether the block is a bilateral law, shape (n_blocks,).
-        has_contacts_only: whether all laws are contacts and sliding friction, so that each block's Λ_N ≥ 0 and Λ_T have
-            their cone.
+        has_contacts_only: whether all laws are contacts with or without sliding friction, so that every block has a
+            friction cone.
     """
 
     width: int
@@ -137,10 +136,10 @@ def layout_of(laws: Laws) -> BlockLayout:
 def _lay_out(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
 ):
-    """Return tangential lanes a block, all lanes a block, and the numbers of blocks and of joints among them.
+    """Return the tangential and all lanes per block, and the numbers of blocks and of joints.
 
-    Writes slots of the rows; normal, friction and rolling law and partner of each block, block of each law; μ, a, μ_r
-    and the a of rolling of each block, and whether it is a joint.
+    The function writes the slots of the rows and the block of each law. For each block it writes the normal, friction
+    and rolling law, the partner, μ, a, μ_r, the rolling a, and whether it is a joint.
     """
     block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0
     for law in range(len(sets)):  # friction right behind its partner shares its block, and so does rolling friction

@@ -41,13 +41,13 @@ def components(problem: ContactProblem) -> IntArray:
 
 
 def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
-    """Return for each contact the largest of the values of all that share a body with it, and its own.
+    """Return for each contact the largest value among itself and the contacts that share a body with it.
 
     Args:
         problem: the problem.
-        values: one number ≥ 0 a contact, shape (n_contacts,).
+        values: one number ≥ 0 per contact, shape (n_contacts,).
     """
-    n_bodies, starts, bodies, contacts = _touching(problem)
+    n_bodies, starts, bodies, contacts = _touched_bodies(problem)
     largest = values.copy()
     if problem.factors is None:
         _largest_of_neighbours(starts, bodies, contacts, values, largest)
@@ -60,7 +60,7 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
     return largest
 
 
-def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any], IntArray]:
+def _touched_bodies(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any], IntArray]:
     """Return which bodies each contact touches.
 
     Returns:
@@ -69,17 +69,17 @@ def _touching(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any],
     layout = problem.layout
     if problem.factors is None:
         matrix, diagonal = problem.delassus(), np.sqrt(problem.delassus_diagonal)
-        starts, bodies = _coupled(matrix.indptr, matrix.indices, matrix.data, diagonal, layout.contact_of_row)
+        starts, bodies = _coupled_contacts(matrix.indptr, matrix.indices, matrix.data, diagonal, layout.contact_of_row)
         return layout.n_blocks, starts, bodies, layout.contact_of_row
     pieces = problem.factor_pieces()
-    starts, bodies = _moved(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    starts, bodies = _touched_rows(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     return pieces.n_chunks * pieces.length, starts, bodies, np.arange(layout.n_blocks)
 
 
 @interpretable
 @njit(cache=True)
-def _coupled(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
-    """Return, row by row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
+def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
+    """Return, for each row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
     starts, bodies = np.zeros(len(indptr), dtype=np.int64), np.empty(len(data), dtype=np.int64)
     count = 0
     for row in range(len(contact_of_row)):
@@ -93,8 +93,8 @@ def _coupled(indptr, indices, data, root, contact_of_row):  # type: ignore[no-un
 
 @interpretable
 @njit(cache=True)
-def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
-    """Return, contact by contact, the rows of W̃ in which it has an entry."""
+def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
+    """Return, for each contact, the rows of W̃ in which it has an entry."""
     width, length = values.shape[1], values.shape[2]
     starts, bodies = np.zeros(len(first), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
     count = 0
@@ -115,16 +115,16 @@ def _moved(first, chunks, values, idle):  # type: ignore[no-untyped-def]
 @interpretable
 @njit(cache=True)
 def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
-    """Return the component of each contact where G alone is known."""
-    starts, bodies = _coupled(indptr, indices, data, np.sqrt(diagonal), contact_of_row)
+    """Return the component of each contact if only G is known."""
+    starts, bodies = _coupled_contacts(indptr, indices, data, np.sqrt(diagonal), contact_of_row)
     return _components(partner, len(partner), starts, bodies, contact_of_row)
 
 
 @interpretable
 @njit(cache=True)
 def _components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
-    """Return the component of each contact where the factors are known."""
-    starts, bodies = _moved(first, chunks, values, n_chunks)
+    """Return the component of each contact if the factors are known."""
+    starts, bodies = _touched_rows(first, chunks, values, n_chunks)
     return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
 
 
@@ -145,10 +145,9 @@ def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
-    """Unite each contact with its partner and the one that touched the body before it; number the sets (union–find).
+    """Unite each contact with its partner and the previous contact of each body, and number the sets (union–find).
 
-    Where bodies are contacts themselves each has touched its own before, because its diagonal block is not zero or it
-    is alone.
+    If bodies stand for contacts, each contact has touched its own body before, unless it is uncoupled.
     """
     root = np.arange(len(partner))
     _unite_partners(root, partner)
@@ -212,7 +211,7 @@ def _write_scales(  # type: ignore[no-untyped-def]
 ):
     """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
 
-    Returns a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
+    Return a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
     """
     stuck, largest = -1, 0.0
     for law in range(len(sets)):
@@ -245,8 +244,8 @@ def write_scales_and_ratios(  # type: ignore[no-untyped-def]
 ):
     """Write the scales of every law, and the largest scale over that of its component.
 
-    The ratio is 1 where the speeds of a component are rounding of the largest one. ``component`` is that of each
-    contact, and ``numbers`` holds α, ℓ, ℓ ‖c‖ and the ratio of each law, shape (at least 4, n_laws).
+    The ratio is 1 if the speeds of a component are rounding of the largest one. ``component`` holds the component of
+    each contact. ``numbers`` receives α, ℓ, ℓ ‖c‖ and the ratio of each law, shape (at least 4, n_laws).
     """
     alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
     given = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)

@@ -7,8 +7,8 @@ For law i with α_i = the largest diagonal entry of its block of G, and the prox
 over the connected components k of the contacts (see ``coupling``). This is the largest velocity by which a law is
 violated, relative to the largest free velocity of a law in its component. It does not depend on the step size of a
 solver, on units, on the choice of tangents, on the number of contacts, or on other components. It remains meaningful
-at large mass ratios, where an impulse error relative to max|Λ| does not. A component whose free velocity is zero, or
-rounding of that of the others, is measured relative to the largest free velocity of all.
+at large mass ratios, where an impulse error relative to max|Λ| does not. If the free velocity of a component is zero or
+rounding, its residual is relative to the largest free velocity of all.
 
 The rows of rolling friction hold angular velocities [rad/s]. They count as velocities at the distance
 
@@ -17,11 +17,11 @@ The rows of rolling friction hold angular velocities [rad/s]. They count as velo
 from the axis, with α_N of the contact's unilateral law; for a single body this is a radius of gyration. The violation
 is ℓ_i α_i ‖R_i‖ and the free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of length.
 
-Impulses that brace each other may be huge, and the terms of ξ = GΛ + c then cancel. Therefore ξ is summed in twice the
+Impulses of wedged bodies may be huge, and the terms of ξ = GΛ + c then cancel. Therefore ξ is summed in twice the
 working precision (``matrices.accurate``), and violations are computed without cancellation (``residual``). Every
-reported error is at least what rounding may still hide.
+reported error is at least its possible rounding error.
 
-The impulse of a unilateral law with α = 0 moves nothing itself, but it may permit friction that does. Such a law takes
+The impulse of a unilateral law with α = 0 has no effect on velocities, but it may permit friction. Such a law has
 the largest α of the friction laws that it bounds, so that Λ_N > 0 at an opening contact is a violation.
 """
 
@@ -57,7 +57,7 @@ UNITS = {
     "complementarity": " [J]",
     "dissipated_energy": " [J]",
 }
-"""Units of the fields of a verdict that have one."""
+"""Units of the fields of a verdict with units."""
 
 
 @dataclass(frozen=True)
@@ -67,22 +67,21 @@ class Verdict:
     Attributes:
         residual: the judge's residual, see the module; inf if Λ is not finite or the problem is infeasible.
         local_residual: max_i α_i ‖R_i‖/s_i with s_i the largest ‖c‖ of the contacts that share a body with contact i,
-            at least the free fall of a step where the problem knows it: the error relative to the surroundings of the
-            worst contact.
+            at least the free fall of a step if it is known.
         local_median: the median of the same over the laws.
         local_q90: their 90 % quantile.
         local_q99: their 99 % quantile.
         energy_residual: max_i √α_i ‖R_i‖ over max_i ‖c_i‖/√α_i, the same violation in the scale of energy.
         natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N (De Saxcé), ρ = 1.
-        natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), as Siconos relates it.
+        natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), the scale of Siconos.
         penetration_velocity: max_i (−ξ_N)₊ [m/s].
-        cone_violation: how far Λ lies outside its bounds, max of (−Λ_N)₊, (‖Λ_T‖ − b)₊ and (‖Λ_R‖ − b)₊/ℓ [N s].
+        cone_violation: distance of Λ from its bounds, the largest of (−Λ_N)₊, (‖Λ_T‖ − b)₊ and (‖Λ_R‖ − b)₊/ℓ [N s].
         complementarity: largest absolute Λ_N ξ_N [J].
-        dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], what the impulses take from the free motion; exact for ε = 0.
-        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ where the problem knows ξ*, else None.
+        dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], the energy lost relative to the free motion; exact for ε = 0.
+        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ if the answer of the problem contains ξ*, else None.
         infeasible: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0, which no
             impulse can satisfy.
-        model: the model that the residuals hold the impulses to.
+        model: the model of the residuals.
         component_residuals: the residual of each connected component, in the order of their first contacts.
     """
 
@@ -119,7 +118,7 @@ class Verdict:
 
 
 @interprets_kernels
-@np.errstate(over="ignore", invalid="ignore")  # what overflows reads as infinite
+@np.errstate(over="ignore", invalid="ignore")  # overflow gives inf
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
     """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
 
@@ -175,12 +174,12 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
 
 @np.errstate(over="ignore", invalid="ignore")
 def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: float = 0.0) -> float:
-    """Return the local residual of impulses as ``judge`` does, without the rest of a verdict.
+    """Return the local residual of impulses, without the rest of a verdict.
 
     Args:
         problem: the contact problem.
         impulses: Λ [N s], shape (n_rows,).
-        free_fall: velocity that forces give within a step [m/s], where the problem does not know it.
+        free_fall: velocity that forces cause within a step [m/s], if the problem does not contain it.
     """
     residual = Residual(problem)
     if residual.infeasible or not np.isfinite(impulses).all():
@@ -195,7 +194,7 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
 
 
 def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
-    """Return the verdict on impulses that are not all finite: no part of it may read as success."""
+    """Return the verdict on impulses that are not all finite; all of its errors are infinite or NaN."""
     numbers: dict[str, Any] = {one.name: np.inf for one in fields(Verdict) if one.name not in NO_NUMBERS}
     if problem.answer is None or problem.answer.velocity is None:
         numbers["velocity_error"] = None
@@ -205,7 +204,7 @@ def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Ve
 
 
 def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:
-    """Return the verdict in the units of the problem from that in other units of time; ratios stay."""
+    """Convert a verdict from other units of time to the units of the problem; ratios do not change."""
     return replace(
         verdict,
         penetration_velocity=verdict.penetration_velocity / unit,
@@ -225,7 +224,7 @@ def _of_components(residual: Residual, violation: FloatArray) -> tuple[float, ..
 def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
     """Return α_i ‖R_i‖/s_i of every law, s_i the largest ‖c‖ around its contact, at least the free fall of a step.
 
-    Where both are zero, s_i is the scale that the residual has.
+    If both are zero, s_i is the scale of the residual.
     """
     layout, laws = problem.layout, problem.laws
     contact = layout.contact_of_row[laws.first_row]
@@ -240,7 +239,7 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, f
 
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
-    """Return for each share the least value that this share of the values does not exceed; 0 for no values."""
+    """Return the quantile of the values for each share; 0 without values."""
     if not len(values):
         return [0.0] * len(shares)
     places = [max(0, math.ceil(share * len(values)) - 1) for share in shares]
@@ -249,9 +248,9 @@ def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
 
 
 def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray, rounding: FloatArray) -> float:
-    """‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N, at least what rounding of ξ and of Λ may hide.
+    """Return ‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N, at least its possible rounding error.
 
-    A friction law apart from its partner keeps its present bound.
+    The bound of a friction law that does not follow its partner is fixed at its present value.
     """
     layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
     friction, fixed = layout.friction_coefficient, layout.fixed_bound
@@ -289,6 +288,6 @@ def _cone_violation(problem: ContactProblem, residual: Residual, impulses: Float
 
 
 def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:
-    """Largest value/scale over the entries of positive scale."""
+    """Return the largest value/scale over the entries of positive scale."""
     positive = scales > 0
     return float((values[positive] / scales[positive]).max(initial=0.0))

@@ -9,8 +9,8 @@ Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) w
     rolling friction     C = {x ∈ Rᵏ : ‖x‖ ≤ b}      k = 1, 2 or 3 rows
 
 The friction bound is b = a + μ max(Λ_partner, 0). Its fixed part a belongs to a joint with dry friction, its Coulomb
-part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. Kernels know a law by
-its ``ConvexSet``, its rows and its bound.
+part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. To kernels, a law is a
+``ConvexSet``, rows and a bound.
 
 Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact by an impulsive moment
 Λ_R [N m s]. It acts about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and
@@ -71,7 +71,7 @@ _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROL
 
 _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
 _PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
-"""Plain numbers: numpy compares with them in a sixth of the time that members of an enumeration take."""
+"""Plain numbers: NumPy compares them six times as fast as members of an enumeration."""
 
 MAX_KEPT_CONTACTS = 64
 """Contacts of equal friction up to which their laws are kept."""
@@ -134,7 +134,7 @@ class Laws:
         in_range = (self.partner >= -1) & (self.partner < len(self.kind))
         _require(in_range, "partner", self.partner, "the index of a law, or -1")
         _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a law without friction")
-        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # the last entry answers for partner −1
+        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # the last entry stands for partner −1
         _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
         has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
         _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
@@ -241,11 +241,11 @@ class Laws:
         return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)
 
     def fresh(self) -> "Laws":
-        """Return equal laws that share no memory with these; they need no second check."""
+        """Return equal laws that share no memory with these, without checking them again."""
         return self._with_arrays(lambda array: frozen(array, array.dtype))
 
     def _with_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Laws":
-        """Return laws whose arrays are changed ones of these, valid by construction."""
+        """Return laws with changed arrays, which are valid by construction."""
         laws = object.__new__(Laws)
         for name in _FIELDS:
             object.__setattr__(laws, name, change(getattr(self, name)))
@@ -311,7 +311,7 @@ class Laws:
             n_rows: axes of rolling: 1, 2 or 3.
 
         Raises:
-            ProblemError: for another number of axes, or where the laws have rolling friction already.
+            ProblemError: for another number of axes, or if the laws already have rolling friction.
         """
         if n_rows not in (1, 2, 3):
             raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
@@ -319,7 +319,7 @@ class Laws:
             raise ProblemError("the laws have rolling friction already; add it to laws without.")
         normal = np.flatnonzero(self.is_unilateral)
         follower = np.append(self.partner[1:], -1)[normal] == normal
-        behind = normal + 1 + follower  # where each rolling law is inserted
+        behind = normal + 1 + follower  # places of the new rolling laws
         place = np.arange(self.n_laws) + np.searchsorted(behind, np.arange(self.n_laws), side="right")
         coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (len(normal),))
         return Laws.in_order(
@@ -342,10 +342,7 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
 
 
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
-    """Return contacts of one μ, which time stepping needs in every step, as the first part of a longer list.
-
-    The longer list has been validated, and so its first part is valid.
-    """
+    """Return contacts of one μ as the first part of a longer list, which has been validated before."""
     room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
     whole = _many_equal_laws(friction, dim, room)
     count = n_contacts if dim == 1 else 2 * n_contacts
@@ -353,7 +350,7 @@ def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
 
 
 _few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
-"""The same laws for the same arguments; their layout is then found once, too."""
+"""Return the same object for the same arguments, so that its layout is also found once."""
 
 
 @lru_cache(maxsize=16)

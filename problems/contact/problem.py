@@ -36,7 +36,7 @@ FREE_FALL = "free_fall"
 """The entry of the provenance with the velocity that free bodies gain in the problem's time step [m/s]."""
 
 UNNAMED = "unnamed"
-"""The name of a problem that was given none."""
+"""The default name of a problem."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,8 +46,8 @@ class ContactProblem:
     Attributes:
         free_velocity: c [m/s], shape (n_rows,).
         laws: the force laws, which tile the rows.
-        matrix: G [1/kg] as given, or ``None`` where the factors are given.
-        factors: W, M⁻¹ and the free motion, or ``None`` where G is given.
+        matrix: G [1/kg] as given, or ``None`` if the factors are given.
+        factors: W, M⁻¹ and the free motion, or ``None`` if G is given.
         name: its name in tables and files.
         provenance: its origin (scene, step, seed, …).
         answer: the known part of its solution, if any.
@@ -100,8 +100,8 @@ class ContactProblem:
         """Return the problem with Delassus matrix G.
 
         Args:
-            delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows), symmetric positive semidefinite. One of
-                float32 may miss symmetry by its rounding and is replaced by (G + Gᵀ)/2.
+            delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows), symmetric positive semidefinite. A
+                float32 matrix may be asymmetric by its rounding and is replaced by (G + Gᵀ)/2.
             free_velocity: c [m/s], shape (n_rows,).
             friction: μ, one number or one for each contact.
             dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
@@ -165,11 +165,11 @@ class ContactProblem:
 
     @cached_property
     def layout(self) -> BlockLayout:
-        """How laws group into contacts of equal, padded width, for kernels."""
+        """The laws in blocks of equal, padded width, for kernels."""
         return layout_of(self.laws)
 
     def delassus_blocks(self) -> DelassusBlocks:
-        """Return G in padded block rows, assembled at the first call and kept."""
+        """Return G in padded block rows, assembled at the first call and cached."""
         return self._delassus_blocks
 
     @cached_property
@@ -179,7 +179,7 @@ class ContactProblem:
         return blocks_from_pieces(self.factor_pieces())
 
     def factor_pieces(self) -> Pieces:
-        """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, cut at the first call and kept.
+        """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, computed at the first call and cached.
 
         Raises:
             ProblemError: if the problem holds G only.
@@ -193,7 +193,7 @@ class ContactProblem:
         return self.factors.scaled_pieces(self.layout)
 
     def delassus(self) -> sp.csr_array:
-        """Return G [1/kg], a read-only scipy CSR array, (n_rows, n_rows), assembled at the first call and kept."""
+        """Return G [1/kg], a read-only scipy CSR array, (n_rows, n_rows), assembled at the first call and cached."""
         return self.matrix if self.matrix is not None else self._assembled
 
     @cached_property
@@ -202,7 +202,7 @@ class ContactProblem:
 
     @cached_property
     def delassus_diagonal(self) -> FloatArray:
-        """Diagonal of G [1/kg], shape (n_rows,), found without assembling G."""
+        """Diagonal of G [1/kg], shape (n_rows,), computed without assembling G."""
         if self.matrix is not None:
             diagonal = diagonal_of(self.matrix)
         else:
@@ -235,7 +235,7 @@ class ContactProblem:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the numbers that define the problem (G or its factors, c, laws); names do not count."""
+        """SHA-256 of the numbers that define the problem: G or its factors, c, and the laws."""
         sha = hashlib.sha256(b"proxbench contact problem 1")
         for label, array in self._numbers():
             sha.update(f"{label}:{array.dtype.str}:{array.shape};".encode())
@@ -264,7 +264,7 @@ class ContactProblem:
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def anonymous(self) -> "ContactProblem":
-        """Return the same numbers without what is known about them: name, provenance and answer."""
+        """Return the same numbers without name, provenance and answer."""
         return self._described(name="problem", provenance={}, answer=None)
 
     def fresh(self) -> "ContactProblem":
@@ -277,7 +277,7 @@ class ContactProblem:
         )
 
     def _described(self, **changes: Any) -> "ContactProblem":
-        """Return a problem with other fields, which hold equal numbers, so that they are not checked again."""
+        """Return a problem with other fields that hold equal numbers, without checking them again."""
         other = object.__new__(ContactProblem)
         values = {one.name: getattr(self, one.name) for one in fields(self)} | changes
         values["provenance"] = MappingProxyType(dict(values["provenance"]))

@@ -1,7 +1,7 @@
 """Euclidean projections onto the sets of force laws.
 
-``project_rows`` is the projection onto the set of one law. Its radius is fixed, as that of Coulomb friction is while
-the normal impulse stays; ``onto_cone`` projects onto the whole cone of a contact, where the normal impulse moves too.
+``project_rows`` projects onto the set of one law with a fixed radius. ``onto_cone`` projects onto the whole cone of a
+contact, which also changes the normal impulse.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from .laws import BALL, HALF_LINE, Laws
 def project(laws: Laws, impulses: FloatArray) -> FloatArray:
     """Project impulses onto the sets of their laws, normal impulses first.
 
-    A normal impulse is cut at zero. A friction impulse, sliding or rolling, is shortened to its bound a + μ Λ_N, with
-    Λ_N after the cut. Impulses of joints stay.
+    A negative normal impulse is set to zero. A friction impulse, sliding or rolling, is shortened to its bound
+    a + μ Λ_N, with the projected Λ_N. Impulses of joints do not change.
 
     Args:
         laws: the force laws.
@@ -36,7 +36,7 @@ def project(laws: Laws, impulses: FloatArray) -> FloatArray:
 
 @njit(cache=True)
 def _project(sets, first_row, row_count, mu, fixed, partner, impulses):  # type: ignore[no-untyped-def]
-    for is_friction in (False, True):  # a friction law may stand before the law that bounds it
+    for is_friction in (False, True):  # a friction law may precede the law that bounds it
         for law in range(len(sets)):
             if (sets[law] == BALL) == is_friction:
                 bound = fixed[law]
@@ -57,7 +57,7 @@ def project_rows(form, first, count, bound, vector):  # type: ignore[no-untyped-
         vector: the vector, shape (any,).
     """
     if form == HALF_LINE:
-        if vector[first] <= 0.0:  # makes −0 a 0, and keeps NaN
+        if vector[first] <= 0.0:  # turns −0 into 0, and keeps NaN
             vector[first] = 0.0
     elif form == BALL:
         length = abs(vector[first])
@@ -73,13 +73,13 @@ def onto_cone(
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone for each part.
 
-    The parts are sliding friction and, where a contact has it, rolling friction. For a
-    given N the nearest T lies on its disc. So N is the zero, or 0 if that is negative, of
+    The parts are sliding friction and, if a contact has it, rolling friction. For a
+    given N the nearest T lies on its disc. So N is the zero of the following function, or 0 if that is negative:
 
-        N − N₀ − Σ_parts μ (‖T₀‖ − a − μ N)₊.
+        N − N₀ − Σ_parts μ (‖T₀‖ − a − μ N)₊
 
-    This function grows with N and has a kink where a disc becomes large enough. Source: Acary & Bourrier 2021, for
-    a = 0; a cone with a > 0 has its apex cut off.
+    The function grows with N and has a kink where a disc becomes large enough. A cone with a > 0 has its apex cut off.
+    Source: Acary & Bourrier 2021, for a = 0.
 
     Args:
         normal: N₀, shape (n,).
@@ -92,7 +92,7 @@ def onto_cone(
     """
     lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
     cones = list(zip(friction, lengths, fixed, strict=True))
-    # the function is the least of its linear pieces, and all of them grow: its zero is the largest of theirs
+    # the function is the minimum of increasing linear pieces, so its zero is the largest of their zeros
     found = np.full(len(normal), -np.inf)
     for active in chain.from_iterable(combinations(cones, count) for count in range(1, len(cones) + 1)):
         numerator, denominator = normal, np.ones(1)
@@ -112,14 +112,14 @@ def onto_cone(
 def onto_contact_cones(
     layout: BlockLayout, lanes: FloatArray, friction: FloatArray, fixed: FloatArray, length: FloatArray
 ) -> FloatArray:
-    """Project the impulses of each block onto its cone; impulses of bilateral blocks stay.
+    """Project the impulses of each block onto its cone; impulses of bilateral blocks do not change.
 
     Args:
         layout: the blocks.
         lanes: impulses, rolling ones over ``length``, padded to shape (n_blocks, width).
         friction: μ of the block's own Λ_N, shape (n_blocks,).
         fixed: the rest of the bound on Λ_T [N s], shape (n_blocks,).
-        length: what rolling impulses are divided by [m], shape (n_blocks,).
+        length: divisor of the rolling impulses [m], shape (n_blocks,).
     """
     parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed]
     if layout.rolling:

@@ -14,8 +14,8 @@ times the friction bound,
 The first two cases have the relative error of ξ, which ``matrices.accurate`` bounds. In the third case h and the
 projection may cancel. I − prox and prox are nonexpansive, so rounding of h contributes u‖h‖ and that of h − ξ
 contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all
-(``_hidden_by_sliding``). The violation is at least that, so that the exact one is at most twice the value returned,
-beside a relative error of a few u. The third case applies wherever ‖h − ξ‖ is not below b by more than rounding.
+(``_hidden_by_sliding``). The returned violation is at least that, so the exact one is at most twice the returned value,
+up to a relative error of a few u. The third case applies unless ‖h − ξ‖ is below b by more than rounding.
 """
 
 from functools import cached_property
@@ -41,28 +41,28 @@ INSIDE = 1.0 - 2.0**-48
 """Part of b² below which ‖h − ξ‖² is below b² beyond rounding."""
 
 PROJECTION_ROUNDINGS = 8.0
-"""Roundings of ‖h‖ that count where h is projected onto a cone or a polygon."""
+"""Number of roundings of ‖h‖ in a projection onto a cone or a polygon."""
 
 RESOLUTION = 200.0 * UNIT
-"""What ``Residual.rounding`` counts for each G_hh |Λ_h|."""
+"""Factor of G_hh |Λ_h| in ``Residual.rounding``."""
 
 LEAST_SQUARED, LARGEST_SQUARED = 1e-100, 1e100
-"""Velocities [m/s] between these are squared as they are."""
+"""Velocities [m/s] in this range are squared without scaling."""
 
 
 class Residual:
-    """The judge's residual of one problem, prepared once for many impulses (solvers stop on it).
+    """The judge's residual of one problem, prepared once for many vectors of impulses; solvers stop on it.
 
     Attributes:
-        alpha: α_i of each law [1/kg], shape (n_laws,); that of the friction it bounds for a normal without any effect.
+        alpha: α_i of each law [1/kg], shape (n_laws,); for a unilateral law with α = 0, that of its friction laws.
         lengths: ℓ_i = √(α_N/α_i) [m] of each rolling law, 1 for the others, shape (n_laws,).
         speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
         scale: max ‖c_i‖ over the laws [m/s], independent of the choice of tangents.
         ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
         stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
-        infeasible: whether there is one.
-        unit: power of two that impulses and velocities are multiplied by where their squares would leave the range of
-            double precision; 1 elsewhere.
+        infeasible: whether there is a stuck law.
+        unit: power of two by which impulses and velocities are multiplied if their squares would leave the range of
+            double precision, else 1.
     """
 
     def __init__(self, problem: ContactProblem) -> None:
@@ -95,16 +95,16 @@ class Residual:
         return float(_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
 
     def rounding(self, impulses: FloatArray) -> float:
-        """Return an estimate of the residual that plain arithmetic cannot tell from zero at Λ [N s], (n_rows,).
+        """Return an estimate of the residual that plain arithmetic cannot distinguish from zero at Λ [N s], (n_rows,).
 
-        That is what rounding of Λ and of a few hundred terms of its size leaves of ξ.
+        It is the effect on ξ of rounding Λ and a few hundred terms of its size.
         """
         return RESOLUTION * self.largest_held(impulses) / self.scale if self.scale > 0.0 else 0.0
 
     def judged(self, problem: ContactProblem, impulses: FloatArray) -> float:
-        """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem that this was prepared for.
+        """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem of this object.
 
-        Plain arithmetic finds it where rounding is too small to matter.
+        Plain arithmetic is used if its rounding is negligible.
         """
         found = self(impulses, problem.relative_velocity(impulses))
         if found > self.rounding(impulses):
@@ -114,9 +114,9 @@ class Residual:
         return max(self(impulses, velocity), ratio(hidden, self.scale))
 
     def hidden(self, rounding: FloatArray) -> FloatArray:
-        """Return the velocity [m/s] of each law, shape (n_laws,), that rounding of its rows of ξ may hide.
+        """Return the possible rounding error [m/s] of the violation of each law, shape (n_laws,).
 
-        ``rounding`` is that of each row, shape (n_rows,), as ``ContactProblem.accurate_velocity`` returns it.
+        ``rounding`` is the error bound of each row, shape (n_rows,), from ``ContactProblem.accurate_velocity``.
         """
         first = self._rows[2]
         sums: FloatArray = np.add.reduceat(rounding, first) if len(first) else np.zeros(0)
@@ -135,7 +135,7 @@ class Residual:
         """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under Coulomb friction, shape (n_laws,).
 
         Args:
-            impulses: Λ, shape (n_rows,), in the units of ``unit`` like the velocity.
+            impulses: Λ, shape (n_rows,), multiplied by ``unit``, as the velocity is.
             velocity: ξ, shape (n_rows,).
             weight: factor of all friction bounds.
         """
@@ -147,7 +147,7 @@ class Residual:
 
 
 class ModelResidual(Residual):
-    """The residual under another model than Coulomb's law; attributes as there."""
+    """The residual under a model other than Coulomb's law; attributes as in ``Residual``."""
 
     def __init__(self, problem: ContactProblem, model: Model) -> None:
         super().__init__(problem)
@@ -187,12 +187,10 @@ def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  #
 def _write_squared_violations(  # type: ignore[no-untyped-def]
     sets, row_count, first_row, mu, fixed, partner, numbers, impulses, velocity
 ):
-    """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest of their roots times their ratios.
-
-    That is a velocity [m/s], and NaN if any of them is.
+    """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest root times ratio [m/s], or NaN.
 
     Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
-    for α = 0: a unilateral law without any effect is violated by (−ξ)₊, a friction law by nothing.
+    for α = 0: the violation of a unilateral law is then (−ξ)₊, and that of a friction law 0.
     """
     alpha, lengths, _, ratios, squares = numbers
     largest, one = 0.0, uint64(1)
@@ -215,7 +213,7 @@ def _write_squared_violations(  # type: ignore[no-untyped-def]
             else:
                 square = _outside_ball(row, uint64(row_count[law]), a, bound, impulses, velocity)
             square *= lengths[law] * lengths[law]
-        else:  # a line, whose law is violated by all of ξ
+        else:  # a line: all of ξ violates the law
             square = velocity[row] * velocity[row]
         squares[law] = square
         square *= ratios[law] * ratios[law]
@@ -277,7 +275,7 @@ def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[n
 
 @njit(cache=True, inline="always")
 def _hidden_by_sliding(held_squared, bound):  # type: ignore[no-untyped-def]
-    """Return the square of what rounding may hide of a friction law that slides, 9ub + u‖h‖; see the module."""
+    """Return the square of the possible rounding error of a sliding friction law, 9ub + u‖h‖; see the module."""
     hidden = UNIT * (9.0 * bound + np.sqrt(held_squared))
     return hidden * hidden
 
@@ -305,15 +303,15 @@ def convex_obstacle(problem: ContactProblem) -> str | None:
     if not len(remote):
         return None
     law = int(layout.friction_law[remote[0]])
-    return f"friction law {law} is bounded by a unilateral law that it does not follow, so contact and cone are apart"
+    return f"friction law {law} does not follow the unilateral law that bounds it, so its contact has no friction cone"
 
 
 def _convex_violations(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, velocity: FloatArray
 ) -> FloatArray:
-    """Violation of −ξ ∈ N_K(Λ) with K the whole set {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N, …} of a contact, α its largest.
+    """Return the violations of −ξ ∈ N_K(Λ) with K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N, …} and the largest α of a contact.
 
-    Rolling rows count in the lengths of their laws: ℓξ_R, Λ_R/ℓ, μ_r/ℓ.
+    Rolling rows are scaled by the lengths of their laws: ℓξ_R, Λ_R/ℓ, μ_r/ℓ.
     """
     obstacle = convex_obstacle(problem)
     if obstacle:
@@ -323,7 +321,7 @@ def _convex_violations(
     lanes, moved = layout.pad(impulses), layout.pad(velocity)
     lanes[:, 1 + layout.sliding :] /= unit[:, None]
     moved[:, 1 + layout.sliding :] *= unit[:, None]
-    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # the last entry answers for law −1
+    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # the last entry stands for law −1
     block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
     step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
     target = lanes - step[:, None] * moved
@@ -342,7 +340,7 @@ def _convex_violations(
 
 
 def block_lengths(problem: ContactProblem, residual: Residual) -> FloatArray:
-    """Return the length of each block's rolling friction [m], 1 where there is none, shape (n_blocks,)."""
+    """Return the length of each block's rolling friction [m], 1 if there is none, shape (n_blocks,)."""
     lengths: FloatArray = np.append(residual.lengths, 1.0)[problem.layout.rolling_law]
     return lengths
 

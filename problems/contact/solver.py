@@ -60,7 +60,7 @@ class Stop:
     """Stopping criteria of a solve.
 
     A constant residual does not end a solve, because it may still fall after a million sweeps. A solve that does not
-    reach the tolerance therefore ends at the first of two limits; with both infinite it may run for ever.
+    reach the tolerance therefore ends at the first of two limits. If both are infinite, it may never end.
 
     Attributes:
         tolerance: the judge's residual to reach, dimensionless, positive.
@@ -111,7 +111,7 @@ class Solution:
 
 
 class Prepared(Protocol):
-    """A solver made ready for one problem.
+    """A solver that is prepared for one problem.
 
     A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
     impulses are in the array of the solution, and is called before the clock stops.

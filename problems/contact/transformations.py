@@ -24,7 +24,7 @@ class Transformed:
     """A transformed problem.
 
     Attributes:
-        problem: the new problem, with those parts of the old answer that carry over.
+        problem: the new problem, with the parts of the old answer that remain valid.
         back: T, so that Λ = T Λ' [N s], sparse, shape (old rows, new rows).
     """
 
@@ -50,7 +50,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
     laws = np.concatenate([chosen[contact] for contact in contacts]) if len(contacts) else np.zeros(0, dtype=np.int64)
     place = np.empty(len(laws) + 1, dtype=np.int64)
     place[laws] = np.arange(len(laws))
-    place[-1] = -1  # answers for partner −1
+    place[-1] = -1  # stands for partner −1
     old = problem.laws
     new_laws = old.chosen(laws, place[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
@@ -71,7 +71,7 @@ def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
 
 
 def duplicated(problem: ContactProblem, contact: int) -> Transformed:
-    """Return the problem with one contact written twice, the copy at the end; Λ of the old is the sum of both.
+    """Return the problem with one contact duplicated, the copy at the end; the old Λ is the sum of both.
 
     A fixed bound is split between the copies.
 
@@ -95,7 +95,7 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
     """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], its answer included.
 
     G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
-    angular velocities and moments: in their place c → c · time and Λ → Λ · time/(mass · length²), μ_r → μ_r/length.
+    angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
     """
     if problem.laws.is_rolling.any():
         return _in_length(problem, mass, length, time)
@@ -103,7 +103,7 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
 
 
 def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
-    """Return the problem in other units, each row a velocity in the direction of a force."""
+    """Return a problem without rolling friction in other units."""
     speed, impulse = time / length, time / (mass * length)
     answer, factors, matrix = problem.answer, problem.factors, problem.matrix
     if answer is not None:
@@ -155,9 +155,9 @@ def _in_length(problem: ContactProblem, mass: float, length: float, time: float)
 
 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
-    """Return problems side by side as one in Delassus form, none of which influences another, with their answers.
+    """Return uncoupled problems as one in Delassus form, with their answers.
 
-    Velocities and sums are known where all parts know them, impulses where each part has exactly one solution.
+    Velocities and sums are known if they are known for all parts, impulses if each part has exactly one solution.
     """
     matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
     c = np.concatenate([problem.free_velocity for problem in problems])

@@ -4,6 +4,7 @@ Public files store a mass matrix by one triangle alone, or matrices that lost th
 to rounding. Each remedy has a name, is chosen by the reader, and is recorded in the provenance of the problem.
 """
 
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,13 +35,29 @@ MOST_ROWS = 5000
 """Rows up to which a matrix is projected; all its eigenvalues are computed."""
 
 
+class AsymmetricError(ProblemError):
+    """A matrix misses symmetry by more than its remedy admits; the arguments are the reason and a better remedy."""
+
+    def __str__(self) -> str:
+        return "{}; read it with `symmetry` {}.".format(*self.args)
+
+
 @contextmanager
-def named_in_errors(name: str) -> Iterator[None]:
-    """Put the name of a file before the text of a ``ProblemError``, and the remedy for an indefinite matrix behind."""
+def named_in_errors(name: str, file_format: str) -> Iterator[None]:
+    """Put the name of a file before the text of a ``ProblemError``, and the command that repairs a matrix behind.
+
+    Args:
+        name: the path of the file.
+        file_format: its format, as ``proxbench import`` calls it.
+    """
+    command = f"run: proxbench import {file_format} {shlex.quote(name)}"
     try:
         yield
     except IndefiniteError as error:
-        raise ProblemError(f"{name}: {str(error).rstrip('.')}; read it with `indefinite` project.") from None
+        raise ProblemError(f"{name}: {str(error).rstrip('.')}; {command} --indefinite project") from None
+    except AsymmetricError as error:
+        reason, remedy = error.args
+        raise ProblemError(f"{name}: {reason}; {command} --symmetry {remedy}") from None
     except ProblemError as error:
         raise ProblemError(f"{name}: {error}") from None
 
@@ -116,14 +133,14 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
         how: the remedy. Asymmetry of rounding, 1e-12 of the largest entry, needs none.
 
     Raises:
-        ProblemError: if the asymmetry is larger than the remedy admits.
+        AsymmetricError: if the asymmetry is larger than the remedy admits.
     """
     off = asymmetry(matrix)
     if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # the latter is refused by the problem
         return matrix, {}
     misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
     if how == "refuse" or (how == "mean" and not off <= LARGEST_ASYMMETRY):
-        raise ProblemError(f"{misses}{_triangle(matrix)}; {_remedy(matrix, off)}.")
+        raise AsymmetricError(f"{misses}{_triangle(matrix)}", _remedy(matrix, off))
     repaired, remedy = matrix, "is kept so"
     if how == "mean":
         repaired, remedy = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
@@ -171,7 +188,7 @@ def _triangle(matrix: sp.csr_array[Any]) -> str:
 def _remedy(matrix: sp.csr_array[Any], off: float) -> str:
     found = _triangle(matrix)
     if found:
-        return f"read it with `symmetry` {'lower' if 'lower' in found else 'upper'}"
+        return "lower" if "lower" in found else "upper"
     if off <= LARGEST_ASYMMETRY:
-        return "read it with `symmetry` mean"
-    return "read it with `symmetry` lower or upper if one triangle is right, or keep (W only)"
+        return "mean"
+    return "lower (or upper, if that triangle is right; or keep, for W)"

@@ -1,6 +1,6 @@
 """Algebraic cases with known answers: redundant, degenerate, ill-conditioned, ambiguous and impossible contacts.
 
-Every case is one contact problem in Delassus or factor form with its ``Answer``, which leaves out what is not unique.
+Every case is one contact problem in Delassus or factor form with its ``Answer``, which contains only unique quantities.
 Δt = 1e-3 s and g = 9.81 m/s² throughout.
 """
 

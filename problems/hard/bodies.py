@@ -18,7 +18,7 @@ TIME_STEP = 1e-3
 """[s]"""
 
 WEIGHT = GRAVITY * TIME_STEP
-"""Impulse that bears one kilogramme for one step [N s], and the free velocity of whatever falls for one step [m/s]."""
+"""Impulse that bears one kilogramme for one step [N s], and velocity after one step of free fall [m/s]."""
 
 
 def bodies(
@@ -46,10 +46,10 @@ def bodies(
     return ContactProblem.from_factors(*given, laws=laws, free_motion=motion, answer=answer)
 
 
-def in_box(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:
-    """Return the impulses of two friction laws of one row and fixed bounds: −(GΛ + c) ∈ N_C(Λ), C = {|Λ_i| ≤ b_i}.
+def box_friction_impulses(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:
+    """Solve −(GΛ + c) ∈ N_C(Λ) with C = {|Λ_i| ≤ b_i} for two rows, and return Λ.
 
-    Each law slips in one direction, in the other, or sticks; G is positive definite, so that one of nine cases fits.
+    Each row slips in one of two directions or sticks. G is positive definite, so one of the nine cases is the solution.
 
     Args:
         delassus: G, shape (2, 2).

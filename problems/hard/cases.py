@@ -1,4 +1,4 @@
-"""The cases of the suite ``hard`` by name, in groups of one kind."""
+"""The cases of the suite ``hard`` by name, in groups."""
 
 from collections.abc import Callable
 from functools import partial
@@ -39,7 +39,7 @@ _MASSES = {
 """Masses of stacks [kg], from below."""
 
 _ANGLES = {"below": -1e-9, "critical": 0.0, "above": 1e-9}
-"""Angles of inclines beyond the critical one [rad]."""
+"""Angles of inclines above the critical angle [rad]."""
 
 _MILLIGRAM = {"mass": 1e-6, "length": 1e-6}
 _TONNE = {"mass": 1e3, "length": 1e3}
@@ -48,7 +48,7 @@ _RANK = np.append(np.random.default_rng(5).random(20), np.zeros(40))
 """Eigenvalues of a G of rank 20 [1/kg]."""
 
 
-def _measured(make: Maker, **units: float) -> ContactProblem:
+def _in_units(make: Maker, **units: float) -> ContactProblem:
     return in_units(make(), **units).problem
 
 
@@ -187,7 +187,7 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-grazing-100": partial(degenerate.grazing, 100),
         "hard-touching": degenerate.touching,
         "hard-zero-directions": degenerate.directions_without_length,
-        "hard-friction-for-nothing": degenerate.friction_for_nothing,
+        "hard-friction-for-nothing": degenerate.friction_without_normal,
         "hard-immovable": degenerate.immovable_contact,
         "hard-immovable-100": partial(degenerate.immovable_contact, 100),
         "hard-immovable-planar": partial(degenerate.immovable_contact, 2, 2),
@@ -204,12 +204,12 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-disconnected-parts": mixed.disconnected_parts,
         "hard-disconnected-parts-few": mixed.few_parts,
         "hard-disconnected-parts-twice": mixed.disconnected_twice,
-        "hard-slider-in-um-mg": partial(_measured, supports.sliding_block, **_MILLIGRAM),
-        "hard-slider-in-km-t": partial(_measured, supports.sliding_block, **_TONNE),
-        "hard-tower-in-um-mg": partial(_measured, _ten_high, **_MILLIGRAM),
-        "hard-tower-in-km-t": partial(_measured, _ten_high, **_TONNE),
-        "hard-mixed-laws-in-um-mg": partial(_measured, mixed.mixed_laws, **_MILLIGRAM),
-        "hard-mixed-laws-in-km-t": partial(_measured, mixed.mixed_laws, **_TONNE, time=3600.0),
+        "hard-slider-in-um-mg": partial(_in_units, supports.sliding_block, **_MILLIGRAM),
+        "hard-slider-in-km-t": partial(_in_units, supports.sliding_block, **_TONNE),
+        "hard-tower-in-um-mg": partial(_in_units, _ten_high, **_MILLIGRAM),
+        "hard-tower-in-km-t": partial(_in_units, _ten_high, **_TONNE),
+        "hard-mixed-laws-in-um-mg": partial(_in_units, mixed.mixed_laws, **_MILLIGRAM),
+        "hard-mixed-laws-in-km-t": partial(_in_units, mixed.mixed_laws, **_TONNE, time=3600.0),
     },
     "random": {
         "hard-random-frictionless": partial(with_solution, Family(40, 1, n_dofs=30), 1),
@@ -249,7 +249,7 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         ),
     },
 }
-"""The cases of one kind, by name of the kind."""
+"""The cases by name, for each group."""
 
 HARD_CASES: dict[str, Maker] = dict(chain.from_iterable(group.items() for group in CASE_GROUPS.values()))
 """The cases of the suite ``hard``, by name."""

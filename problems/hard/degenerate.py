@@ -1,4 +1,4 @@
-"""Degenerate cases: no contacts, no motion, no solution, and directions of zero length."""
+"""Degenerate cases: no contacts, no motion, no solution, directions of zero length."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from .stacks import sliding_tower
 
 
 def empty() -> ContactProblem:
-    """Return a body without contacts: no impulses."""
+    """Return a body without contacts."""
     answer = Answer(impulses=(np.zeros(0),), velocity=np.zeros(0))
     return ContactProblem.from_factors(np.zeros((3, 0)), np.ones(3), np.zeros(0), 0.3, answer=answer)
 
@@ -22,7 +22,7 @@ def one_row(c: float) -> ContactProblem:
 
 
 def no_motion(n: int = 3) -> ContactProblem:
-    """Return ``n`` coupled spatial contacts with c = 0; Λ = 0 solves."""
+    """Return ``n`` coupled spatial contacts with c = 0, solved by Λ = 0."""
     root = np.random.default_rng(1).normal(size=(3 * n + 3, 3 * n))
     answer = Answer(impulses=(np.zeros(3 * n),), velocity=np.zeros(3 * n))
     return ContactProblem.from_delassus(root.T @ root, np.zeros(3 * n), 0.4, answer=answer)
@@ -39,9 +39,9 @@ def almost_no_motion(speed: float) -> ContactProblem:
 
 
 def grazing(n: int) -> ContactProblem:
-    """Return a row of ``n`` touching blocks of 1 kg before a wall, the last of which pushes at 1 m/s.
+    """Return a row of ``n`` touching blocks of 1 kg in front of a wall; the last block pushes at 1 m/s.
 
-    c is zero at all contacts but the last; the row transmits what pushes it to the wall, Λ_k = 1 everywhere and ξ = 0.
+    c is zero at all contacts except the last. The row transmits the push to the wall: Λ_k = 1 everywhere and ξ = 0.
     """
     directions = np.eye(n) - np.eye(n, k=1)
     motion = np.zeros(n)
@@ -51,10 +51,10 @@ def grazing(n: int) -> ContactProblem:
 
 
 def touching() -> ContactProblem:
-    """Return spatial contacts without and with approach: Λ_N = 0 and ξ_N = 0 at once, sliding or not.
+    """Return three uncoupled spatial contacts at the edges between the states of the laws.
 
-    The bodies are separate with G = I. The first touches without approach and slides, the second rests, the third lies
-    on the edge between sticking and slipping, with Λ_T at its bound and ξ_T = 0.
+    G = I. The first contact has Λ_N = ξ_N = 0 and slides, the second has Λ_N = ξ_N = 0 and rests. The third lies
+    between sticking and slipping, with Λ_T at its bound and ξ_T = 0.
     """
     c = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, -0.3, -0.4])
     impulses = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3, 0.4])
@@ -63,9 +63,9 @@ def touching() -> ContactProblem:
 
 
 def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
-    """Return ``n`` contacts of ``dim`` rows, the last with G_ii = 0 and c_i < 0 in its normal: there is no solution.
+    """Return ``n`` contacts of ``dim`` rows without a solution: the normal of the last has G_ii = 0 and c_i < 0.
 
-    With friction, μ = 0.5, all slide at 0.3 m/s, and an impulse on the last would change its sliding, not its approach.
+    With friction, μ = 0.5, all slide at 0.3 m/s. An impulse on the last would change its sliding, not its approach.
     """
     diagonal, c = np.ones((n, dim)), np.full((n, dim), 0.3)
     diagonal[-1, 0], c[:, 0] = 0.0, -1.0
@@ -75,9 +75,9 @@ def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
 
 
 def immovable_among(n: int) -> ContactProblem:
-    """Return a sliding tower of ``n`` with one more contact at the ground, halfway in the list, that has no normal.
+    """Return a sliding tower of ``n`` with one more contact at the ground, halfway in the list, without a normal.
 
-    It approaches at 1 m/s, which nothing can stop, while all the others have a solution.
+    No impulse can stop its approach at 1 m/s. All other contacts have a solution.
     """
     tower = sliding_tower(np.ones(n))
     assert tower.factors is not None
@@ -95,14 +95,14 @@ def immovable_among(n: int) -> ContactProblem:
 def squeezed() -> ContactProblem:
     """Return a body between two walls that approach at 1 m/s each, so that no impulse can satisfy both.
 
-    ξ_1 + ξ_2 = −2 whatever Λ, so that the judge's residual is at least 1.
+    ξ_1 + ξ_2 = −2 for every Λ, so the judge's residual is at least 1.
     """
     directions = np.array([[1.0, -1.0]])
     return ContactProblem.from_factors(directions, np.ones(1), (-1.0, -1.0), dim=1, answer=Answer(solvable=False))
 
 
 def directions_without_length() -> ContactProblem:
-    """Return a body of 1 kg on one contact, beside contacts with tangents or all directions of zero length.
+    """Return a body of 1 kg on one contact, and contacts with tangents or all directions of zero length.
 
     Only the first contact bears the body, with Λ_N = m g Δt, and sticks with Λ_T = (−0.001, 0). The second has tangents
     of zero length, opens at 1 m/s and has Λ_N = 0. The third has only zero directions and opens at 1 m/s.
@@ -118,10 +118,10 @@ def directions_without_length() -> ContactProblem:
     return ContactProblem.from_factors(directions, np.ones(6), c, 0.5, answer=answer)
 
 
-def friction_for_nothing() -> ContactProblem:
+def friction_without_normal() -> ContactProblem:
     """Return a contact with a normal of zero length that opens at 1 m/s and a tangent that slides at 1 m/s.
 
-    Λ_N = 0 because the contact opens, and so friction is zero; a normal impulse would move nothing but permit friction.
+    The contact opens, so Λ_N = 0 and friction is zero. A normal impulse would move nothing but permit friction.
     """
     directions = np.array([[0.0, 1.0]])
     answer = Answer(impulses=(np.zeros(2),), velocity=np.ones(2))

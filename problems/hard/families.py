@@ -1,11 +1,11 @@
 """Random problems with a chosen solution, of any rank, mass ratio, sparsity and friction.
 
-Λ and ξ are drawn complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ at random,
-and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5), so that c
-has no rounding error and the chosen solution solves the stored problem exactly, whatever its condition.
+Λ and ξ are random and complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ are
+random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5). So
+c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
 
 Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
-solutions, unless normal impulses alone bear the load (``braced``).
+solutions, unless normal impulses alone bear the load (see ``braced``).
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ STATES = ("open", "stick", "slip", "graze", "edge")
 """States of a contact: open, sticking, sliding; Λ = 0 with ξ_N = 0; and Λ_T at its bound with ξ_T = 0."""
 
 FINEST_MASS = 12
-"""Masses lie between 2⁻¹² and 2¹² kg at most, so that no bit of c is lost."""
+"""Masses lie between 2⁻¹² and 2¹² kg, so that no bit of c is lost."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Family:
 
 
 def with_solution(family: Family, seed: int) -> ContactProblem:
-    """Return a random problem of ``family`` with a solution built in."""
+    """Return a random problem of ``family`` with a known solution."""
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
     impulses, velocity = _complementary(family, rng)
@@ -72,7 +72,7 @@ class LinkedFamily(Family):
 
 
 def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
-    """Return a random problem of ``family`` with a solution built in, its joints behind its contacts.
+    """Return a random problem of ``family`` with a known solution, its joints after its contacts.
 
     A contact that slides or sticks may roll or not, independently.
     """
@@ -99,10 +99,10 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
 
 
 def braced(family: Family, seed: int) -> ContactProblem:
-    """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
+    """Return a random problem of ``family`` with a load that normal impulses λ > 0 bear: ξ = 0 at any friction.
 
     c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0, see ``supports``; Λ itself is unique only if W has full rank
-    and nothing can be wedged. The states of the family are ignored.
+    and no body can be wedged. The states of the family are ignored.
     """
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
@@ -113,9 +113,9 @@ def braced(family: Family, seed: int) -> ContactProblem:
 
 
 def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
-    """Return a random problem in Delassus form whose G has these eigenvalues [1/kg], with a solution built in.
+    """Return a random problem in Delassus form whose G has these eigenvalues [1/kg], with a known solution.
 
-    Zeros among them lower the rank. c is rounded, so that the solution is exact to rounding only.
+    Zero eigenvalues lower the rank. c is rounded, so the solution is exact only to rounding.
     """
     rng = np.random.default_rng(seed)
     n_rows = len(eigenvalues)
@@ -131,7 +131,7 @@ def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int)
 
 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
-    """Return a problem of ``family`` given by arrays of float32, which represent its short fractions exactly.
+    """Return a problem of ``family`` from float32 arrays, which represent its short fractions exactly.
 
     It is in factor form, or ``assembled`` in Delassus form, for equal masses and few degrees of freedom.
     """
@@ -158,7 +158,7 @@ def _solved_by(
     inverse_mass: FloatArray,
     laws: Laws,
 ) -> ContactProblem:
-    """Return the problem with c = ξ − Wᵀ M⁻¹ W Λ, whose ξ is the only one if ``is_unique``."""
+    """Return the problem with c = ξ − Wᵀ M⁻¹ W Λ; ``is_unique`` states that ξ is unique."""
     c = velocity - directions.T @ (inverse_mass * (directions @ impulses))
     answer = Answer(velocity=velocity if is_unique else None, witness=impulses, sensitivity=1e6)
     return ContactProblem.from_factors(directions, inverse_mass, c, laws=laws, answer=answer)

@@ -13,20 +13,20 @@ from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, bodies, in_box
+from .bodies import WEIGHT, bodies, box_friction_impulses
 
 
 def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
-    """Return a chain that hangs from the ceiling, of slender links of 1 m and these masses [kg] from above.
+    """Return a hanging chain of slender links of 1 m with ``masses`` [kg] from above.
 
     The tension at the top of link k is g Δt Σ_{j≥k} m_j + ``pull`` [N s], where ``pull`` acts on the last link. The
-    chain is straight, and nothing acts across it. q = (x, y, φ) of each link; rows (x, y) of each pin.
+    chain is straight, without transverse forces. q = (x, y, φ) of each link; rows (x, y) of each pin.
     """
     n = len(masses)
     directions = sp.lil_array((3 * n, 2 * n))
     for link in range(n):
         for pin, sign in ((link, 1.0), (link + 1, -1.0)):
-            if pin < n:  # its upper end moves with ẋ − φ̇/2, its lower one with ẋ + φ̇/2
+            if pin < n:  # its upper end has the velocity ẋ − φ̇/2, its lower end ẋ + φ̇/2
                 directions[3 * link, 2 * pin], directions[3 * link + 2, 2 * pin] = sign, -0.5
                 directions[3 * link + 1, 2 * pin + 1] = sign
     inverse_mass = np.column_stack([1.0 / masses, 1.0 / masses, 12.0 / masses]).ravel()
@@ -41,16 +41,16 @@ def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
 def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     """Return parallel cranks between the ground and a coupler, all of 1 kg and 1 m, that fall from rest.
 
-    Two cranks are a four-bar loop. Each more adds four rows for three degrees of freedom, and takes nothing from the
-    motion, which was free to one already: G loses a rank. With the velocities J per angular velocity ω of the cranks,
-    at ``angle`` [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
+    Two cranks form a four-bar loop. Each further crank adds four rows for three degrees of freedom but does not
+    restrict the motion, so G loses a rank. With the velocities J per angular velocity ω of the cranks, at ``angle``
+    [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
     """
     end = np.array([np.cos(angle), np.sin(angle)])
     turn = np.array([-end[1], end[0]])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
     directions, motion = np.zeros((n_dofs, 4 * cranks)), np.tile([0.0, -WEIGHT, 0.0], cranks + 1)
     along = np.zeros(n_dofs)
-    places = np.linspace(-0.5, 0.5, cranks)  # of the pins on the coupler, from its centre of mass
+    places = np.linspace(-0.5, 0.5, cranks)  # pins on the coupler, relative to its centre of mass
     for crank in range(cranks):
         own, pins = 3 * crank, 4 * crank
         for axis in (0, 1):
@@ -68,9 +68,9 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
 
 
 def pendulum(copies: int) -> ContactProblem:
-    """Return a horizontal rod of 1 kg and 1 m, let go at rest, whose pin at one end is written ``copies`` times.
+    """Return a horizontal rod of 1 kg and 1 m, released at rest, with ``copies`` equal pins at one end.
 
-    It turns at ω = −3/2 g Δt / 1 m, so that its pin bears a quarter of its weight.
+    It rotates at ω = −3/2 g Δt / 1 m, and its pins bear a quarter of its weight.
     """
     pin = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -0.5]])
     directions, mass = np.tile(pin, copies), np.array([1.0, 1.0, 1.0 / 12.0])
@@ -81,9 +81,9 @@ def pendulum(copies: int) -> ContactProblem:
 def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: float = 0.02) -> ContactProblem:
     """Return a wheel of 1 kg on the ground, towed from rest by a line of ``n`` bodies of 1/n kg at its axle.
 
-    The first body is pulled with ``pull`` [N s]. The wheel is a disc of radius 0.1 m with rows N, T, R, which slides,
-    rolls, does both or stays; its Λ_N is its weight, which leaves the box |Λ_T| ≤ μ Λ_N, |Λ_R| ≤ μ_r Λ_N. A joint
-    transmits the momentum that what is behind it gains. q = positions of the bodies, then (x, y, φ) of the wheel.
+    The first body is pulled with ``pull`` [N s]. The wheel is a disc of radius 0.1 m with rows N, T, R. It slides,
+    rolls, does both or stays. Λ_N is its weight, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint transmits
+    the momentum of all bodies behind it. q = positions of the bodies, then (x, y, φ) of the wheel.
     """
     radius, inertia, mass = 0.1, 0.005, 1.0 / n
     directions = np.zeros((n + 3, n + 3))
@@ -95,7 +95,8 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     motion[0], motion[n + 1] = pull / mass, -WEIGHT
     towed = 2.0  # line and wheel move as one body of 2 kg
     reduced = np.array([[1.0 / towed + radius**2 / inertia, -radius / inertia], [-radius / inertia, 1.0 / inertia]])
-    held = in_box(reduced, np.array([pull / towed, 0.0]), WEIGHT * np.array([friction, rolling_friction]))
+    bounds = WEIGHT * np.array([friction, rolling_friction])
+    held = box_friction_impulses(reduced, np.array([pull / towed, 0.0]), bounds)
     speed = (pull + held[0]) / towed
     behind = 1.0 - mass * np.arange(1, n + 1) + 1.0  # mass behind each joint
     impulses = np.concatenate([held[0] - behind * speed, [WEIGHT], held])
@@ -108,17 +109,17 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
 
 
 def immovable_joint() -> ContactProblem:
-    """Return a joint between two walls that part at 1 m/s, G_ii = 0, beside one that a body can follow."""
+    """Return a joint between two walls that separate at 1 m/s, G_ii = 0, and one that a body can follow."""
     laws = Laws.joints(2)
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 
 
 def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
-    """Return the answer of joints whose W Λ is known to be ``push`` [N s], shape (n_dofs,)."""
+    """Return the answer of joints with W Λ = ``push`` [N s], shape (n_dofs,)."""
     return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=push)
 
 
 def _jointed(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
-    """Return the problem of joints alone, with W dense or scipy sparse."""
+    """Return a problem with joints only, W dense or scipy sparse."""
     directions = sp.csc_array(given)
     return bodies(directions, inverse_mass, motion, laws=Laws.joints(directions.shape[1]), answer=answer)

@@ -14,7 +14,7 @@ from .supports import block_on_supports, sticking_box
 
 
 def tresca_joint() -> ContactProblem:
-    """Return joints with dry friction a = 0.2 N s, pushed by 1, 0.1 and (3, 4) m/s on unit masses.
+    """Return joints with dry friction a = 0.2 N s between unit masses, with c = 1, 0.1 and (3, 4) m/s.
 
     Λ = −0.2 (slip), −0.1 (stick), and −0.2 · (0.6, 0.8) (slip).
     """
@@ -27,10 +27,10 @@ def tresca_joint() -> ContactProblem:
 
 
 def mixed_laws(copies: int = 1) -> ContactProblem:
-    """Return six contacts of one, two and three rows and a joint, ``copies`` times, its solution chosen first.
+    """Return six contacts of one, two and three rows and a joint, ``copies`` times, with a chosen solution.
 
     Λ and ξ are complementary by choice (open, closed; stick, slip; at the bound a + μΛ_N), then c = ξ − G Λ; G has full
-    rank and is nearly diagonal, so the solution is the only one.
+    rank and is nearly diagonal, so the solution is unique.
     """
     one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
     n, t, s = LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION
@@ -49,8 +49,8 @@ def mixed_laws(copies: int = 1) -> ContactProblem:
 def remote_partner() -> ContactProblem:
     """Return a brake whose friction is bounded by the impulse of another contact: Λ = (1, 1, −0.5, 0.25), μ = 0.5.
 
-    Two separate contacts close with Λ_N = 1 each. The first planar friction law belongs to the second of them and slips
-    at its bound 0.5, the second to the first and sticks with 0.25.
+    Two separate contacts close with Λ_N = 1 each. The second contact bounds the first planar friction law, which slips
+    at 0.5. The first contact bounds the second friction law, which sticks with 0.25.
     """
     kind = np.repeat([LawKind.UNILATERAL, LawKind.PLANAR_FRICTION], 2)
     laws = Laws.in_order(kind, np.array([0.0, 0.0, 0.5, 0.5]), np.zeros(4), np.array([-1, -1, 1, 0]))
@@ -61,7 +61,7 @@ def remote_partner() -> ContactProblem:
 
 
 def remote_brakes(n: int) -> ContactProblem:
-    """Return ``n`` separate contacts that close with Λ_N = 1, 2 and 3 in turn, and brakes in the plane beside them.
+    """Return ``n`` separate contacts that close with Λ_N = 1, 2 and 3 in turn, and ``n`` brakes.
 
     The spatial friction law k, μ = 0.5, is bounded by the impulse of the contact after contact k. Those of even k slip
     with Λ_T = −0.5 Λ_N (0.6, 0.8), the others stick with 0.25 Λ_N (0.6, 0.8).
@@ -79,7 +79,7 @@ def remote_brakes(n: int) -> ContactProblem:
 
 
 def few_parts() -> ContactProblem:
-    """Return an opening row, a jammed rod, joints and a remote partner side by side."""
+    """Return an opening row, a jammed rod, joints and a remote partner as one problem."""
     return united([one_row(0.1), pressing_rod(2.0), tresca_joint(), remote_partner()])
 
 
@@ -89,7 +89,7 @@ def disconnected_twice() -> ContactProblem:
 
 
 def disconnected_parts() -> ContactProblem:
-    """Return supports, a stack, a tower, a box, rods, joints and single rows side by side, none touching another."""
+    """Return supports, a stack, a tower, a box, rods, joints and single rows as one uncoupled problem."""
     return united(
         [
             block_on_supports(8),

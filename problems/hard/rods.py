@@ -1,7 +1,7 @@
-"""Painlevé's rods: one planar contact whose normal and tangent are coupled, at friction below and above the critical.
+"""Painlevé's rods: one planar contact with coupled normal and tangent, below and above the critical friction.
 
-Sliding with Λ_T = +μ Λ_N has G_NN + μ G_NT in the place of the normal compliance, which vanishes at the critical
-friction μ = −G_NN/G_NT: beyond it a rod that presses on the ground may jam.
+The normal compliance of sliding with Λ_T = +μ Λ_N is G_NN + μ G_NT. It vanishes at the critical friction
+μ = −G_NN/G_NT. Above that value, a rod that presses on the ground may jam.
 """
 
 from itertools import product
@@ -15,14 +15,14 @@ from ..contact.problem import ContactProblem
 from ..contact.transformations import united
 
 ROD = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
-"""G of the rod [1/kg]; of a rod ``mass`` times as heavy it is G/mass."""
+"""G of the rod [1/kg]; a rod that is ``mass`` times as heavy has G/mass."""
 
 CRITICAL_FRICTION = float(-ROD[0, 0] / ROD[0, 1])
-"""1.3753, where sliding has no normal compliance."""
+"""1.3753, at which the normal compliance of sliding vanishes."""
 
 
 def _slip(c: FloatArray, friction: float, direction: float) -> FloatArray:
-    """Closed contact sliding with Λ_T = direction · μ Λ_N: Λ_N = −c_N/(G_NN + direction μ G_NT)."""
+    """Return Λ of sliding with Λ_T = direction · μ Λ_N, Λ_N = −c_N/(G_NN + direction μ G_NT)."""
     normal = -c[0] / (ROD[0, 0] + direction * friction * ROD[0, 1])
     return np.array([normal, direction * friction * normal])
 
@@ -37,10 +37,10 @@ def _in_state(state: str, c: FloatArray, friction: float) -> FloatArray:
 
 
 def rod(c: tuple[float, float], friction: float, states: tuple[str, ...], mass: float = 1.0) -> ContactProblem:
-    """Return the planar rod contact with free velocity ``c`` whose solutions are in ``states``.
+    """Return the planar rod contact with free velocity ``c`` whose solutions have ``states``.
 
-    "open" Λ = 0; "slip+" and "slip-" from Λ_T = ±μΛ_N and ξ_N = 0; "stick" from ξ = 0, Λ = −G⁻¹c; all of them in
-    proportion to ``mass``. What a residual implies for the impulses grows as the compliance of sliding shrinks.
+    The states are "open", Λ = 0; "slip+" and "slip-", with Λ_T = ±μΛ_N and ξ_N = 0; and "stick", with ξ = 0 and
+    Λ = −G⁻¹c. Impulses are proportional to ``mass``. The sensitivity grows as the compliance of sliding decreases.
     """
     free = np.array(c)
     compliance = min(abs(ROD[0, 0] + sign * friction * ROD[0, 1]) for sign in (1.0, -1.0)) / ROD[0, 0]
@@ -53,7 +53,7 @@ def rod(c: tuple[float, float], friction: float, states: tuple[str, ...], mass: 
 
 
 def pressing_rod(friction: float, mass: float = 1.0) -> ContactProblem:
-    """Return the rod pressed on the ground, c = (−0.0981, −1), which has one solution at any friction.
+    """Return the rod pressed on the ground, c = (−0.0981, −1), with one solution at any friction.
 
     It sticks if the impulse (0.41761, 0.50240) of sticking is admissible, μ ≥ 1.2030, else slides with Λ_T = +μΛ_N.
     """
@@ -63,9 +63,9 @@ def pressing_rod(friction: float, mass: float = 1.0) -> ContactProblem:
 
 
 def leaving_rod(friction: float, mass: float = 1.0) -> ContactProblem:
-    """Return the rod that leaves the ground, c = (0.01, −1): open, and from μ = 1.3973 on two more solutions.
+    """Return the rod that leaves the ground, c = (0.01, −1): open, with two more solutions from μ = 1.3973 on.
 
-    Sticking takes (0.33318, 0.46554); where it is admissible, so is sliding with Λ_T = +μΛ_N.
+    The impulse of sticking is (0.33318, 0.46554). If it is admissible, so is sliding with Λ_T = +μΛ_N.
     """
     c = (0.01, -1.0)
     normal, tangent = -np.linalg.solve(ROD, np.array(c))
@@ -73,24 +73,24 @@ def leaving_rod(friction: float, mass: float = 1.0) -> ContactProblem:
 
 
 def many_rods(n: int) -> ContactProblem:
-    """Return ``n`` pressed rods side by side, their friction spread from 0.1 to 4 across the critical one."""
+    """Return ``n`` uncoupled pressed rods, with friction from 0.1 to 4, below and above the critical value."""
     return united([pressing_rod(float(friction)) for friction in np.geomspace(0.1, 4.0, n)])
 
 
 def jammed_rods(n: int) -> ContactProblem:
-    """Return ``n`` jammed rods side by side, their masses spread over six orders, their friction from 1.4 to 10."""
+    """Return ``n`` uncoupled jammed rods, with masses over six orders of magnitude and friction from 1.4 to 10."""
     masses, frictions = np.geomspace(1e-3, 1e3, n).tolist(), np.geomspace(1.4, 10.0, n).tolist()
     return united([pressing_rod(friction, mass) for friction, mass in zip(frictions, masses, strict=True)])
 
 
 def opening_rods(n: int) -> ContactProblem:
-    """Return ``n`` rods side by side that leave the ground, of friction 0.1 to 1.39 at which they have no other way."""
+    """Return ``n`` uncoupled rods that leave the ground, with friction from 0.1 to 1.39; this solution is unique."""
     masses, frictions = np.geomspace(1e-3, 1e3, n).tolist(), np.geomspace(0.1, 1.39, n).tolist()
     return united([leaving_rod(friction, mass) for friction, mass in zip(frictions, masses, strict=True)])
 
 
 def undecided_rods(masses: tuple[float, ...]) -> ContactProblem:
-    """Return rods of ``masses`` side by side, each with three solutions at μ = 2: every combination is a solution."""
+    """Return uncoupled rods of ``masses``, each with three solutions at μ = 2; every combination is a solution."""
     rods = [leaving_rod(2.0, mass) for mass in masses]
     answers = [rod.answer for rod in rods if rod.answer is not None]
     answer = Answer(

@@ -1,11 +1,12 @@
 """Spheres and blocks that touch the ground in one point each: sticking, sliding and rolling in closed form.
 
 G of a sphere's contact is diag(1, 7/2, 7/2)/m and that of a block without rotation diag(1, 1, 1)/m, so that the normal
-impulse comes first, Λ_N = m max(−c_N, 0), and bounds the tangential one, Λ_T = −m_T c_T cut to the length μ Λ_N.
+impulse Λ_N = m max(−c_N, 0) is independent of friction. It bounds the tangential impulse: Λ_T = −m_T c_T, shortened to
+the length μ Λ_N.
 
-With rolling friction the normal impulse still comes first. It bounds the friction of a sphere that moves in one
-direction, |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N. On a slope it stays where tan θ ≤ μ_r/r, and gains
-5/7 g (sin θ − μ_r/r cos θ) Δt where it rolls.
+With rolling friction it bounds both impulses of a sphere that moves in one direction, |Λ_T| ≤ μ Λ_N and
+|Λ_R| ≤ μ_r Λ_N. On a slope the sphere stays if tan θ ≤ μ_r/r. If it rolls, its velocity grows by
+5/7 g (sin θ − μ_r/r cos θ) Δt.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
-from .bodies import WEIGHT, bodies, in_box
+from .bodies import WEIGHT, bodies, box_friction_impulses
 
 RADIUS = 0.1
 """Radius of the spheres with rolling friction [m]."""
@@ -42,16 +43,16 @@ def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3
 
 
 def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactProblem:
-    """Return a block (or a sphere, compliance 3.5) at rest on an incline ``excess`` [rad] beyond the critical angle.
+    """Return a block (or a sphere, compliance 3.5) at rest on an incline ``excess`` [rad] above the critical angle.
 
-    The critical angle is tan θ = μ · compliance: a block stays up to it and slides with g (sin θ − μ cos θ) beyond, a
-    sphere rolls up to it and slides beyond.
+    The critical angle is tan θ = μ · compliance. Below it a block stays and a sphere rolls; above it both slide, with
+    the acceleration g (sin θ − μ cos θ) for a block.
     """
     return _on_inclines(np.array([friction]), np.array([excess]), compliance)
 
 
 def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProblem:
-    """Return ``n`` spheres that strike the ground at 1 m/s under angles on both sides of the critical one.
+    """Return ``n`` spheres that strike the ground at 1 m/s, at angles below and above the critical angle.
 
     With ε_T = 0 a sphere sticks iff |v_T| ≤ 7/2 μ (1 + ε_N) |v_N|; the middle one of an odd n strikes exactly there.
     """
@@ -70,7 +71,7 @@ def scattered(n: int) -> ContactProblem:
 
 
 def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
-    """Return ``n`` blocks (or spheres), each on its own incline, at rest and of friction spread from 0.05 to 10.
+    """Return ``n`` blocks (or spheres) at rest on separate inclines, with friction from 0.05 to 10.
 
     The inclines are 1e-9 rad below, at and above their critical angle in turn, see ``incline``.
     """
@@ -86,25 +87,25 @@ def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) ->
 def resisting_spheres(
     motion: FloatArray, friction: FloatArray, rolling_friction: FloatArray, heading: FloatArray, axes: int = 2
 ) -> ContactProblem:
-    """Return spheres of 1 kg on the ground that slide and roll in one direction each, against both frictions.
+    """Return spheres of 1 kg on the ground, each sliding and rolling in one direction with both kinds of friction.
 
-    Rows N, T1, T2, then the angular velocities about T1 and T2, and about N for three ``axes``; about T2 alone for one,
-    and then the heading must be 0. q = (v, ω) of each sphere.
+    Rows are N, T1, T2, then the angular velocities about T1 and T2, and about N for three ``axes``. One axis is T2, and
+    the heading must then be 0. q = (v, ω) of each sphere.
 
     Args:
-        motion: free velocity into the ground and along the heading [m/s], and free angular velocity of rolling that way
+        motion: free velocity into the ground and along the heading [m/s], and free angular velocity of rolling along it
             [rad/s], shape (n, 3).
         friction: μ, shape (n,).
         rolling_friction: μ_r [m], shape (n,).
         heading: angle of the direction to T1 [rad], shape (n,).
-        axes: of rolling friction, 1, 2 or 3.
+        axes: number of axes of rolling friction, 1, 2 or 3.
     """
     n, inertia = len(motion), 0.4 * RADIUS**2
     reduced = np.array([[1.0 + RADIUS**2 / inertia, -RADIUS / inertia], [-RADIUS / inertia, 1.0 / inertia]])
     normal, along, impulses = motion[:, 0], np.column_stack([np.cos(heading), np.sin(heading)]), np.zeros((n, 6))
     for k, (_, speed, spin) in enumerate(motion):
         bound = normal[k] * np.array([friction[k], rolling_friction[k]])
-        held = in_box(reduced, np.array([speed - RADIUS * spin, spin]), bound)
+        held = box_friction_impulses(reduced, np.array([speed - RADIUS * spin, spin]), bound)
         impulses[k] = normal[k], *(held[0] * along[k]), -held[1] * along[k, 1], held[1] * along[k, 0], 0.0
     # ξ = (v_z, v_x − r ω_y, v_y + r ω_x, ω_x, ω_y, ω_z)
     whole = np.zeros((6, 6))
@@ -125,14 +126,14 @@ def resisting_spheres(
 
 
 def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:
-    """Return a sphere at rest on a slope ``excess`` [rad] beyond tan θ = μ_r/r = ``share``, up to which it stays."""
+    """Return a sphere at rest on a slope ``excess`` [rad] above the critical angle tan θ = μ_r/r = ``share``."""
     slope = np.arctan(share) + excess
     motion = WEIGHT * np.array([[np.cos(slope), np.sin(slope), 0.0]])
     return resisting_spheres(motion, np.array([friction]), np.array([share * RADIUS]), np.zeros(1), axes)
 
 
 def slowing_sphere(speed: float, share: float = 0.2) -> ContactProblem:
-    """Return a sphere that rolls at ``speed`` [m/s] on the level, and stops up to 5/7 g Δt μ_r/r."""
+    """Return a sphere that rolls at ``speed`` [m/s] on level ground; it stops if that is at most 5/7 g Δt μ_r/r."""
     motion = np.array([[WEIGHT, speed, speed / RADIUS]])
     return resisting_spheres(motion, np.array([0.5]), np.array([share * RADIUS]), np.zeros(1))
 
@@ -166,7 +167,7 @@ def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes
             "with their free motion, and 2 or 3 axes."
         )
     n = problem.n_contacts
-    # a direction of a force on a ball is also the axis of a moment: T1, T2 and N, three degrees of freedom further on
+    # the directions T1, T2 and N of forces are also axes of moments, in the three following degrees of freedom
     shift = sp.csr_array(sp.block_diag([np.eye(6, k=-3)] * (factors.n_dofs // 6)))
     moments = sp.csc_array(shift @ factors.force_directions)
     order = np.arange(n)[:, None]

@@ -1,4 +1,4 @@
-"""Bodies on top of each other, with masses far apart: long chains of contacts that carry what lies above."""
+"""Stacks of bodies with high mass ratios: long chains of contacts that carry the weight above."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from .bodies import WEIGHT, bodies
 def stack(masses: FloatArray) -> ContactProblem:
     """Return blocks on top of each other, ``masses`` [kg] from below: Λ_k = g Δt Σ_{j≥k} m_j, ξ = 0.
 
-    All contacts are closed, so the judge's residual is the velocity error itself, and an error v in ξ is one of
-    Σ_{j≥k} m_j Σ_{i≤j} v_i, at most n v/(g Δt) relative to Λ_k, in the impulses.
+    All contacts are closed, so the judge's residual is the velocity error. An error v in ξ is an error of
+    Σ_{j≥k} m_j Σ_{i≤j} v_i in Λ_k, at most n v/(g Δt) relative to Λ_k.
     """
     n = len(masses)
     impulses = WEIGHT * np.cumsum(masses[::-1])[::-1]
@@ -21,22 +21,22 @@ def stack(masses: FloatArray) -> ContactProblem:
 
 
 def top_heavy(n: int, ratio: float) -> FloatArray:
-    """Return masses [kg] of ``n`` blocks, from below, the last ``ratio`` times as heavy as each other."""
+    """Return masses [kg] of ``n`` blocks, from below, the last ``ratio`` times as heavy as the others."""
     return np.array([1.0] * (n - 1) + [ratio])
 
 
 def bottom_heavy(n: int, ratio: float) -> FloatArray:
-    """Return masses [kg] of ``n`` blocks, from below, the first ``ratio`` times as heavy as each other."""
+    """Return masses [kg] of ``n`` blocks, from below, the first ``ratio`` times as heavy as the others."""
     return top_heavy(n, ratio)[::-1].copy()
 
 
 def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     """Return a spatial stack of point masses that slides as one body along (3, 4)/5 at 1 m/s.
 
-    The ground has ``friction`` μ, all other contacts 2 μ. Normals and tangents do not influence each other; the normals
-    carry what lies above, Λ_N,k = g Δt Σ_{j≥k} m_j, and with them given the tangential impulses are the only minimiser
-    of a strictly convex function: Λ_T,k = −μ Λ_N,k (3, 4)/5 everywhere slows all blocks alike, so the ground slips at
-    1 m/s − μ g Δt and all others stick. A residual ρ is ρ m/s at each contact, 100 n ρ of what the weights need.
+    The ground has ``friction`` μ, all other contacts 2 μ. Normals and tangents are uncoupled. The normals carry the
+    weight above, Λ_N,k = g Δt Σ_{j≥k} m_j, and the tangential impulses then minimise a strictly convex function:
+    Λ_T,k = −μ Λ_N,k (3, 4)/5 slows all blocks equally, so the ground slips at 1 m/s − μ g Δt and all other contacts
+    stick. A residual ρ is ρ m/s at each contact, which is an impulse error of 100 n ρ relative to the weights.
     """
     n, direction = len(masses), np.array([0.6, 0.8])
     directions = np.kron(np.eye(n) - np.eye(n, k=1), np.eye(3)[:, [2, 0, 1]]).astype(np.float64)
@@ -51,11 +51,11 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
 
 
 UNITS = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
-"""Units of the contacts of scaled problems, repeated."""
+"""Units of successive contacts of scaled problems, repeated."""
 
 
 def scaled_rows(n: int = 5) -> ContactProblem:
-    """Return a stack of ``n`` ≥ 3 whose contacts have the units 1, 1e3, 1e-3, 1 and 1e6, repeated.
+    """Return a stack of ``n`` ≥ 3 blocks whose contacts have the units 1, 1e3, 1e-3, 1 and 1e6, repeated.
 
     With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ.
     """
@@ -65,19 +65,19 @@ def scaled_rows(n: int = 5) -> ContactProblem:
 def scaled_tower(n: int) -> ContactProblem:
     """Return the sliding tower of ``n`` equal point masses, its contacts in the units of ``scaled_rows``.
 
-    All three rows of a contact have one unit, which leaves its friction cone unchanged.
+    The three rows of a contact have the same unit, which leaves its friction cone unchanged.
     """
     return _scaled(sliding_tower(np.ones(n)), 3, 200.0 * n)
 
 
 def _scaled(plain: ContactProblem, dim: int, sensitivity: float) -> ContactProblem:
-    """Return ``plain``, of one known solution, with each contact of ``dim`` rows in a unit of its own."""
+    """Return ``plain``, with one known solution, with each contact of ``dim`` rows in a separate unit."""
     scales = np.repeat(np.resize(UNITS, plain.n_contacts), dim)
     known = plain.answer
     assert known is not None
     assert known.velocity is not None
-    # only the ground contact, of unit 1, has a free velocity, to which the residual relates every other's; so a contact
-    # in the largest unit may move by the inverse of its scale more
+    # the residual is relative to the free velocity of the ground contact, of unit 1, and all others are zero; so the
+    # velocity error of a contact in the largest unit may be larger by the inverse of its scale
     answer = Answer(
         impulses=(known.impulses[0] / scales,),
         velocity=scales * known.velocity,
@@ -93,9 +93,9 @@ def _scaled(plain: ContactProblem, dim: int, sensitivity: float) -> ContactProbl
 
 
 def cradle(n: int, restitution: float) -> ContactProblem:
-    """Return Newton's cradle: ``n`` touching balls of 1 kg, the first of which arrives at 1 m/s, in one coupled solve.
+    """Return Newton's cradle: ``n`` touching balls of 1 kg, the first of which arrives at 1 m/s, as one coupled impact.
 
-    With c = (1 + e) γ_B and ξ = γ_E + e γ_B = 0 at every contact the others leave at (1 + e)/n and the first at
+    With c = (1 + e) γ_B and ξ = γ_E + e γ_B = 0 at every contact, the other balls leave at (1 + e)/n and the first at
     (1 + e)/n − e, hence Λ_k = (n − k)(1 + e)/n for the contact behind ball k.
     """
     directions = (np.eye(n, k=-1) - np.eye(n))[:, : n - 1]

@@ -1,11 +1,11 @@
 """Bodies on redundant supports: redundant, identical and duplicated contacts, at rest and sliding.
 
-The impulses of single contacts are not unique, their sums and all velocities are. Where the load is borne by normal
-impulses alone, M u_f = −W_N λ with λ ≥ 0, every solution is at rest whatever the friction: no impulse of a solution
+The impulses of single contacts are not unique, but their sums and all velocities are. If normal impulses alone bear
+the load, M u_f = −W_N λ with λ ≥ 0, every solution is at rest for any friction: no impulse of a solution
 does positive work on ξ = Wᵀu, so that u·M u ≤ u·M u_f = −λ·ξ_N ≤ 0.
 
-On a body that slides at 1 m/s, a residual ρ permits velocity errors of ρ m/s at each of n supports. This is 100 n ρ of
-the weight m g Δt = 0.00981 N s, which gives the sensitivities.
+On a body that slides at 1 m/s, a residual ρ permits velocity errors of ρ m/s at each of n supports. Relative to the
+weight m g Δt = 0.00981 N s this is 100 n ρ, the sensitivity.
 """
 
 import numpy as np
@@ -33,7 +33,7 @@ def identical_contacts(n: int) -> ContactProblem:
 
 
 def duplicated_slider(copies: int = 10, friction: float = 0.3) -> ContactProblem:
-    """Return a sliding point mass with its spatial contact written ``copies`` times.
+    """Return a sliding point mass with ``copies`` equal spatial contacts.
 
     Sliding at 1 m/s along x: Σ Λ_N = m g Δt and Σ Λ_T = (−μ m g Δt, 0).
     """
@@ -67,8 +67,8 @@ def sliding_block(friction: float = 0.3, n: int = 4) -> ContactProblem:
 def sticking_box(speed: float = 1e-3, per_side: int = 2) -> ContactProblem:
     """Return a flat box of 1 kg on a square grid of contacts that sticks, pushed slowly by ``speed`` along x.
 
-    Σ Λ_T = −m v_0. Normals and tangents do not influence each other, and Λ_T,i = −m v_0 Λ_N,i/ΣΛ_N holds the box for
-    every admissible distribution of the normal impulses, so that ξ = 0 is the only velocity.
+    Σ Λ_T = −m v_0. Normals and tangents are uncoupled, and Λ_T,i = −m v_0 Λ_N,i/ΣΛ_N holds the box for
+    every admissible distribution of the normal impulses, so ξ = 0 is the only velocity.
     """
     side, directions = np.linspace(-0.5, 0.5, per_side), np.zeros((6, 3 * per_side**2))
     inertia = np.array([1.0 / 12.0, 1.0 / 12.0, 1.0 / 6.0])
@@ -86,7 +86,7 @@ def sticking_box(speed: float = 1e-3, per_side: int = 2) -> ContactProblem:
 def resting_block(n: int, friction: float) -> ContactProblem:
     """Return a planar block of 1 kg at rest on ``n`` supports half a metre below its centre, with friction.
 
-    Normal impulses alone bear it, so ξ = 0; Σ Λ_N = m g Δt, Σ Λ_T = 0, Σ (x Λ_N + Λ_T/2) = 0.
+    Normal impulses alone bear the block, so ξ = 0; Σ Λ_N = m g Δt, Σ Λ_T = 0, Σ (x Λ_N + Λ_T/2) = 0.
     """
     directions = np.zeros((3, 2 * n))
     directions[1, 0::2], directions[2, 0::2] = 1.0, np.linspace(-0.5, 0.5, n)

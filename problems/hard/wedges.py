@@ -1,4 +1,4 @@
-"""Bodies between walls and in arches, where contacts brace each other and friction makes impulses not unique."""
+"""Bodies between walls and in arches, whose contacts are wedged so that friction impulses are not unique."""
 
 import numpy as np
 
@@ -7,14 +7,13 @@ from ..contact.problem import ContactProblem
 from .bodies import WEIGHT, bodies
 
 DISC = np.array([1.0, 1.0, 2.0])
-"""Diagonal of M⁻¹ of a disc of 1 kg, whose lengths are its radius."""
+"""Diagonal of M⁻¹ of a disc of 1 kg with its radius as the unit of length."""
 
 
 def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
     """Return a disc of 1 kg in a groove whose walls stand at ``half_angle`` to the vertical.
 
-    Without friction Λ_N = m g Δt/(2 sin α) at each wall; with friction u = 0 is unique (the walls bear the disc without
-    it, see ``supports``) and Λ is not.
+    Without friction Λ_N = m g Δt/(2 sin α) at each wall. With friction u = 0 is unique (see ``supports``), but not Λ.
     """
     sin, cos = np.sin(half_angle), np.cos(half_angle)
     normals = np.array([[cos, -cos], [sin, sin]])
@@ -39,7 +38,7 @@ def arch(n: int, friction: float) -> ContactProblem:
     """Return an arch of ``n`` discs of 1 kg between two abutments, built along its line of thrust.
 
     Contact k has the thrust (H, V_k), H = n m g Δt/2 and V_k = (n/2 − k) m g Δt, along its normal. Normal impulses
-    λ_k = √(H² + V_k²) alone bear the weights, so u = 0 is the only velocity at any friction; without friction λ is the
+    λ_k = √(H² + V_k²) alone bear the weights, so u = 0 is the only velocity at any friction. Without friction λ is the
     only solution, because W_N has full rank.
     """
     thrust = 0.5 * n * WEIGHT
@@ -67,10 +66,10 @@ def arch(n: int, friction: float) -> ContactProblem:
 
 
 def chimney(friction: float) -> ContactProblem:
-    """Return a disc of 1 kg between two vertical walls: it may fall, be slowed, or be held by walls that press on it.
+    """Return a disc of 1 kg between two vertical walls, which may fall, be slowed, or be held by the walls.
 
-    The walls press equally, Λ_N1 = Λ_N2 = p for any p ≥ 0, and rub equally; every such p has a solution, so that only
-    the two balances are known, and with p = 0 the disc falls freely.
+    Normal impulses are equal, Λ_N1 = Λ_N2 = p for any p ≥ 0, and so are friction impulses. Every p has a solution, so
+    only these two equations are known. With p = 0 the disc falls freely.
     """
     directions = np.zeros((3, 4))
     directions[0, 0::2], directions[1, 1::2], directions[2, 1::2] = (1.0, -1.0), 1.0, (-1.0, 1.0)
@@ -81,8 +80,8 @@ def chimney(friction: float) -> ContactProblem:
 def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     """Return a point mass of 1 kg on ``n`` planar contacts whose normals lie within ±``angle`` [rad] of the vertical.
 
-    The normals bear it alone, so ξ = 0 whatever the friction; Σ of all impulses is (0, m g Δt). Sideways the normals
-    act by their tilt only, so that a residual says little about it: the sensitivity is n over ``angle``.
+    The normals alone bear the mass, so ξ = 0 for any friction; Σ of all impulses is (0, m g Δt). Horizontally the
+    normals act only by their tilt, so the sensitivity is n / ``angle``.
     """
     tilt = np.linspace(-angle, angle, n)
     directions = np.zeros((2, 2 * n))

@@ -82,7 +82,8 @@ def _dense(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
 
 def _sparse(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
     matrix = problem.delassus()
-    return {"row_starts": matrix.indptr, "columns": matrix.indices, "values": matrix.data}
+    arrays = {"row_starts": matrix.indptr, "columns": matrix.indices, "values": matrix.data}
+    return {**arrays, "diagonal": matrix.diagonal()}
 
 
 def _blocks(problem: ContactProblem, structure: Problem) -> dict[str, Any]:

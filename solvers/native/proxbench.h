@@ -52,7 +52,7 @@ typedef struct {
     const double *dense;           /* PB_DENSE: G [1/kg]               [n_rows * n_rows] */
     /* PB_SPARSE: row r of G has columns[k] and values[k], row_starts[r] <= k < row_starts[r + 1], columns ascending */
     const int32_t *row_starts, *columns;
-    const double *values;
+    const double *values, *diagonal; /* and the diagonal of G                   [n_rows] */
     /* PB_BLOCKS: blocks of width * width; row b holds the blocks k from block_starts[b] to block_starts[b + 1], the
        diagonal one first. Row r of the problem is lane slot[r] % width of block slot[r] / width; other lanes are zero. */
     const int32_t *block_starts, *block_columns;

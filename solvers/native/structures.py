@@ -56,6 +56,7 @@ ARRAYS = {
     "row_starts": "i",
     "columns": "i",
     "values": "d",
+    "diagonal": "d",
     "block_starts": "i",
     "block_columns": "i",
     "block_values": "d",

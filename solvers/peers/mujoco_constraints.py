@@ -8,7 +8,8 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
 from ..iteration.method import Method, check_option
-from .mujoco_problem import ConstraintStage, check_installed, unsupported_reason
+from .installed import check_installed
+from .mujoco_problem import TRIED, ConstraintStage, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 Algorithm = Literal["Newton", "CG", "PGS"]
@@ -42,7 +43,7 @@ class MuJoCo(Method):
     has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_installed("MuJoCo")
+        check_installed("MuJoCo", "mujoco", "mujoco", TRIED)
         known = get_args(Algorithm)
         check_option("algorithm", self.algorithm, self.algorithm in known, "one of " + ", ".join(known))
         check_option("impedance", self.impedance, 0.0 < self.impedance < 1.0, "between 0 and 1")

@@ -8,7 +8,6 @@ the forces of MuJoCo are the impulses. The data are scaled: G has a diagonal of 
 """
 
 import importlib
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -19,20 +18,14 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
 from ...problems.contact.solver import SolverError
 
-INSTALL = 'pip install ".[mujoco]"'
-"""The command that installs MuJoCo."""
+TRIED = "4"
+"""The versions of MuJoCo that this module was tried with begin like this."""
 
 MAX_ENTRIES = 4_000_000
 """Entries of J, which is dense, and of the matrices of coordinates and rows."""
 
 MIN_FRICTION = 1e-5
 """MuJoCo's least friction coefficient."""
-
-
-def check_installed(solver: str) -> None:
-    """Raise ``SolverError`` unless MuJoCo is installed; this does not import it."""
-    if find_spec("mujoco") is None:
-        raise SolverError(f"{solver} needs mujoco, which is not installed; run {INSTALL} in a clone of proxbench")
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:

@@ -6,7 +6,8 @@ from typing import ClassVar, Literal, get_args
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
-from .pinocchio_problem import Contacts, check_installed, on_deep_stack, pinocchio, unsupported_reason
+from .installed import check_installed
+from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 TOLERANCE_RATIO = 0.5
@@ -45,7 +46,7 @@ class PinocchioADMM(Method):
     has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_installed("PinocchioADMM")
+        check_installed("PinocchioADMM", "pinocchio", "peers")
         check_option("anderson", self.anderson, self.anderson >= 0, "an integer, 0 or more")
         check_option("lanczos", self.lanczos, self.lanczos == 0 or self.lanczos >= 2, "0, or an integer of 2 or more")
         check_option("update", self.update, self.update in get_args(Update), "one of " + ", ".join(get_args(Update)))

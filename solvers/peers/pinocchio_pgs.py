@@ -6,7 +6,8 @@ from typing import ClassVar
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
-from .pinocchio_problem import Contacts, check_installed, on_deep_stack, pinocchio, unsupported_reason
+from .installed import check_installed
+from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 UNREACHABLE = 1e-300
@@ -35,7 +36,7 @@ class PinocchioPGS(Method):
     has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_installed("PinocchioPGS")
+        check_installed("PinocchioPGS", "pinocchio", "peers")
         check_option("relaxation", self.relaxation, 0.0 < self.relaxation < 2.0, "between 0 and 2")
 
     def supports(self, problem: ContactProblem) -> str | None:

@@ -14,7 +14,6 @@ import importlib
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,22 +22,12 @@ import scipy.sparse as sp
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.laws import Laws
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import SolverError
 from ..conic.programs import Scaling
 
 STACK_BYTES, STACK_BYTES_OF_CONTACT = 64 * 2**20, 128 * 2**10
 """Stack of a call, and its growth per contact: the usual 8 MiB cause a segmentation fault beyond 341 contacts."""
 
-INSTALL = 'pip install ".[peers]"'
-"""The command that installs the libraries of all outside solvers."""
-
 Answer = TypeVar("Answer")
-
-
-def check_installed(solver: str) -> None:
-    """Raise ``SolverError`` unless Pinocchio is installed; this does not import it."""
-    if find_spec("pinocchio") is None:
-        raise SolverError(f"{solver} needs pinocchio, which is not installed; run {INSTALL} in a clone of proxbench")
 
 
 def pinocchio() -> Any:

@@ -14,9 +14,8 @@ from proxbench.bench.cli.main import run_command
 def _rounds_count_on_shared_cores() -> Iterator[None]:
     """Exclude no round of a run, though other tests work on the same cores."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("measuring_core.MAX_PROBE_RATIO", "contacts.timed_round.TOLERATED_SECONDS"):
+        for name in ("measuring_core.MAX_PROBE_RATIO", "timed_round.TOLERATED_SECONDS"):
             patch.setattr(f"proxbench.bench.measure.{name}", math.inf)
-        patch.setattr("proxbench.bench.measure.trajectories.case.TOLERATED_SECONDS", math.inf)
         yield
 
 

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
-from proxbench.bench.conformance.trial import Trial, meet_answer, own_residual, tried
+from proxbench.bench.conformance.trial import Trial, own_residual, require_known_answer, run_trial
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.residual import Residual
@@ -76,7 +76,7 @@ solvers = st.sampled_from([create(name) for name in available()])
 
 
 def trial_of(solver: Solver, problem: ContactProblem) -> Trial | None:
-    return None if solver.supports(problem) is not None else tried(solver, problem, STOP)
+    return None if solver.supports(problem) is not None else run_trial(solver, problem, STOP)
 
 
 @given(problem=problems, solver=solvers)
@@ -85,7 +85,7 @@ def test_a_solver_is_true_to_its_status_and_to_the_known_answer(problem: Contact
     trial = trial_of(solver, problem)
     assert problem.fresh().digest == digest
     if trial is not None and judge(problem, trial.solution.impulses).residual <= TOLERANCE:
-        meet_answer(problem, trial.solution.impulses)
+        require_known_answer(problem, trial.solution.impulses)
 
 
 @pytest.mark.slow
@@ -94,11 +94,11 @@ def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: Co
     trial = trial_of(solver, problem)
     if trial is None or trial.solution.status is Status.TIME_LIMIT:
         return
-    again = tried(solver, problem.fresh(), STOP)
+    again = run_trial(solver, problem.fresh(), STOP)
     if again.solution.status is not Status.TIME_LIMIT:
         assert again.solution.impulses.tobytes() == trial.solution.impulses.tobytes()
     if trial.is_solved and solver.has_iterates:
-        warm = tried(solver, problem, STOP, start=trial.solution.impulses)
+        warm = run_trial(solver, problem, STOP, start=trial.solution.impulses)
         assert warm.is_solved
         assert warm.solution.iterations <= 1
 
@@ -114,7 +114,7 @@ def end_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float
         return
     before = np.inf
     for tolerance in sorted(set(tolerances), reverse=True):
-        trial = tried(solver, problem, Stop(tolerance, STOP.max_iterations, max_seconds))
+        trial = run_trial(solver, problem, Stop(tolerance, STOP.max_iterations, max_seconds))
         if trial.solution.status is Status.TIME_LIMIT:
             return
         assert trial.residual <= max(before, tolerance) + 1e-13
@@ -130,7 +130,7 @@ def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
     start = 10.0**size * np.random.default_rng(seed).normal(size=problem.n_rows)
     if not outside:
         start = np.abs(start)
-    trial = tried(solver, problem, STOP, start=start)
+    trial = run_trial(solver, problem, STOP, start=start)
     if solver.has_iterates:
         assert trial.residual <= (1.0 + 1e-9) * own_residual(solver, problem, start) + 1e-13
 

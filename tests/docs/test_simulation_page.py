@@ -1,4 +1,4 @@
-"""The page about simulations shows what the program prints, and the options that steppers have."""
+"""The pages about simulations show what the program prints, and the options that steppers have."""
 
 import inspect
 import io
@@ -15,7 +15,10 @@ from proxbench.problems.motion.stepping.registry import STEPPERS
 from proxbench.problems.motion.stepping.switch_search import SEARCHES
 from rich.console import Console
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "how-to" / "simulate-a-scene.md").read_text(encoding="utf-8")
+HOW_TO = Path(__file__).resolve().parents[2] / "docs" / "how-to"
+PAGE = "\n".join(
+    (HOW_TO / name).read_text(encoding="utf-8") for name in ("simulate-a-scene.md", "locate-switching-points.md")
+)
 
 
 def options_table() -> dict[str, list[str]]:

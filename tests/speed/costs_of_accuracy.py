@@ -8,6 +8,9 @@
 ``drift``    drift of these boxes by tolerance
 ``cube``     how far a cube that slides along the ground lifts and sinks
 ``chain``    error of the energy of a chain
+``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
+``free``     energy and momentum of free bodies over 10⁵ steps
+``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
 
 ``python tests/speed/costs_of_accuracy.py --tables arch stack`` prints these tables in Markdown. ``--output costs.csv``
 keeps them in a file, and ``--charts FOLDER`` draws what it holds. Seconds are processor time; those
@@ -25,6 +28,8 @@ from typing import Any
 
 import altair as alt
 import pandas as pd
+from convergence_orders import free, orders
+from pile_costs import piles
 from proxbench.bench.report.charts.drawing import heading, stacked, write_drawing
 from proxbench.bench.report.charts.palette import Look, looks
 from proxbench.problems.motion.equilibrium import bisect, find_equilibrium, problem_at_rest
@@ -233,7 +238,7 @@ def chain() -> Iterator[dict[str, Any]]:
 
 
 TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
-    made.__name__: made for made in (arch, sizes, sweeps, creep, stack, drift, cube, chain)
+    made.__name__: made for made in (arch, sizes, sweeps, creep, stack, drift, cube, chain, orders, free, piles)
 }
 
 

@@ -7,6 +7,7 @@ import costs_of_accuracy
 import pandas as pd
 import pytest
 from costs_of_accuracy import FALLEN, least_thickness, main, simulate, thickness_ratio, to_tolerance
+from pile_costs import piles
 from proxbench.problems.motion.scenes.rigid.arch import Arch
 
 
@@ -39,3 +40,10 @@ def test_a_table_that_is_measured_again_replaces_the_last_one(tmp_path: Path, mo
         main()
     kept = pd.read_csv(tmp_path / "costs.csv")
     assert dict(zip(kept["table"], kept["ratio"], strict=True)) == {"arch": 3.0, "cube": 2.0}
+
+
+def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:
+    (found,) = piles((40,), 150)
+    assert found["contacts"] > 40
+    assert 0 <= found["rows - rank"] < 3 * found["contacts"]
+    assert 0.0 < found["detection"] < 1.0

@@ -5,17 +5,20 @@ four kinds of load, and prints a table of the 25 cases in Markdown. A cell is th
 median of successive solves on the idle machine. ``*`` marks cells without a valid round, which enter no mean, ratio or
 verdict.
 
-``--runs 5`` repeats shorter runs under each load instead. It prints the verdicts of ``compare`` between each run on the
-idle machine and each run under load, and how many problems have different fastest solvers (in bold) in several runs.
+``--runs 5`` repeats shorter runs under each load instead. It prints the verdicts of ``compare`` for all pairs of runs,
+by the loads of both, and the problems with different fastest solvers (in bold) in several runs. All runs measure the
+same solvers with the same code, so that every verdict of a difference is false. The exit code is 1 if there is one, or
+if a winner changes. ``--loads "same core" bursts`` selects loads, ``--problems`` and ``--solvers`` the cases.
 """
 
 import argparse
 import multiprocessing
 import os
+import sys
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import combinations
 
@@ -107,9 +110,20 @@ def successive_seconds(problem: str, solver: str) -> float:
     return float(np.median(times[1:]))
 
 
-def measured(folder: str, problems: tuple[str, ...], solvers: tuple[str, ...], passes: int) -> Run:
+def measured(folder: str, problems: Sequence[str], solvers: Sequence[str], passes: int) -> Run:
     """Measure solvers to one tolerance."""
     return run(problems, solvers, results=folder, tolerances=TOLERANCE, passes=passes)
+
+
+def measured_under(load: str, folder: str, problems: Sequence[str], solvers: Sequence[str], passes: int) -> Run:
+    """Measure under a load; again, if another run on this machine has claimed the core for which the load is meant."""
+    work, core = loads()[load]
+    while True:
+        with loaded(work, core):
+            found = measured(folder, problems, solvers, passes)
+        if found.info.sessions[-1].core == max(os.sched_getaffinity(0)):
+            return found
+        print("another run has claimed the core; measuring again", file=sys.stderr)
 
 
 def shown_ratio(measurement: Run, problem: str, solver: str, idle: float) -> str:
@@ -124,10 +138,7 @@ def shown_ratio(measurement: Run, problem: str, solver: str, idle: float) -> str
 def print_cases(folder: str) -> None:
     """Print the table of all cases."""
     idle = {(problem, solver): successive_seconds(problem, solver) for problem in PROBLEMS for solver in SOLVERS}
-    runs = {}
-    for name, (work, core) in loads().items():
-        with loaded(work, core):
-            runs[name] = measured(folder, PROBLEMS, SOLVERS, 2)
+    runs = {name: measured_under(name, folder, PROBLEMS, SOLVERS, 2) for name in loads()}
     print("| problem | solver | successive [ms] |", " | ".join(runs), "|")
     print("| --- | --- | ---: |" + " ---: |" * len(runs))
     for (problem, solver), seconds in idle.items():
@@ -143,38 +154,46 @@ def fastest(measurement: Run) -> dict[str, str]:
     return dict(zip(winners["problem"], winners["solver"], strict=True))
 
 
-def print_verdicts(folder: str, number: int) -> None:
-    """Print verdicts between runs on the idle machine and under load, and winners that change."""
-    runs: dict[str, list[Run]] = {name: [] for name in loads()}
-    for _ in range(number):
-        for name, (work, core) in loads().items():
-            with loaded(work, core):
-                runs[name].append(measured(folder, FEW_PROBLEMS, FEW_SOLVERS, 3))
-    for name, several in runs.items():
-        with_idle = [(one, two) for one in runs["idle"] for two in several]
-        pairs = list(combinations(several, 2)) if name == "idle" else with_idle
-        verdicts = Counter(compare(one, two).verdict for one, two in pairs)
-        print(f"idle and {name}: {len(pairs)} pairs")
-        for verdict, count in verdicts.most_common():
+def print_verdicts(folder: str, options: argparse.Namespace) -> bool:
+    """Print the verdicts of all pairs of runs, and winners that change; return whether one is false or changes."""
+    runs: list[tuple[str, Run]] = []
+    for _ in range(options.runs):
+        runs += [(name, measured_under(name, folder, options.problems, options.solvers, 3)) for name in options.loads]
+    verdicts: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    false = 0
+    for (first, one), (second, other) in combinations(runs, 2):
+        found = compare(one, other)
+        false += bool(
+            found.slower() or found.faster() or len(found.changed("solved")) or len(found.changed("unsolved"))
+        )
+        verdicts[" and ".join(sorted((first, second), key=options.loads.index))][found.verdict] += 1
+    for pair, counts in verdicts.items():
+        print(f"{pair}: {sum(counts.values())} pairs")
+        for verdict, count in counts.most_common():
             print(f"    {count} × {verdict}")
-    winners = [fastest(one) for several in runs.values() for one in several]
-    changing = [problem for problem in FEW_PROBLEMS if len({one[problem] for one in winners if problem in one}) > 1]
-    bold = sum(map(len, winners))
-    print(
-        f"{len(changing)} of {len(FEW_PROBLEMS)} problems have several winners in {len(winners)} runs ({bold} in bold)"
-    )
+    winners = [fastest(one) for _, one in runs]
+    changing = [name for name in options.problems if len({one[name] for one in winners if name in one}) > 1]
+    excluded = [f"{(one.rounds['excluded'] != '').mean():.0%}" for _, one in runs]
+    print(f"excluded rounds of the runs: {', '.join(excluded)}")
+    print(f"{false} of {len(runs) * (len(runs) - 1) // 2} pairs have a false verdict")
+    print(f"{len(changing)} of {len(options.problems)} problems have several winners in {len(runs)} runs", end=" ")
+    print(f"({sum(map(len, winners))} in bold)")
+    return bool(false or changing)
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=0, help="number of short runs under each load")
+    parser.add_argument("--loads", nargs="+", choices=list(loads()), default=list(loads()), help="loads of these runs")
+    parser.add_argument("--problems", nargs="+", default=FEW_PROBLEMS, help="their problems")
+    parser.add_argument("--solvers", nargs="+", default=FEW_SOLVERS, help="their solvers")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        if options.runs:
-            print_verdicts(folder, options.runs)
-        else:
+        if not options.runs:
             print_cases(folder)
+        elif print_verdicts(folder, options):
+            sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ def check(
 
     The exit code is 1 if a check fails.
     """
-    from ...conformance.run import checked, print_checks
+    from ...conformance.run import print_checks, run_checks
     from ...report.layout.text import print_json
     from ..progress import ProgressBar
 
@@ -29,7 +29,7 @@ def check(
             shown.name(check, again=True)
             shown.count(done, total)
 
-        subjects = checked(target, check_seconds, show)
+        subjects = run_checks(target, check_seconds, show)
     if as_json:
         print_json(subjects)
     else:

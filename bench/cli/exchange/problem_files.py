@@ -105,10 +105,10 @@ def export_files(
     from ....problems import save_problem, write_fclib
     from ....problems.exchange.catalog import is_path
     from ....problems.exchange.fclib.conversion import contents_of
-    from ...plugins.problems import resolved
+    from ...plugins.problems import resolve_problem
     from ...report.layout.output_file import refuse_taken
 
-    problems = [resolved(name) for name in names]
+    problems = [resolve_problem(name) for name in names]
     write: Callable[[ContactProblem, Path], None] = save_problem
     if file_format == "fclib":
         write = write_fclib

@@ -23,14 +23,14 @@ from ...store.notes import is_explained_by_repetition
 from ...store.outcome import ON_COPY, Outcome, late_reason
 from ...store.plans import Limits
 from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
-from ..ladder import MAX_REASON_LENGTH, LadderCase
+from ..ladder import MAX_REASON_LENGTH, CasePass, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import keep_finest_impulses, times_from_rounds
+from ..timed_round import TimedRound
 from .answers import confirmed, judge_answers
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls
 from .protocol import MeasuringTask
-from .timed_round import TimedRound
 from .variants import perturbed_copy
 
 ROUND_SECONDS = 0.005
@@ -47,19 +47,6 @@ MAX_EXCLUDED = 3
 
 MAX_EXCLUDED_SECONDS = 0.2
 """Wall time of the excluded rounds of a point in a pass after which it is not repeated [s]."""
-
-
-@dataclass(frozen=True)
-class CasePass:
-    """One pass over the cases of a problem.
-
-    Attributes:
-        session: number of the session of the run.
-        number: number of the pass in the session; points that were measured in more passes are skipped.
-    """
-
-    session: int = 0
-    number: int = 0
 
 
 MAX_RESTS = 20
@@ -87,7 +74,6 @@ class Case(LadderCase[MeasuredRound]):
     Attributes:
         problem: the problem.
         solver: the solver.
-        case_pass: the current pass.
     """
 
     def __init__(
@@ -97,12 +83,12 @@ class Case(LadderCase[MeasuredRound]):
         limits: Limits,
         ladder: Sequence[float],
         problem_data: bytes,
-        stored: CaseRecord | None = None,
-        case_pass: CasePass = CasePass(),
+        stored: CaseRecord | None,
+        case_pass: CasePass,
     ) -> None:
         """Store the plan of the case and its previous measurements."""
-        super().__init__(ladder, limits, stored)
-        self.problem, self.solver, self.case_pass, self._data = problem, solver, case_pass, problem_data
+        super().__init__(ladder, limits, stored, case_pass)
+        self.problem, self.solver, self._data = problem, solver, problem_data
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._clock = ClockAccount(problem)
@@ -173,23 +159,15 @@ class Case(LadderCase[MeasuredRound]):
             self.points = []
 
     def measure(self, value: float, number: int) -> MeasuredRound | None:
-        """Run one round of timed solves between two probes of the core; return None if the case failed."""
-        if self._worker is None:
-            return None
-        process, probe = self._worker.process, self.core.probe()
-        began, worked = time.monotonic(), self._worker.processor_seconds()
-        found = self._ask("round", self._stop(value), ROUND_SECONDS)
+        """Run one round of timed solves; return None if the case failed."""
+        worked = 0.0 if self._worker is None else self._worker.processor_seconds()
+        found = self._timed_round(TimedRound, number, "round", self._stop(value), ROUND_SECONDS)
         if found is None or self._worker is None:
             return None
-        passed, worked = time.monotonic() - began, self._worker.processor_seconds() - worked
+        timed, record, numbers = found
+        worked = self._worker.processor_seconds() - worked
         try:
-            timed = TimedRound.read(found[0], passed)
-            impulses = self._answers(timed, found[1])
-            if not self.core.holds(process) or (self.core.is_pinned and timed.exceeds_one_core):
-                raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
-            probes = (probe, self.core.probe())
-            turn = self.case_pass.session, self.case_pass.number, number
-            record = timed.record(*turn, max(probes), self.core.is_steady(*probes))
+            impulses = self._answers(timed, numbers)
             if not record.excluded and (uncounted := self._clock.fault(timed, worked)):
                 raise Fault(Outcome.MISBEHAVED, uncounted)
         except Fault as fault:

@@ -14,7 +14,7 @@ from time import process_time
 import numpy as np
 
 from ....problems.contact.problem import ContactProblem
-from .timed_round import TimedRound
+from ..timed_round import TimedRound
 
 SHARE = 0.05
 """Allowed untimed work relative to the time on the clock."""

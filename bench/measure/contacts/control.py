@@ -31,8 +31,8 @@ from ...store.notes import ALLOWANCE_SECONDS, COPY_RATIO, is_explained_by_repeti
 from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
+from ..timed_round import TimedRound
 from .protocol import MeasuringTask
-from .timed_round import TimedRound
 from .variants import disguised_copy, in_other_units, perturbed_copy
 
 MIN_FAST_SOLVES = 2

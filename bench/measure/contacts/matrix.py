@@ -13,7 +13,7 @@ from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Solver, Stop
 from ....solvers.registry import available
 from ...plugins.describing import solver_spec
-from ...plugins.problems import resolved
+from ...plugins.problems import resolve_problem
 from ...plugins.remote_solver import FailedSolveError, RemoteSolver
 from ...simulation.generation.generate import generate_missing
 from ...store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
@@ -54,7 +54,8 @@ def measure_matrix(
         ProxbenchError: for an unknown problem or solver.
     """
     generate_missing(one for one in problems if isinstance(one, str))
-    taken, made = {problem_name(one): resolved(one) for one in problems}, [solver_spec(solver) for solver in solvers]
+    taken = {problem_name(one): resolve_problem(one) for one in problems}
+    made = [solver_spec(solver) for solver in solvers]
     cells = []
     for solver in made:
         # built-in solvers stop by their own clock, which excludes compiling and preparing

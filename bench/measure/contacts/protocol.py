@@ -12,9 +12,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
-from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
-from time import perf_counter, process_time, sleep
+from time import perf_counter, sleep
 from typing import Any
 
 import msgspec
@@ -26,13 +24,13 @@ from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_it
 from ....problems.exchange.files.problem_file import read_problem
 from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
-from ....solvers.native.executable import Executable
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
+from ...isolation.process_usage import Switches, used_seconds
 from ...plugins.solver_specs import SolverSpec
 from ...store.outcome import LATE_PREPARING
 from ..ladder import MAX_REASON_LENGTH
-from .timed_round import TimedRound
+from ..timed_round import TimedRound
 
 FIRST_ITERATIONS = 30
 """Number of first iterations in the convergence curve; later ones are thinned to a geometric sequence."""
@@ -140,7 +138,7 @@ class Measurement:
         """
         solves: list[TimedSolve] = []
         answers: dict[bytes, FloatArray] = {}
-        before, end = _usage(), perf_counter() + seconds
+        before, end = Switches.now(), perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
             solves.append(self._solve(problem, stop))
@@ -163,7 +161,7 @@ class Measurement:
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
         while True:
-            before = _usage()  # before the last of them, since the system's files displace what the caches hold
+            before = Switches.now()  # before the last of them, since the system's files displace what the caches hold
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
                 break
@@ -192,7 +190,7 @@ class Measurement:
         impulses = np.zeros(problem.n_rows)
         gc.disable()
         try:
-            worked = self._processor_seconds()
+            worked = used_seconds(self.solver)
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
@@ -207,17 +205,12 @@ class Measurement:
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
-            worked = self._processor_seconds() - worked
+            worked = used_seconds(self.solver) - worked
         finally:
             if collecting:
                 gc.enable()
         refuse(solution_fault(problem, solution))
         return TimedSolve(replace(solution, impulses=impulses), ready - began, done - ready, worked)
-
-    def _processor_seconds(self) -> float:
-        """Return the processor time of this process, and of the program of a solver that is an executable [s]."""
-        program = self.solver.processor_seconds() if isinstance(self.solver, Executable) else 0.0
-        return _processor_seconds() + program
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
@@ -292,28 +285,9 @@ def _problem(data: bytes) -> ContactProblem:
     return read_problem(io.BytesIO(data), "problem")
 
 
-def _processor_seconds() -> float:
-    """Return the processor time of this process, and of processes that it has waited for [s]."""
-    children = getrusage(RUSAGE_CHILDREN)
-    return process_time() + children.ru_utime + children.ru_stime
-
-
-def _usage() -> tuple[int, int, float | None]:
-    """Return the involuntary and the voluntary context switches of this process, and its waiting time.
-
-    This is the time for which the thread was ready but did not run [s]; None if the system does not count it.
-    """
-    counts = getrusage(RUSAGE_SELF)
-    try:
-        waited = 1e-9 * float(Path("/proc/thread-self/schedstat").read_text().split()[1])
-    except (OSError, ValueError, IndexError):
-        waited = None
-    return counts.ru_nivcsw, counts.ru_nvcsw, waited
-
-
-def _timed_round(solves: Sequence[TimedSolve], before: tuple[int, int, float | None]) -> TimedRound:
+def _timed_round(solves: Sequence[TimedSolve], before: Switches) -> TimedRound:
     """Return the round of solves since ``before``, which ends now."""
-    last, (involuntary, voluntary, waited) = solves[-1].solution, _usage()
+    last, switches = solves[-1].solution, Switches.now().since(before)
     return TimedRound(
         last.status,
         int(last.iterations),
@@ -321,9 +295,7 @@ def _timed_round(solves: Sequence[TimedSolve], before: tuple[int, int, float | N
         [one.prepare for one in solves],
         [one.solve for one in solves],
         [one.processor for one in solves],
-        involuntary - before[0],
-        voluntary - before[1],
-        None if waited is None or before[2] is None else waited - before[2],
+        *switches,
     )
 
 

@@ -12,7 +12,7 @@ from ....problems.errors import first_line
 from ....problems.exchange.files.problem_file import packed_problem
 from ....problems.exchange.plugins.offers import registered
 from ...errors import BenchError
-from ...plugins.problems import problem_of
+from ...plugins.problems import problem_of_run
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session, with_sessions
 from ...store.store import Store
@@ -82,7 +82,7 @@ class DistributedExecutor(RunExecutor):
 
     def _task(self, name: str) -> ProblemTask:
         record, plan = self._record, self._record.plan
-        problem = problem_of(self._store, record, name)
+        problem = problem_of_run(self._store, record, name)
         own = replace(
             record,
             plan=replace(plan, problems=[name], families={name: plan.family(name)}, left_out=[], shard=""),

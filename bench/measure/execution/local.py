@@ -10,12 +10,12 @@ from typing import Any
 from msgspec.structs import replace
 
 from ....problems.exchange.files.problem_file import problem_bytes
-from ...plugins.problems import problem_of
+from ...plugins.problems import problem_of_run
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session
 from ...store.store import Store
-from ..contacts.case import Case, CasePass
-from ..ladder import LadderCase, measure_ladder
+from ..contacts.case import Case
+from ..ladder import CasePass, LadderCase, measure_ladder
 from ..machine import this_machine
 from ..measuring_core import MeasuringCore
 from ..refutation import find_refuted
@@ -80,8 +80,10 @@ class LocalExecutor(RunExecutor):
         if plan.trajectories:
             trajectory = trajectory_of(plan.trajectory(name))
             methods = [one for one in self._solvers if isinstance(one, Method) and one.record.name in left]
-            return [TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name)) for one in methods]
-        problem = problem_of(self._store, record, name)
+            return [
+                TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name), case_pass) for one in methods
+            ]
+        problem = problem_of_run(self._store, record, name)
         solvers = [one for one in self._solvers if isinstance(one, SolverSpec) and one.name in left]
         data = problem_bytes(problem.anonymous()) if solvers else b""
         return [

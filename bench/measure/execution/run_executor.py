@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from ....problems.exchange.catalog import is_available
 from ....problems.representation import counted
 from ...errors import InterruptedRunError
-from ...plugins.problems import carry, problem_of
+from ...plugins.problems import problem_of_run, store_problems
 from ...plugins.solver_specs import SolverSpec
 from ...simulation.generation.generate import generate
 from ...store.records import CaseRecord, RunRecord
@@ -112,13 +112,13 @@ class RunExecutor(ABC):
         missing = [name for name in names if name not in record.carried and not is_available(name)]
         if missing:
             generate(missing)
-            self._write_run(replace(record, carried={**record.carried, **carry(missing, self._store)}))
+            self._write_run(replace(record, carried={**record.carried, **store_problems(missing, self._store)}))
 
     def _digest(self, name: str) -> str:
         plan = self._record.plan
         if plan.trajectories:
             return trajectory_of(plan.trajectory(name)).digest
-        return problem_of(self._store, self._record, name).digest
+        return problem_of_run(self._store, self._record, name).digest
 
     def _write_case(self, record: CaseRecord) -> None:
         self._cases[record.problem][record.solver] = record

@@ -11,7 +11,7 @@ from ....problems.motion.trajectories.problem import Aggregates, EndPosition, Li
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
 from ...store.plans import KnownRecord, Limits, TrajectoryRecord
-from .case import simulated
+from .case import Simulated
 from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask
 
@@ -86,8 +86,8 @@ def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker
         values, start = dict(about["values"]), dict(about["start"])
     if record.reference is not None:
         answer, _ = worker.ask("simulate", method.record.values[0], member)
-        run = simulated(answer, math.inf, ())
-        values, failure = run.values, "" if run.status is Status.SOLVED else run.reason
+        run = Simulated.read(answer, math.inf)
+        values, failure = run.values, "" if run.status is Status.SOLVED else run.message
     if record.error == "end position" and not failure:
         way = max(abs(values[name] - start[name]) for name in values)
         scale = max(float(about["length"]), way)

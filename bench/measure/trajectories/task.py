@@ -16,9 +16,11 @@ from ....problems.motion.stepping.step import AcceptedStep
 from ....problems.motion.trajectories.pour import MotionRecorder
 from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
+from ...isolation.process_usage import Switches
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
 from ...simulation.starts import UnsupportedStepError
+from ...simulation.step_times import StepClocks
 from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
@@ -87,7 +89,7 @@ class TrajectoryTask:
         plan = self._plan(value, member)
         simulation, recorder, solves = Simulation(plan), MotionRecorder(plan.scene), 0
         most = self.most_solves if plan.stepper.locates_switches else math.inf
-        end = time.monotonic() + self.seconds
+        clocks, before, end = StepClocks(plan.solver), Switches.now(), time.monotonic() + self.seconds
 
         def note(number: int, taken: AcceptedStep) -> None:
             nonlocal solves
@@ -100,7 +102,7 @@ class TrajectoryTask:
                 simulation,
                 on_step=[note],
                 should_stop=lambda: solves > most or time.monotonic() > end,
-                is_warm=True,
+                watch_steps=clocks.watch,
             )
         except FailedSimulationError as failure:
             status, reason = Status.STALLED, _reason(failure)
@@ -114,9 +116,13 @@ class TrajectoryTask:
             status, reason = Status.DIVERGED, "the motion is no longer finite"
         return {
             "status": status.value,
-            "reason": reason,
-            "wall": float(simulation.steps["seconds"].sum()),
-            "solves": int(simulation.steps["solves"].sum()),
+            "iterations": int(simulation.steps["solves"].sum()),
+            "message": reason,
+            "prepare": [0.0],
+            "solve": [clocks.wall],
+            "processor": [clocks.processor],
+            **Switches.now().since(before)._asdict(),
+            "steps": simulation.n_steps,
             "unsolved": int(simulation.unsolved.sum()),
             "values": values if status is Status.SOLVED else {},
         }

@@ -40,12 +40,6 @@ class BallRecorder(SceneRecorder):
     mean angular velocity between two drawn states.
     """
 
-    bodies = (
-        "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows on the first "
-        "ball of a contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the root of "
-        "its impulse."
-    )
-
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         super().__init__(scene, file, force, every)
         assert scene.balls is not None
@@ -62,6 +56,13 @@ class BallRecorder(SceneRecorder):
     def title(self) -> str:
         """The scene and its number of balls or discs."""
         return f"{self.scene.name}, {counted(self.scene.n_balls, 'disc' if self._system.dimension == 2 else 'ball')}"
+
+    def _explanation(self) -> str:
+        return (
+            "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows on the "
+            "first ball of a contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the "
+            "root of its impulse."
+        )
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
         camera = self._camera(self._in_space(self.scene.start))

@@ -29,11 +29,13 @@ class Mesh:
         vertices: corners [m], shape (n, 3).
         triangles: corners of each triangle, shape (m, 3).
         colours: red, green, blue of each corner, shape (n, 3), or None for one colour.
+        normals: directions out of a smooth surface at each corner, shape (n, 3), or None for flat triangles.
     """
 
     vertices: FloatArray
     triangles: IntArray
     colours: Colours | None = None
+    normals: FloatArray | None = None
 
 
 def ball_mesh(radius: float, colour: tuple[int, int, int], flatness: float = 1.0) -> Mesh:

@@ -1,6 +1,6 @@
-"""Recordings of rigid bodies: each by its shape, fixed ones, and the impulses at contacts."""
+"""Recordings of rigid bodies: each by its shape, fixed ones, joints, and the forces at contacts and joints."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,8 @@ import rerun.blueprint as rrb
 
 from ....problems.arrays import FloatArray
 from ....problems.motion.bodies.contact_frame import write_frame
+from ....problems.motion.bodies.rigid.joints import RigidJoints
+from ....problems.motion.bodies.rigid.orientation import rotation_matrices
 from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
 from ....problems.motion.scenes.scene import Scene
@@ -16,64 +18,113 @@ from ....problems.motion.state import State
 from ....problems.motion.stepping.step import Step
 from ...report.charts.palette import PALETTE, rgb
 from ...report.layout.text import counted
-from ..blueprints import Camera, space_view
+from ..blueprints import ABOVE, BESIDE, CameraFit, space_view
 from ..contact_states import States
-from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
+from ..simulation import BODIES, IMPULSES, Entities, SceneRecorder
+from .contact_patches import NO_PATCHES, patches
+from .force_arrows import NO_FORCES, ForceArrows
+from .joints import JOINTS, joint_impulses, joint_points, joint_shapes
 from .meshes import Mesh
-from .shape_meshes import shape_mesh
+from .planes import Rectangle, faces, grid_spacing, is_ground
+from .shape_meshes import lightened, shape_mesh, shape_points
 
-COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
-"""Colours of bodies, which alternate."""
+LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
+"""Colours of quarters of the bodies by their height at the start; every other body has a lighter shade."""
 
 GLASS = (150, 170, 200, 60)
-"""Colour of fixed bodies, and of all bodies beside impulses: nearly transparent."""
+"""Colour of fixed bodies, and of all bodies beside forces: nearly transparent."""
 
-OUTLINES, FIXED = "scene/outlines", "scene/fixed"
-REFERENCE_SECONDS = 0.01
-"""The weight of a body over this time [s] has an arrow of its bounding radius."""
+GRID = (150, 170, 200, 90)
+"""Colour of the lines on half-spaces."""
+
+OUTLINES, FIXED, PATCHES, JOINT_FORCES = "scene/outlines", "scene/fixed", "scene/patches", "scene/joint_forces"
+
+DIRECTION = (0.35, -0.86, 0.37)
+"""The camera is in this direction."""
 
 REACH = 0.2
-"""Greatest gap at the end of a step over the smallest bounding radius, of contacts whose impulses are drawn."""
+"""Greatest gap at the end of a step over the smallest bounding radius, of contacts whose forces are drawn."""
+
+MIN_FORCE = 1e-6
+"""Force below which nothing is drawn, over the largest one of a step."""
 
 
 class RigidRecorder(SceneRecorder):
     """Record a scene of rigid bodies; see ``SceneRecorder``."""
 
-    bodies = (
-        "Left: the bodies. Right: the impulses of each step as arrows on the first body of a contact; **teal** "
-        "contacts stick, **orange** ones slip. An arrow's length grows with the root of its impulse."
-    )
-
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         super().__init__(scene, file, force, every)
         assert isinstance(scene.system, RigidBodies)
-        self._system = scene.system
-        self._radii = np.array([shape.bounding_radius for shape in self._system.shapes])
-        groups: dict[tuple[Shape, str], list[int]] = {}
-        for body, shape in enumerate(self._system.shapes):
-            groups.setdefault((shape, COLOURS[body % len(COLOURS)]), []).append(body)
-        self._groups = groups
+        self._system = system = scene.system
+        self._radii = np.array([shape.bounding_radius for shape in system.shapes])
+        self._groups: dict[tuple[Shape, tuple[int, int, int]], list[int]] = {}
+        colours = _body_colours(system.centres(scene.start.position))
+        for body, key in enumerate(zip(system.shapes, colours, strict=True)):
+            self._groups.setdefault(key, []).append(body)
+        self._fits = [CameraFit(DIRECTION, aspect) for aspect in (BESIDE, ABOVE)]
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
-        self._include(scene.start)
+        self._arrows = ForceArrows()
+        bounded = [fixed for fixed in system.fixed if not isinstance(fixed.shape, HalfSpace)]
+        for fixed in bounded:
+            self._include(fixed.shape, np.array([[*fixed.centre, *fixed.orientation]]))
+        self._include_bodies(scene.start)
+        self._is_contained = bool(bounded)
 
     @property
     def title(self) -> str:
         """The scene and its number of bodies."""
         return f"{self.scene.name}, {counted(self._system.n_bodies, 'rigid body', 'rigid bodies')}"
 
-    def _include(self, state: State) -> None:
-        centres = self._system.centres(state.position)
-        self._low = np.minimum(self._low, (centres - self._radii[:, None]).min(axis=0))
-        self._high = np.maximum(self._high, (centres + self._radii[:, None]).max(axis=0))
+    def _explanation(self) -> str:
+        text = (
+            "Bodies are coloured by their height at the start, in alternating shades. **Teal** contacts stick, "
+            "**orange** ones slip; arrows are forces on the first body, and lines join the loaded contacts of two "
+            "bodies."
+        )
+        if self._joints is not None:
+            text += (
+                " Joints are **white**, with friction **yellow**, with a motor **purple**, and their forces **blue**."
+            )
+        text += self._arrows.explanation
+        if any(is_ground(body) for body in self._system.fixed):
+            text += f" Lines on the ground are {grid_spacing(self._width):g} m apart."
+        return text
+
+    @property
+    def _joints(self) -> RigidJoints | None:
+        joints = self._system.joints
+        return joints if isinstance(joints, RigidJoints) else None
+
+    @property
+    def _width(self) -> float:
+        """Half the width of the square that stands for the ground [m]."""
+        return 0.75 * float(np.linalg.norm(self._high - self._low))
+
+    def _include_bodies(self, state: State) -> None:
+        """Include the bodies of a state in the views."""
+        poses = self._system.poses(state.position)
+        for (shape, _), members in self._groups.items():
+            self._include(shape, poses[members])
+
+    def _include(self, shape: Shape, poses: FloatArray) -> None:
+        points = shape_points(shape) @ rotation_matrices(poses[:, 3:]).transpose(0, 2, 1) + poses[:, None, :3]
+        points = points.reshape(-1, 3)
+        self._low, self._high = np.minimum(self._low, points.min(axis=0)), np.maximum(self._high, points.max(axis=0))
+        for fit in self._fits:
+            fit.include(points)
+
+    @property
+    def _are_wide(self) -> bool:
+        beside, above = self._fits
+        return above.depth > beside.depth
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
-        """Return views of all places that the drawn bodies reach; long paths along x lead towards the camera."""
-        extent = self._high - self._low
-        direction = (0.75, -0.5, 0.43) if extent[0] > 2.0 * extent[1] else (0.35, -0.86, 0.37)
-        camera = Camera.around(self._low, self._high, 1.5 * float(np.linalg.norm(extent)), direction)
+        camera = self._fits[int(self._are_wide)].camera()
+        joints = [f"/{JOINTS}/**"] if self._joints is not None else []
+        forces = [f"/{entity}/**" for entity in (IMPULSES, PATCHES, JOINT_FORCES, OUTLINES, FIXED)]
         return [
-            space_view("bodies", camera, [f"/{BODIES}/**", f"/{FIXED}/**"]),
-            space_view("impulses", camera, [f"/{IMPULSES}/**", f"/{OUTLINES}/**", f"/{FIXED}/**"]),
+            space_view("bodies", camera, [f"/{BODIES}/**", f"/{FIXED}/**", *joints]),
+            space_view("forces", camera, [*forces, *joints]),
         ]
 
     def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
@@ -82,68 +133,102 @@ class RigidRecorder(SceneRecorder):
 
     def _scenery(self) -> Entities:
         for index, (shape, colour) in enumerate(self._groups):
-            mesh = shape_mesh(shape, rgb(colour))
+            mesh = shape_mesh(shape, colour)
             yield f"{BODIES}/{index}", _drawn(mesh)
             yield f"{OUTLINES}/{index}", _drawn(mesh, GLASS)
-        yield IMPULSES, rr.Arrows3D.from_fields(radii=[0.04 * float(self._radii.max())], show_labels=False)
+        thickness = max(0.04 * float(np.median(self._radii)), 0.003 * float(np.linalg.norm(self._high - self._low)))
+        yield IMPULSES, rr.Arrows3D.from_fields(radii=[thickness], show_labels=False)
+        yield JOINT_FORCES, rr.Arrows3D.from_fields(radii=[thickness], colors=[rgb(PALETTE[5])])
+        yield PATCHES, rr.LineStrips3D.from_fields(radii=[0.5 * thickness], show_labels=False)
 
     def _bodies(self, state: State) -> Entities:
-        self._include(state)
         poses = self._system.poses(state.position)
+        if not self._is_contained:
+            self._include_bodies(state)
         for index, members in enumerate(self._groups.values()):
             placed = rr.InstancePoses3D(
                 translations=poses[members, :3], quaternions=np.roll(poses[members, 3:], -1, axis=1)
             )
             yield f"{BODIES}/{index}", placed
             yield f"{OUTLINES}/{index}", placed
+        if self._joints is not None:
+            yield from joint_shapes(self._joints, poses, float(self._radii.min()))
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
         contacts, system = step.contacts, self._system
         if contacts is None or states is None or step.problem is None:
-            return [(IMPULSES, NO_IMPULSES)]
+            self._arrows.add(self._number, *NO_FORCES)
+            return [(PATCHES, NO_PATCHES)]
         poses = system.poses(step.state.position)
         found = system.contacts_within(poses, REACH * float(self._radii.min()))
-        keys = system.keys_of(found)
-        _, ours, there = np.intersect1d(contacts.keys, keys, return_indices=True)
+        _, ours, there = np.intersect1d(contacts.keys, system.keys_of(found), return_indices=True)
         axes = np.zeros((len(there), 3, 3))
         for frame, normal in zip(axes, found.normal[there], strict=True):
             write_frame(normal, 3, frame)
         n_linear = system.linear_rows
         lanes = step.problem.layout.pad(step.impulses)[ours, :n_linear]
         vectors = np.einsum("cl,clx->cx", lanes, axes[:, :n_linear])
-        shown = vectors.any(axis=1)
-        bodies = found.first[there][shown]
-        reference = 9.81 * float(np.median(system.masses)) * REFERENCE_SECONDS
-        points, lengths = found.point[there][shown], self._radii[bodies]
-        return [(IMPULSES, arrows(vectors[shown], points, states[ours][shown], lengths, reference))]
+        size = np.linalg.norm(vectors, axis=1)
+        shown = size > MIN_FORCE * size.max(initial=0.0)
+        there, vectors, held = there[shown], vectors[shown], states[ours][shown]
+        first, points = found.first[there], found.point[there]
+        pairs = np.column_stack([first, found.second[there]])
+        radii, origins = self._radii[first], points
+        if self._joints is not None:
+            joined = [joint.first for joint in self._joints.joints]
+            vectors = np.concatenate([vectors, joint_impulses(self._joints, system.first_joint_key, step)])
+            origins = np.concatenate([points, [joint_points(joint, poses)[0][0] for joint in self._joints.joints]])
+            radii = np.append(radii, self._radii[joined])
+        self._arrows.add(self._number, vectors / self._seconds, origins, radii, held)
+        return [(PATCHES, patches(pairs, points, found.normal[there], held))]
+
+    def _drawn_last(self) -> Iterable[tuple[int, Entities]]:
+        """Yield the arrows of all steps, whose lengths depend on all forces."""
+        for number, vectors, points, states in self._arrows.drawn():
+            if not self._is_contained:
+                for fit in self._fits:
+                    fit.include(points + vectors)
+            n = len(states)
+            entities = [(IMPULSES, rr.Arrows3D(vectors=vectors[:n], origins=points[:n], class_ids=states))]
+            if self._joints is not None:
+                entities.append((JOINT_FORCES, rr.Arrows3D(vectors=vectors[n:], origins=points[n:])))
+            yield number, entities
 
     def _summary(self) -> Entities:
-        """Return the fixed bodies; half-spaces are squares under the places that the bodies reach."""
-        middle, width = (self._low + self._high) / 2.0, 0.75 * float(np.linalg.norm(self._high - self._low))
+        """Return the fixed bodies; planes are rectangles behind or under the places that the bodies reach."""
         for index, body in enumerate(self._system.fixed):
-            mesh = _square(width) if isinstance(body.shape, HalfSpace) else shape_mesh(body.shape, GLASS[:3])
             w, x, y, z = body.orientation
-            centre = np.array(body.centre)
-            if isinstance(body.shape, HalfSpace):
-                up = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
-                centre = middle - ((middle - centre) @ up) * up
-            yield f"{FIXED}/{index}", _drawn(mesh, GLASS)
-            yield f"{FIXED}/{index}", rr.InstancePoses3D(translations=[centre], quaternions=[[x, y, z, w]])
+            if not isinstance(body.shape, HalfSpace):
+                placed = rr.InstancePoses3D(translations=[body.centre], quaternions=[[x, y, z, w]])
+                yield f"{FIXED}/{index}", _drawn(shape_mesh(body.shape, GLASS[:3]), GLASS)
+                yield f"{FIXED}/{index}", placed
+            elif faces(body, DIRECTION):  # else it hides the bodies
+                rectangle = Rectangle.of(body, self._low, self._high, self._width if is_ground(body) else None)
+                yield f"{FIXED}/{index}", _drawn(rectangle.mesh(), GLASS)
+                if is_ground(body):
+                    lines = rectangle.grid(grid_spacing(self._width))
+                    yield f"{FIXED}/{index}/grid", rr.LineStrips3D(lines, colors=[GRID], radii=[5e-4 * self._width])
 
 
-def _square(width: float) -> Mesh:
-    corners: FloatArray = width * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+def _body_colours(centres: FloatArray) -> list[tuple[int, int, int]]:
+    """Return the colour of each body by the share of bodies whose centres [m], shape (n, 3), are lower."""
+    heights = np.sort(centres[:, 2])
+    width = 1e-3 * float(np.linalg.norm(np.ptp(centres, axis=0)))
+    lower = np.searchsorted(heights, centres[:, 2] - width) / len(centres)
+    colours = [rgb(LAYER_COLOURS[int(share * len(LAYER_COLOURS))]) for share in lower]
+    return [lightened(colour) if body % 2 else colour for body, colour in enumerate(colours)]
 
 
 def _drawn(mesh: Mesh, factor: tuple[int, int, int, int] | None = None) -> rr.Mesh3D:
-    """Return a mesh with flat faces, in its own colours or in one."""
+    """Return a mesh, with flat faces if it has no normals, in its own colours or in one."""
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = (normals / np.linalg.norm(normals, axis=1)[:, None]).repeat(3, axis=0)
+    if mesh.normals is not None:
+        normals = mesh.normals[mesh.triangles].reshape(-1, 3)
     return rr.Mesh3D(
         vertex_positions=corners.reshape(-1, 3),
-        vertex_normals=normals.repeat(3, axis=0),
+        vertex_normals=normals,
         vertex_colors=mesh.colours if factor is None else None,
         albedo_factor=factor,
     )

@@ -8,6 +8,8 @@ from ....problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sph
 from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
 from .meshes import WHITE, Mesh
 
+Round = Sphere | Capsule | Cylinder
+
 AROUND, ALONG = 32, 8
 """Numbers of corners around the axis of a round shape, and from a pole to the equator."""
 
@@ -21,35 +23,73 @@ def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
         shape: any shape but a half-space.
         colour: its colour.
     """
+    normals = None
+    corners = _revolved(_profile(shape)) if isinstance(shape, Round) else _hull(shape_points(shape))
+    colours = np.tile(np.array(colour, dtype=np.uint8), (len(corners), 1))
+    if isinstance(shape, Round):
+        middle = corners.mean(axis=1)
+        colours[middle[:, 0] * middle[:, 1] > 0.0] = WHITE
+    if isinstance(shape, Sphere | Capsule):
+        half = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
+        normals = corners.reshape(-1, 3).copy()
+        normals[:, 2] -= np.clip(normals[:, 2], -half, half)
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+    triangles = np.arange(3 * len(corners)).reshape(-1, 3)
+    return Mesh(corners.reshape(-1, 3), triangles, colours.repeat(3, axis=0), normals)
+
+
+def shape_points(shape: Shape) -> FloatArray:
+    """Return the corners of a bounded shape, or points on it if it is round [m], shape (n, 3)."""
     assert not isinstance(shape, HalfSpace)
-    points = _round_points(shape) if isinstance(shape, Sphere | Capsule | Cylinder) else shape.vertices
+    if isinstance(shape, Round):
+        return _rings(_profile(shape)).reshape(-1, 3)
+    return shape.vertices
+
+
+def lightened(colour: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Return a lighter shade of a colour."""
+    red, green, blue = (round(value + 0.35 * (white - value)) for value, white in zip(colour, WHITE, strict=True))
+    return red, green, blue
+
+
+def _hull(points: FloatArray) -> FloatArray:
+    """Return the triangles of a convex hull, shape (n, 3, 3), in the order that turns about the outward normal."""
     hull = ConvexHull(points)
-    corners = points[hull.simplices]
+    corners: FloatArray = points[hull.simplices]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     is_inward = np.einsum("ti,ti->t", across, hull.equations[:, :3]) < 0.0
     corners[is_inward] = corners[is_inward][:, ::-1]
-    colours = np.tile(np.array(colour, dtype=np.uint8), (len(corners), 1))
-    if isinstance(shape, Sphere | Capsule | Cylinder):
-        middle = corners.mean(axis=1)
-        colours[middle[:, 0] * middle[:, 1] > 0.0] = WHITE
-    triangles = np.arange(3 * len(corners)).reshape(-1, 3)
-    return Mesh(corners.reshape(-1, 3), triangles, colours.repeat(3, axis=0))
+    return corners
 
 
-def _round_points(shape: Sphere | Capsule | Cylinder) -> FloatArray:
-    """Return points on the surface of a round shape, shape (n, 3)."""
-    half = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
+def _profile(shape: Round) -> FloatArray:
+    """Return distances from the axis and heights of the surface [m], from below, shape (n, 2)."""
     if isinstance(shape, Cylinder):
-        radii, heights = np.array([1.0]) * shape.radius, np.array([half])
-    else:
-        polar = np.linspace(0.0, 0.5 * np.pi, ALONG + 1)[1:]
-        radii, heights = shape.radius * np.sin(polar), half + shape.radius * np.cos(polar)
+        half, radius = 0.5 * shape.length, shape.radius
+        return np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]])
+    half = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
+    polar = np.linspace(0.0, 0.5 * np.pi, ALONG + 1)
+    upper = np.column_stack([shape.radius * np.cos(polar), half + shape.radius * np.sin(polar)])
+    lower = upper[::-1] * [1.0, -1.0]
+    return np.concatenate([lower, upper[1:] if half == 0.0 else upper])
+
+
+def _rings(profile: FloatArray) -> FloatArray:
+    """Return the points of a surface of revolution, shape (n, AROUND, 3)."""
     angle = 2.0 * np.pi * np.arange(AROUND) / AROUND
-    rings = [
-        np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(AROUND, sign * height)])
-        for radius, height in zip(radii, heights, strict=True)
-        for sign in (1.0, -1.0)
-    ]
-    if not isinstance(shape, Cylinder):
-        rings.append(np.array([[0.0, 0.0, half + shape.radius], [0.0, 0.0, -half - shape.radius]]))
-    return np.unique(np.concatenate(rings), axis=0)
+    radii, heights = profile.T
+    rings = [np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.outer(heights, np.ones(AROUND))]
+    return np.stack(rings, axis=-1)
+
+
+def _revolved(profile: FloatArray) -> FloatArray:
+    """Return the triangles of a surface of revolution, without those that vanish at its poles, shape (n, 3, 3)."""
+    rings = _rings(profile)
+    lower, upper = rings[:-1], rings[1:]
+    beside, above = np.roll(lower, -1, axis=1), np.roll(upper, -1, axis=1)
+    triangles = np.concatenate([np.stack([lower, beside, above], axis=2), np.stack([lower, above, upper], axis=2)])
+    triangles = triangles.reshape(-1, 3, 3)
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    size = np.linalg.norm(sides, axis=1)
+    kept: FloatArray = triangles[size > 1e-9 * size.max()]
+    return kept

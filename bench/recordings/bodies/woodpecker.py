@@ -33,13 +33,14 @@ FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 class WoodpeckerRecorder(SceneRecorder):
     """Record the woodpecker; see ``SceneRecorder``."""
 
-    bodies = (
-        "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are the impulses of beak "
-        "and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the root of its "
-        "impulse."
-    )
-
     _lowest, _highest = np.inf, -np.inf
+
+    def _explanation(self) -> str:
+        return (
+            "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are the impulses of "
+            "beak and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the root of "
+            "its impulse."
+        )
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
         height = float(self.scene.start.position[0])

@@ -39,7 +39,9 @@ def print_table(
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, gap - 1, 0, 0), show_edge=False)
     for column in chosen.columns:
         is_text = column == "solver" or column in words
-        table.add_column(column, justify="left" if is_text else "right", no_wrap=column != "solver", overflow="fold")
+        table.add_column(
+            Text(column), justify="left" if is_text else "right", no_wrap=column != "solver", overflow="fold"
+        )
     for index, row in zip(chosen.index, chosen.itertuples(index=False), strict=True):
         cells = zip(chosen.columns, row, strict=True)
         table.add_row(*(Text(cell, style="bold green" if (index, column) in bold else "") for column, cell in cells))

@@ -19,6 +19,7 @@ from ....problems.motion.scenes.rigid.boxes import BoxOnIncline, BoxStack, Throw
 from ....problems.motion.scenes.rigid.card_house import CardHouse
 from ....problems.motion.scenes.rigid.linkages import BallOnChain, Chain, FourBar
 from ....problems.motion.scenes.rigid.rolling import RollingCylinder, RollingSphere
+from ....problems.motion.scenes.scene import OVERLAP
 from ....problems.motion.state import State
 from ....problems.motion.stepping.midpoint import MidpointRule, step_problem
 from ....solvers.registry import create
@@ -74,15 +75,15 @@ def _pile(n_boxes: int, step: int = 500) -> BodyRecipe:
 
 def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
     scenes: dict[str, BodyScene] = {
-        "stack-10": BoxStack(10),
-        "stack-100": BoxStack(100),
+        "stack-10": BoxStack(10, overlap=OVERLAP),
+        "stack-100": BoxStack(100, overlap=OVERLAP),
         "cards-1": CardHouse(1),
         "cards-3": CardHouse(3),
         "cards-6": CardHouse(6),
         "cards-3-slipping": CardHouse(3, friction=0.1),
-        "box-thrown": ThrownBox(),
-        "box-sticking": BoxOnIncline(slope=0.3),
-        "box-sliding": BoxOnIncline(slope=0.5),
+        "box-thrown": ThrownBox(overlap=OVERLAP),
+        "box-sticking": BoxOnIncline(slope=0.3, overlap=OVERLAP),
+        "box-sliding": BoxOnIncline(slope=0.5, overlap=OVERLAP),
         "box-tipping": TippingBox(),
         "sphere-rolling": RollingSphere(),
         "cylinder-rolling": RollingCylinder(),
@@ -98,8 +99,8 @@ def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
         "arch-13-sliding": Arch(13, 0.2, friction=0.3),
     }
     for ratio in ("1e2", "1e4", "1e6"):
-        scenes[f"stack-10-bottom-{ratio}"] = BoxStack(10, float(ratio))
-        scenes[f"stack-10-top-{ratio}"] = BoxStack(10, float(ratio), heavy_on_top=True)
+        scenes[f"stack-10-bottom-{ratio}"] = BoxStack(10, float(ratio), overlap=OVERLAP)
+        scenes[f"stack-10-top-{ratio}"] = BoxStack(10, float(ratio), heavy_on_top=True, overlap=OVERLAP)
     for stones, limit in ARCH_LIMITS.items():
         scenes[f"arch-{stones}-thick"] = Arch(stones, 1.05 * limit)
         scenes[f"arch-{stones}-thin"] = Arch(stones, 0.95 * limit)

@@ -1,21 +1,21 @@
-"""ξ = GΛ + c in twice the working precision, with a bound on what rounding still hides.
+"""ξ = GΛ + c in twice the working precision, with a bound on the remaining rounding error.
 
-In plain arithmetic a sum of n products has an error of up to nu Σ|a_j x_j|, u = 2⁻⁵³. Impulses that brace each other
-make this bound arbitrarily large, whatever ξ is. Here the rounding error of every product and every sum is kept
+In plain arithmetic a sum of n products has an error of up to nu Σ|a_j x_j|, u = 2⁻⁵³. Impulses of wedged bodies
+make this bound arbitrarily large, whatever ξ is. Here the rounding errors of all products and sums are added up
 (Ogita, Rump & Oishi 2005, *Accurate sum and dot product*):
 
     a x = p + e,   s + p = s' + d   exactly,   with p, s' rounded,
 
-and e and d add up in a second number, a sum of at most 2n terms of size u Σ|a_j x_j|. What is lost there is below
-N ε Σ(|e_j| + |d_j|), with ε = 2u and N > n: nothing where the sum is exact.
+with e and d added to a second number, a sum of at most 2n terms of size u Σ|a_j x_j|. Its rounding error is below
+N ε Σ(|e_j| + |d_j|), with ε = 2u and N > n, and zero if the sum is exact.
 
-G = Wᵀ M⁻¹ W chains three such products, each of the pair of numbers and with the loss that the one before leaves. So
+G = Wᵀ M⁻¹ W chains three such products. Each takes the pair of numbers and the error bound of the previous one. So
 
     |ξ̂ − ξ|  ≤  u|ξ| + h,   h ≤ (N ε)² (|Wᵀ| |M⁻¹| |W| |Λ| + |c|),
 
 with N at least the terms of the longest rows of Wᵀ, M⁻¹ and W together, and |G| |Λ| for a G that is given. The first
-part is the rounding of the result itself, which cannot turn a velocity into zero; h is returned. Plain arithmetic has
-N u in the place of (N ε)².
+part is the rounding of the result itself, which cannot turn a velocity into zero; h is returned. In plain arithmetic
+(N ε)² is replaced by N u.
 """
 
 from fractions import Fraction
@@ -29,16 +29,16 @@ from numba.extending import intrinsic
 from ...arrays import FloatArray
 
 SMALL, LEAST = 2.0**-960, 2.0**-1020
-"""Products below the first one may lose less than the second by underflow."""
+"""Products below the first value lose less than the second value by underflow."""
 
 SPARE_TERMS = 8
-"""Terms counted beside those of rows."""
+"""Terms counted in addition to those of rows."""
 
 
 def accurate_over_matrix(
     matrix: sp.csr_array[Any], free_velocity: FloatArray, impulses: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ξ = GΛ + c and what rounding hides of it, both of shape (n_rows,), for G in CSR."""
+    """Return ξ = GΛ + c and its rounding error bound, both of shape (n_rows,), for G in CSR."""
     velocity, rounding = np.empty((2, len(free_velocity)))
     _over_matrix(matrix.indptr, matrix.indices, matrix.data, free_velocity, impulses, velocity, rounding)
     return velocity, rounding
@@ -56,7 +56,7 @@ def accurate_over_factors(
 
 
 def _fused_product(a: float, b: float, c: float) -> float:
-    """Return a b + c, rounded once, where kernels run as Python (NUMBA_DISABLE_JIT=1)."""
+    """Return a b + c, rounded once, if kernels run as Python (NUMBA_DISABLE_JIT=1)."""
     try:
         return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
     except (OverflowError, ValueError):  # infinite, or not a number
@@ -77,7 +77,7 @@ _fused: Any = _fused_product if getattr(config, "DISABLE_JIT", 0) else intrinsic
 
 @njit(cache=True, inline="always")
 def _plus(high, low, lost, a, x, rest):  # type: ignore[no-untyped-def]
-    """Return high + low + a (x + rest) as two numbers, and ``lost`` with the sizes of what went into the second."""
+    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the terms of the second."""
     product, beside = a * x, a * rest
     error = _fused(a, x, -product)
     total = high + product
@@ -89,7 +89,7 @@ def _plus(high, low, lost, a, x, rest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _underflow(a, x):  # type: ignore[no-untyped-def]
-    """Return what a x may lose by underflow, without a branch: zeros stand where no branch predictor sees them."""
+    """Return the possible error of a x by underflow, without a branch, since zeros cannot be predicted."""
     return LEAST * ((abs(a * x) < SMALL) & (a != 0.0) & (x != 0.0))
 
 
@@ -115,7 +115,7 @@ def _over_factors(  # type: ignore[no-untyped-def]
     indptr, indices, data, mass_indptr, mass_indices, mass_data, free_velocity, impulses, velocity, rounding
 ):
     one, n_dofs, n_rows = uint64(1), len(mass_indptr) - 1, len(free_velocity)
-    moved, in_column, in_mass = np.zeros((n_dofs, 4)), 0, 0  # both numbers, the sizes in the second, what underflows
+    moved, in_column, in_mass = np.zeros((n_dofs, 4)), 0, 0  # both numbers, the sizes in the second, the underflow
     for row in range(uint64(n_rows)):
         in_column, x = max(in_column, indptr[row + one] - indptr[row]), impulses[row]
         if x == 0.0:
@@ -127,7 +127,7 @@ def _over_factors(  # type: ignore[no-untyped-def]
     for dof in range(n_dofs):
         in_mass = max(in_mass, mass_indptr[dof + 1] - mass_indptr[dof])
     share = (in_column + in_mass + n_rows + SPARE_TERMS) * 2.0**-52
-    pushed = np.zeros((n_dofs, 3))  # both numbers, and what is lost
+    pushed = np.zeros((n_dofs, 3))  # both numbers, and the error bound
     for dof in range(n_dofs):
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
         for p in range(mass_indptr[dof], mass_indptr[dof + 1]):

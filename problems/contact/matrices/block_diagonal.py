@@ -13,14 +13,14 @@ from ...errors import ProblemError
 from .given import with_entries
 
 BLOCK_SYMMETRY = 1e-12
-"""Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that passes as rounding."""
+"""Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that counts as rounding."""
 
 MAX_ENTRIES = 20_000_000
-"""Entries that the inverse of a mass matrix may have, 160 MB of numbers."""
+"""Largest number of entries of the inverse of a mass matrix, 160 MB of numbers."""
 
 
 def block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    """Return S with S Sᵀ = M⁻¹, given in canonical CSR, of the same blocks.
+    """Return S with S Sᵀ = M⁻¹ and the same blocks, for M⁻¹ in canonical CSR.
 
     Raises:
         ProblemError: if a block is not symmetric positive definite.
@@ -55,23 +55,24 @@ def block_sizes(mass: sp.csr_array[Any]) -> IntArray:
     """Return the number of degrees of freedom in each diagonal block of M, for M in canonical CSR."""
     pattern = mass.copy()
     pattern.eliminate_zeros()
-    sizes: IntArray = np.diff(_sorted_out(pattern.indptr, pattern.indices)[1])
+    sizes: IntArray = np.diff(_sort_by_component(pattern.indptr, pattern.indices)[1])
     return sizes
 
 
 def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the blocks of a block diagonal matrix, connected components of its pattern, those of a size together.
+    """Yield the blocks of a block diagonal matrix, the connected components of its pattern, for one size at a time.
 
-    Each time the degrees of freedom, ascending, shape (n_blocks, size), and the blocks, shape (n_blocks, size, size).
+    Yields:
+        Degrees of freedom, ascending, shape (n_blocks, size), and blocks, shape (n_blocks, size, size).
     """
-    order, starts = _sorted_out(matrix.indptr, matrix.indices)
+    order, starts = _sort_by_component(matrix.indptr, matrix.indices)
     for size in np.flatnonzero(np.bincount(np.diff(starts))):
         yield _blocks_of_size(size, order, starts, matrix.indptr, matrix.indices, matrix.data)
 
 
 def _block_roots(dofs: IntArray, blocks: FloatArray, name: str) -> FloatArray:
     """Return the Cholesky factors of symmetric positive definite blocks; raise ``ProblemError`` for any other."""
-    crooked = _first_crooked(blocks)
+    crooked = _first_asymmetric(blocks)
     if crooked >= 0:
         first = dofs[crooked, 0]
         raise ProblemError(f"{name} must be symmetric; the block of degree of freedom {first} is not.")
@@ -85,14 +86,14 @@ def _block_roots(dofs: IntArray, blocks: FloatArray, name: str) -> FloatArray:
 
 
 def _from_blocks(parts: list[tuple[IntArray, FloatArray]], like: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    """Return the matrix, of the shape of ``like``, that has these blocks; zeros are not stored."""
+    """Return the matrix with these blocks and the shape of ``like``; zeros are not stored."""
     starts = np.zeros(like.shape[0] + 1, dtype=np.int32)
     for dofs, blocks in parts:
-        _count(dofs, blocks, starts)
+        _count_entries(dofs, blocks, starts)
     np.cumsum(starts, dtype=starts.dtype, out=starts)
     columns, values = np.empty(starts[-1], dtype=np.int32), np.empty(starts[-1])
     for dofs, blocks in parts:
-        _place(dofs, blocks, starts, columns, values)
+        _write_entries(dofs, blocks, starts, columns, values)
     matrix = with_entries(like, values, columns, starts)
     matrix.has_canonical_format = True
     return matrix
@@ -100,8 +101,8 @@ def _from_blocks(parts: list[tuple[IntArray, FloatArray]], like: sp.csr_array[An
 
 @interpretable
 @njit(cache=True)
-def _sorted_out(indptr, indices):  # type: ignore[no-untyped-def]
-    """Return the rows of a square matrix component by component (union–find), and where each component begins.
+def _sort_by_component(indptr, indices):  # type: ignore[no-untyped-def]
+    """Return the rows of a square matrix sorted by component (union–find), and the start of each component.
 
     Components are sorted by their first rows, and rows ascend in each.
     """
@@ -161,7 +162,7 @@ def _blocks_of_size(size, order, starts, indptr, indices, data):  # type: ignore
 
 @interpretable
 @njit(cache=True)
-def _first_crooked(blocks):  # type: ignore[no-untyped-def]
+def _first_asymmetric(blocks):  # type: ignore[no-untyped-def]
     """Return the first block that is not symmetric to rounding, −1 for none."""
     for b in range(len(blocks)):
         largest, skew = 0.0, 0.0
@@ -176,8 +177,8 @@ def _first_crooked(blocks):  # type: ignore[no-untyped-def]
 
 @interpretable
 @njit(cache=True)
-def _count(dofs, blocks, counts):  # type: ignore[no-untyped-def]
-    """Add the number of entries of each row to the number behind it."""
+def _count_entries(dofs, blocks, counts):  # type: ignore[no-untyped-def]
+    """Add the number of entries of each row to the next entry of ``counts``."""
     for b in range(len(blocks)):
         for row in range(blocks.shape[1]):
             for column in range(blocks.shape[1]):
@@ -186,7 +187,7 @@ def _count(dofs, blocks, counts):  # type: ignore[no-untyped-def]
 
 @interpretable
 @njit(cache=True)
-def _place(dofs, blocks, starts, columns, values):  # type: ignore[no-untyped-def]
+def _write_entries(dofs, blocks, starts, columns, values):  # type: ignore[no-untyped-def]
     """Write the entries of blocks into their rows."""
     for b in range(len(blocks)):
         for row in range(blocks.shape[1]):

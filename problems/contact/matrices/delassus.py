@@ -43,7 +43,7 @@ class DelassusBlocks:
 def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlocks:
     """Return the block rows of a given G, shape (n_rows, n_rows), columns ascending after the diagonal."""
     n_blocks, width = layout.n_blocks, layout.width
-    if n_blocks == 1 and len(matrix.data) == width * width:  # one contact, and nothing to compile
+    if n_blocks == 1 and len(matrix.data) == width * width:  # one contact: nothing is compiled
         starts, columns = np.arange(2), np.zeros(1, dtype=np.int32)
         values = matrix.data.reshape(1, width, width).copy()
     else:
@@ -80,7 +80,7 @@ def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped
 def _gather(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
     """Return starts, columns and values: find and sort the columns of each block row, then fill the blocks.
 
-    The rows of a block stand one after the other. ``place`` says where a block column of the present row is stored.
+    The rows of a block are adjacent. ``place`` holds the position of each block column of the current row.
     """
     starts, place = np.zeros(n_blocks + 1, dtype=np.int64), np.full(n_blocks, -1, dtype=np.int64)
     block_of, lane_of = slot // width, slot % width
@@ -118,7 +118,7 @@ def _gather(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-un
 def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece.
 
-    The idle chunk, the last one, keeps none of its pieces.
+    The idle chunk, the last one, has no pieces.
     """
     chunk_starts = np.zeros(n_chunks + 2, dtype=np.int64)
     for p in range(len(chunks)):
@@ -152,7 +152,7 @@ def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
     n_blocks = len(starts) - 1
     _, width, length = pieces.shape
     chunk_starts, members, block_of_piece = _pieces_of_chunks(starts, chunks, n_chunks)
-    place = np.full(n_blocks, -1, dtype=np.int64)  # where block column j of the current block row is stored
+    place = np.full(n_blocks, -1, dtype=np.int64)  # position of block column j of the current block row
     row_starts = np.zeros(n_blocks + 1, dtype=np.int64)
     for block in range(n_blocks):
         count = 1

@@ -20,11 +20,11 @@ from .pieces import Pieces, cut_into_pieces
 
 @dataclass(frozen=True, eq=False)
 class InverseMass:
-    """M⁻¹ with its root, which is computed once for all problems that share the object.
+    """M⁻¹ with its root, computed once for all problems that share the object.
 
     Attributes:
         matrix: M⁻¹, symmetric positive definite and block diagonal, shape (n_dofs, n_dofs), scipy CSR.
-        mass: M, where M⁻¹ was computed from it, scipy CSR; ``None`` where M⁻¹ was given.
+        mass: M if M⁻¹ was computed from it, scipy CSR; ``None`` if M⁻¹ was given.
     """
 
     matrix: sp.csr_array[Any]
@@ -51,15 +51,15 @@ class InverseMass:
 
     @staticmethod
     def of_mass(given: Any) -> "InverseMass":
-        """Return M⁻¹ computed from M, body by body, and keep M with it.
+        """Return M⁻¹ computed from M block by block, together with M.
 
         Args:
             given: M, symmetric positive definite, dense or scipy sparse, shape (n_dofs, n_dofs). Its blocks are the
-                connected components of its nonzero entries, in whatever order the degrees of freedom stand.
+                connected components of its nonzero entries, for any order of the degrees of freedom.
 
         Raises:
             ProblemError: on a wrong shape, a number that is not finite, an M that is not symmetric positive definite,
-                or one whose inverse would have more than ``MAX_ENTRIES`` entries.
+                or an inverse with more than ``MAX_ENTRIES`` entries.
         """
         mass = _read_square(given, "M")
         matrix = block_inverse(mass)
@@ -80,7 +80,7 @@ class InverseMass:
 
     @cached_property
     def root_diagonal(self) -> FloatArray:
-        """The diagonal of S, shape (n_dofs,), where M⁻¹ is diagonal."""
+        """The diagonal of S, shape (n_dofs,), if M⁻¹ is diagonal."""
         diagonal = self.matrix.data
         if (diagonal <= 0).any():
             dof = int(np.argmax(diagonal <= 0))
@@ -90,7 +90,7 @@ class InverseMass:
 
     @cached_property
     def root(self) -> sp.csr_array[Any]:
-        """S with M⁻¹ = S Sᵀ, of the same blocks as M⁻¹, shape (n_dofs, n_dofs)."""
+        """S with M⁻¹ = S Sᵀ and the blocks of M⁻¹, shape (n_dofs, n_dofs)."""
         if not self.is_diagonal:
             return block_cholesky(self.matrix)
         return with_entries(self.matrix, self.root_diagonal, self.matrix.indices, self.matrix.indptr)
@@ -106,7 +106,7 @@ class InverseMass:
         return product
 
     def fresh(self) -> "InverseMass":
-        """Return the same numbers in memory of their own."""
+        """Return a copy that shares no memory with this object."""
         return InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
 
     def root_blocks(self, length: int) -> FloatArray | None:
@@ -131,9 +131,9 @@ class Factors:
     """W, M⁻¹ and the free motion of the system that a problem comes from; build it with ``create``.
 
     Attributes:
-        directions: W as given: scipy CSC, shape (n_dofs, n_rows), or in pieces, one block a contact.
+        directions: W as given: scipy CSC, shape (n_dofs, n_rows), or in pieces, one block per contact.
         inverse_mass: M⁻¹.
-        free_motion: u_B + M⁻¹ h Δt, the velocity the system would have without contacts, shape (n_dofs,), or ``None``.
+        free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,), or ``None``.
     """
 
     directions: sp.csc_array[Any] | Pieces
@@ -219,7 +219,7 @@ class Factors:
 
 @lru_cache(maxsize=16)
 def _diagonal_pattern(n_dofs: int) -> sp.csr_array[Any]:
-    """Return a diagonal matrix, for its indices."""
+    """Return a diagonal matrix, whose indices are reused."""
     index = np.arange(n_dofs + 1, dtype=np.int32)
     matrix = sp.csr_array((np.ones(n_dofs), index[:-1], index), shape=(n_dofs, n_dofs))
     matrix.has_canonical_format = True
@@ -227,7 +227,7 @@ def _diagonal_pattern(n_dofs: int) -> sp.csr_array[Any]:
 
 
 def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
-    """Return a matrix as ``read_matrix`` does; raise ``ProblemError`` for one that is not square."""
+    """Return a matrix as ``read_matrix`` does; raise ``ProblemError`` if it is not square."""
     source = as_matrix(given, name)
     if source.shape[0] != source.shape[1]:
         raise ProblemError(f"{name} must be square, got {source.shape}.")

@@ -1,8 +1,8 @@
 """Force directions in small dense pieces, one for each contact and each chunk of coordinates that it touches.
 
-A chunk is a run of ``length`` degrees of freedom (a body's, where all bodies have equally many). Contacts touch one or
-two bodies, so a contact has one or two pieces, and kernels over pieces need no index for every single number. The same
-form holds W, as systems write it, and W̃ = Sᵀ W with M⁻¹ = S Sᵀ, as kernels read it.
+A chunk is a run of ``length`` degrees of freedom, for example those of a body. Contacts touch one or two bodies, so a
+contact has one or two pieces, and kernels over pieces need no index for every number. Both W and W̃ = Sᵀ W, with
+M⁻¹ = S Sᵀ, are stored in this form.
 """
 
 from dataclasses import dataclass
@@ -18,24 +18,24 @@ from ...compilation import interpretable
 from ..blocks import BlockLayout
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
-"""Lengths to choose from: the degrees of freedom of discs and balls, without and with rotation."""
+"""Candidate lengths: the degrees of freedom of discs and balls, without and with rotation."""
 
 SAMPLED_ROWS = 300
-"""Rows that the choice among them looks at."""
+"""Number of rows that determine the choice of the length."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
     """A matrix with a row for each degree of freedom and a column for each lane of each block, in pieces.
 
-    Where no block has more than two pieces, they may come in pairs: a block of one piece has a second one of zeros, on
-    the idle chunk ``n_chunks`` behind all others. Kernels then treat all blocks alike.
+    If no block has more than two pieces, pieces may come in pairs: a block of one piece has a second one of zeros, on
+    the idle chunk ``n_chunks`` after all others. Kernels then treat all blocks alike.
 
     Attributes:
         starts: first piece of each block, shape (n_blocks + 1,).
         chunks: chunk of each piece, shape (n_pieces,).
         values: the pieces, transposed, shape (n_pieces, width, length); zero on the idle chunk.
-        n_chunks: number of chunks, the idle one not counted.
+        n_chunks: number of chunks, without the idle one.
     """
 
     starts: IntArray
@@ -65,14 +65,14 @@ class Pieces:
 
     @cached_property
     def loops(self) -> tuple[tuple[int, ...], tuple[int, ...], IntArray, IntArray, FloatArray]:
-        """What kernels take, which is lanes and axes of a piece, starts, chunks, and the values flat.
+        """Arguments of kernels: lanes and axes of a piece, starts, chunks, and the flat values.
 
-        Lanes and axes are tuples, whose length the compiler knows, so that it unrolls the loops over them.
+        Lanes and axes are tuples, whose length the compiler knows, so that it unrolls loops over them.
         """
         return tuple(range(self.width)), tuple(range(self.length)), self.starts, self.chunks, self.values.reshape(-1)
 
     def copy(self) -> "Pieces":
-        """Return the same pieces in memory of their own."""
+        """Return a copy of the pieces."""
         return Pieces(self.starts.copy(), self.chunks.copy(), self.values.copy(), self.n_chunks)
 
     def times(self, padded: FloatArray) -> FloatArray:
@@ -118,8 +118,8 @@ class Pieces:
 def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
     """Return a matrix with a column for each row of a problem, its rows scaled by ``root``, in pieces.
 
-    The chunk length is the one that makes them cheapest, counting the numbers to read plus four for each piece; it is
-    chosen by the first rows, because a problem's contacts are alike.
+    The chunk length minimises the numbers to read plus four for each piece. The first rows determine it, because the
+    contacts of a problem are similar.
     """
     pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
     starts, chunks, values, n_chunks = _cut(*pattern, columns.data, root)
@@ -164,7 +164,7 @@ def _write_square_sums(lanes, axes, starts, chunks, values, sums):  # type: igno
             for lane in range(width):
                 for k in range(length):
                     entry = values[length * (width * p + lane) + k]
-                    sums[width * i + lane] += entry * entry  # not a power, whose rounding depends on other kernels
+                    sums[width * i + lane] += entry * entry  # not a power: its rounding depends on other kernels
 
 
 @njit(cache=True)
@@ -229,7 +229,7 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # 
 def _cut(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
     """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.
 
-    They come in pairs where a block has two pieces and none has more.
+    They come in pairs if a block has two pieces and none has more.
     """
     length = _cheapest_length(indptr, indices, slot, n_blocks, width, len(root))
     n_chunks = -(-len(root) // length)

@@ -1,4 +1,4 @@
-"""Validation of a Delassus matrix: symmetric, and positive semidefinite as far as a cheap test shows.
+"""Validation of a Delassus matrix: symmetry, and a cheap test of positive semidefiniteness.
 
 Small matrices are tested with NumPy, which compiles nothing. Larger ones are tested entry by entry, and by the extreme
 Ritz values of a few Lanczos steps.
@@ -16,22 +16,22 @@ from .delassus import diagonal_of
 from .given import as_matrix, read_matrix
 
 SYMMETRY_TOLERANCE = 1e-12
-"""Largest |G − Gᵀ| relative to the largest |G| that passes as rounding."""
+"""Largest |G − Gᵀ| relative to the largest |G| that counts as rounding."""
 
 SINGLE_SYMMETRY_TOLERANCE = 1e-5
 """The same for a matrix given in single precision, which is then made symmetric."""
 
 NEGATIVE_TOLERANCE = 1e-9
-"""Most negative eigenvalue of G relative to the largest that passes as rounding."""
+"""Most negative eigenvalue of G relative to the largest that counts as rounding."""
 
 LANCZOS_STEPS = 16
-"""Steps of Lanczos' method that look for a negative eigenvalue."""
+"""Number of steps of Lanczos' method in the search for a negative eigenvalue."""
 
 DENSE_ROWS = 64
-"""Rows up to which all eigenvalues count instead."""
+"""Largest number of rows for which all eigenvalues are computed instead."""
 
 EXHAUSTED = 1e-12
-"""Lanczos' method ends where what is new in a step is below this part of the largest Ritz value: no more is found."""
+"""Lanczos' method ends if the norm of a new vector is below this part of the largest Ritz value."""
 
 
 def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
@@ -65,7 +65,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
         _check_minors(matrix, tolerance)
     if dense is None:
         _check_eigenvalues(_ritz_values(matrix), tolerance)
-    elif not _has_root(dense, 0.5 * tolerance):
+    elif not _has_cholesky_factor(dense, 0.5 * tolerance):
         _check_eigenvalues(np.linalg.eigvalsh(dense), tolerance)
     return matrix
 
@@ -108,9 +108,9 @@ def _check_minors(matrix: sp.csr_array[Any], tolerance: float) -> None:
 
 
 def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
-    """Raise ``ProblemError`` if eigenvalues, or Ritz values, of G are negative beyond rounding; they ascend.
+    """Raise ``ProblemError`` if eigenvalues, or Ritz values, of G, ascending, are negative beyond rounding.
 
-    A Ritz value bounds the least eigenvalue from above: what is refused is indefinite, and what passes may be so.
+    A Ritz value bounds the smallest eigenvalue from above, so an indefinite matrix may pass.
     """
     if len(values) and values[0] < -tolerance * values[-1]:
         raise IndefiniteError(
@@ -141,10 +141,10 @@ def _is_sound(matrix: FloatArray, negative: float) -> bool:
     return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * size.max())
 
 
-def _has_root(matrix: FloatArray, shift: float) -> bool:
+def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:
     """Whether G, dense, with ``shift`` times its largest diagonal entry on the diagonal has a Cholesky factor.
 
-    Then no eigenvalue of G is further below zero, beside the largest one, but by rounding.
+    If it has, no eigenvalue of G is below −``shift`` times its largest diagonal entry, except by rounding.
     """
     shifted = matrix.copy()
     shifted.reshape(-1)[:: len(matrix) + 1] += shift * matrix.diagonal().max(initial=0.0)
@@ -157,7 +157,10 @@ def _has_root(matrix: FloatArray, shift: float) -> bool:
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
 def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyped-def]
-    """Write Qᵀ G Q, tridiagonal, for the Lanczos basis Q from ``vector``, which is lost; return the number of steps."""
+    """Write the tridiagonal Qᵀ G Q for the Lanczos basis Q from ``vector``; return the number of steps.
+
+    ``vector`` is overwritten.
+    """
     before, product = np.zeros_like(vector), np.empty_like(vector)
     length, coupling, largest = np.sqrt((vector * vector).sum()), 0.0, 0.0
     for step in range(len(projected)):
@@ -188,8 +191,8 @@ def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyp
 def _has_sound_pairs(indptr, indices, data, root, most, symmetry, negative):  # type: ignore[no-untyped-def]
     """Whether each entry below the diagonal has an equal one above it, and neither exceeds √g_ii √g_jj.
 
-    ``ahead`` is the first entry of each row right of the diagonal that has not been met; entries are met in its order.
-    A false answer may be due to the pattern of stored zeros, which the caller examines.
+    ``ahead`` is the next entry of each row to the right of the diagonal. A false result may be due to stored zeros; the
+    caller examines it.
     """
     n_below, n_above, largest, difference, excess = 0, 0, most, 0.0, 0.0
     ahead = indptr[:-1].copy()
@@ -217,9 +220,9 @@ def _has_sound_pairs(indptr, indices, data, root, most, symmetry, negative):  # 
 
 @njit(cache=True)
 def _largest_asymmetry(indptr, indices, data):  # type: ignore[no-untyped-def]
-    """Return the largest |g_ij − g_ji| and its place, the first of equals; the columns of each row ascend.
+    """Return the largest |g_ij − g_ji| and its first position; the columns of each row ascend.
 
-    ``following`` is the entry of each row from which on its columns are not below the present row.
+    ``following`` is the first entry of each row whose column is not below the current row.
     """
     largest, at_row, at_column = 0.0, 0, 0
     following = indptr[:-1].copy()
@@ -238,7 +241,7 @@ def _largest_asymmetry(indptr, indices, data):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _largest_excess(indptr, indices, data, root):  # type: ignore[no-untyped-def]
-    """Return the largest |g_ij| − √g_ii √g_jj and its place, the first of equals."""
+    """Return the largest |g_ij| − √g_ii √g_jj and its first position."""
     largest, at_row, at_column = -np.inf, 0, 0
     for row in range(len(root)):
         for p in range(indptr[row], indptr[row + 1]):

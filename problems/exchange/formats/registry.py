@@ -54,7 +54,7 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
     known = [ARRAY_FORMATS[format_name]] if format_name else ARRAY_FORMATS.values()
     for one in known:
         if one.recognises(arrays):
-            with named_in_errors(name):
+            with named_in_errors(name, one.name):
                 return one.problem_of_arrays(arrays, repair)
     if format_name:
         held = ", ".join(sorted(arrays)) or "none"

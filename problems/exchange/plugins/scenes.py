@@ -8,6 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from ...errors import PluginError, ProblemError, first_line, suggestion
+from ...motion.bodies.rigid.rigid_bodies import RigidBodies
+from ...motion.bodies.rigid.starts import check_start
 from ...motion.scenes.registry import SCENES, read_scene
 from ...motion.scenes.scene import Scene, bare_scene
 from ...motion.state import State
@@ -81,6 +83,8 @@ def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
 
 def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> Scene:
     if isinstance(made, Scene):
+        if isinstance(made.system, RigidBodies):
+            check_start(made.system, made.start)
         return replace(made, name=name, options=options)
     if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], State)):
         raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(made).__name__}.")

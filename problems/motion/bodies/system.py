@@ -119,11 +119,14 @@ class StepAssembly:
         free_motion: u_B + M_M⁻¹ h_M Δt, shape (n_dofs,).
         inverse_mass: M_M⁻¹.
         contacts: the active contacts, None if there are none.
+        free_motion_with: W Λ ↦ the free motion with h_M at the velocity (u_B + u_E)/2 of a step with these impulses;
+            None where h_M does not depend on it.
     """
 
     free_motion: FloatArray
     inverse_mass: InverseMass
     contacts: ActiveContacts | None
+    free_motion_with: Callable[[FloatArray], FloatArray] | None = None
 
 
 MAX_JOINT_ERROR = 1e-11

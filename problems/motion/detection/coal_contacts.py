@@ -195,7 +195,7 @@ def _reach(body: _Body, direction: FloatArray) -> float:
 def _coal() -> Any:
     try:
         return import_module("coal")
-    except ModuleNotFoundError:
+    except ImportError:  # missing, or without a library that it needs
         raise ProblemError(
             "contacts of a cylinder with a capsule, a cylinder or a polyhedron need coal; install it by "
             "pip install 'proxbench[bodies]'."

@@ -13,6 +13,7 @@ from ...arrays import FloatArray, IntArray
 from ...errors import ProblemError
 from ..bodies.rigid.orientation import rotation_matrices
 from ..bodies.rigid.shapes import Shape
+from .clipping import clip, dot
 from .coal_contacts import find_with_coal
 from .cylinders import find_cylinders
 from .polyhedra import find_polyhedra
@@ -171,18 +172,18 @@ def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, margin, keys, numbers, count):  # 
     best, kind = -np.inf, -1
     for number in range(6):
         axis = r_a[number] if number < 3 else r_b[number - 3]
-        apart = abs(np.dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
+        apart = abs(dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
         if apart >= margin:
             return count
         if apart > best + (0.0 if kind < 0 else slack):
             best, kind = apart, number
     for number in range(9):
         axis = np.cross(r_a[number // 3], r_b[number % 3])
-        length = np.sqrt(np.dot(axis, axis))
+        length = np.sqrt(dot(axis, axis))
         if length < 1e-6:
             continue
         axis /= length
-        apart = abs(np.dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
+        apart = abs(dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
         if apart >= margin:
             return count
         if apart > best + slack:
@@ -198,14 +199,14 @@ def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, margin, keys, numbers, count):  # 
 def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Clip the face of the other box that faces the reference face by the sides of the latter."""
     way = c_o - c_r
-    out = 1.0 if np.dot(way, r_r[axis]) >= 0.0 else -1.0
+    out = 1.0 if dot(way, r_r[axis]) >= 0.0 else -1.0
     normal = out * r_r[axis]
     facing, most = 0, -1.0
     for k in range(3):
-        along = abs(np.dot(normal, r_o[k]))
+        along = abs(dot(normal, r_o[k]))
         if along > most + SLACK:
             facing, most = k, along
-    side = -1.0 if np.dot(normal, r_o[facing]) > 0.0 else 1.0
+    side = -1.0 if dot(normal, r_o[facing]) > 0.0 else 1.0
     p, q = (facing + 1) % 3, (facing + 2) % 3
     polygon, edges = np.empty((16, 3)), np.empty(16, dtype=np.int64)
     for corner in range(4):
@@ -217,11 +218,11 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
     for plane in range(4):
         k = (axis + 1 + plane // 2) % 3
         across = (1.0 if plane % 2 else -1.0) * r_r[k]
-        n, polygon, edges = _clip(polygon, edges, n, across, np.dot(across, c_r) + h_r[k], SLACK * h_r[k], 4 + plane)
+        n, polygon, edges = clip(polygon, edges, n, across, dot(across, c_r) + h_r[k], SLACK * h_r[k], 4 + plane)
     reference = (6 if sign > 0.0 else 0) + 2 * axis + (1 if out > 0.0 else 0)
     pair_of_faces = 6 * reference + 2 * facing + (1 if side > 0.0 else 0)
     for k in range(min(n, 8)):
-        gap = np.dot(polygon[k] - c_r, normal) - h_r[axis]
+        gap = dot(polygon[k] - c_r, normal) - h_r[axis]
         if gap < margin:
             feature = 64 * pair_of_faces + 8 * edges[k - 1 if k else n - 1] + edges[k]
             count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, normal, sign, gap)
@@ -229,33 +230,16 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
 
 
 @njit(cache=True)
-def _clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
-    """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners."""
-    left, left_edges, m = np.empty((16, 3)), np.empty(16, dtype=np.int64), 0
-    for k in range(n):
-        here, there = polygon[k], polygon[(k + 1) % n]
-        over, next_over = np.dot(across, here) - limit, np.dot(across, there) - limit
-        if over <= slack:
-            left[m], left_edges[m] = here, edges[k]
-            m += 1
-        if (over <= slack) != (next_over <= slack):
-            left[m] = here + over / (over - next_over) * (there - here)
-            left_edges[m] = number if over <= slack else edges[k]
-            m += 1
-    return m, left, left_edges
-
-
-@njit(cache=True)
 def _edges(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contact of the edges along axes a and b that face each other."""
     normal = np.cross(r_a[a], r_b[b])
-    normal /= np.sqrt(np.dot(normal, normal))
-    if np.dot(c_b - c_a, normal) < 0.0:
+    normal /= np.sqrt(dot(normal, normal))
+    if dot(c_b - c_a, normal) < 0.0:
         normal = -normal
     on_a, on_b, feature = c_a.copy(), c_b.copy(), 3 * a + b
     for k in range(3):
-        s = 1.0 if np.dot(normal, r_a[k]) > 0.0 else -1.0
-        t = -1.0 if np.dot(normal, r_b[k]) > 0.0 else 1.0
+        s = 1.0 if dot(normal, r_a[k]) > 0.0 else -1.0
+        t = -1.0 if dot(normal, r_b[k]) > 0.0 else 1.0
         if k != a:
             on_a += s * h_a[k] * r_a[k]
             feature = 2 * feature + (1 if s > 0.0 else 0)
@@ -263,7 +247,7 @@ def _edges(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # ty
             on_b += t * h_b[k] * r_b[k]
             feature = 2 * feature + (1 if t > 0.0 else 0)
     along_a, along_b, between = r_a[a], r_b[b], on_b - on_a
-    cosine, toward_a, toward_b = np.dot(along_a, along_b), np.dot(between, along_a), np.dot(between, along_b)
+    cosine, toward_a, toward_b = dot(along_a, along_b), dot(between, along_a), dot(between, along_b)
     way_a = (toward_a - cosine * toward_b) / (1.0 - cosine * cosine)
     way_b = (cosine * toward_a - toward_b) / (1.0 - cosine * cosine)
     middle = 0.5 * (on_a + way_a * along_a + on_b + way_b * along_b)

@@ -16,6 +16,7 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 from ..bodies.rigid.polyhedron import ALIKE, MAX_CORNERS, MAX_FACES, Polyhedron
 from ..bodies.rigid.shapes import Box
+from .clipping import clip, dot
 
 SLACK = 1e-6
 """Length over the size of bodies within which faces, edges and points count as equal, so that features last."""
@@ -152,15 +153,10 @@ def _placed(points, starts, shape, centre, rotation):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True)
 def _least(points, direction):  # type: ignore[no-untyped-def]
     least = np.inf
     for k in range(len(points)):
-        least = min(least, _dot(points[k], direction))
+        least = min(least, dot(points[k], direction))
     return least
 
 
@@ -198,7 +194,7 @@ def _write(keys, numbers, count, feature, point, normal, gap):  # type: ignore[n
 def _on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     normal = np.ascontiguousarray(rotation[:, 2])
     for k in range(len(corners)):
-        gap = _dot(corners[k] - centre, normal)
+        gap = dot(corners[k] - centre, normal)
         if gap < margin:
             count = _write(keys, numbers, count, k, corners[k] - 0.5 * gap * normal, normal, gap)
     return count
@@ -207,16 +203,16 @@ def _on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type:
 @njit(cache=True)
 def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two polyhedra; faces go before edges, and those of the first body before the second's."""
-    size = np.sqrt(_dot(way, way))
+    size = np.sqrt(dot(way, way))
     best, kind, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
     for face in range(n_i + n_j):
         if face < n_i:
             corner = corners_i[packed.loops[packed.loop_start[first_loop_i + face]]]
-            apart = _least(corners_j, normals_i[face]) - _dot(corner, normals_i[face])
+            apart = _least(corners_j, normals_i[face]) - dot(corner, normals_i[face])
         else:
             corner = corners_j[packed.loops[packed.loop_start[first_loop_j + face - n_i]]]
-            apart = _least(corners_i, normals_j[face - n_i]) - _dot(corner, normals_j[face - n_i])
+            apart = _least(corners_i, normals_j[face - n_i]) - dot(corner, normals_j[face - n_i])
         if apart >= margin:
             return count
         if kind < 0 or apart > best + SLACK * size:
@@ -226,10 +222,10 @@ def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, mar
         along_i = _along(packed, i, corners_i, packed.directions[a])
         for b in range(packed.direction_start[j], packed.direction_start[j + 1]):
             axis = np.cross(along_i, _along(packed, j, corners_j, packed.directions[b]))
-            length = np.sqrt(_dot(axis, axis))
+            length = np.sqrt(dot(axis, axis))
             if length < SLACK:
                 continue
-            axis /= length if _dot(axis, way) >= 0.0 else -length
+            axis /= length if dot(axis, way) >= 0.0 else -length
             apart = _least(corners_j, axis) + _least(corners_i, -axis)
             if apart >= margin:
                 return count
@@ -248,7 +244,7 @@ def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, mar
 def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
     """Return the unit vector along an edge."""
     along = corners[packed.edges[edge, 1]] - corners[packed.edges[edge, 0]]
-    return along / np.sqrt(_dot(along, along))
+    return along / np.sqrt(dot(along, along))
 
 
 @njit(cache=True)
@@ -256,7 +252,7 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
     """Clip the face of body ``o`` that looks towards a face of body ``r`` by the sides of the latter."""
     normal, facing, most = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
-        along = _dot(normal, normals_o[k])
+        along = dot(normal, normals_o[k])
         if along < most - SLACK:
             facing, most = k, along
     begin, end = packed.loop_start[packed.face_start[o] + facing], packed.loop_start[packed.face_start[o] + facing + 1]
@@ -269,33 +265,16 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
         here = corners_r[packed.loops[begin + k]]
         there = corners_r[packed.loops[begin + (k + 1) % (end - begin)]]
         across = np.cross(there - here, normal)
-        length = np.sqrt(_dot(across, across))
+        length = np.sqrt(dot(across, across))
         across /= length
-        n, polygon, edges = _clip(polygon, edges, n, across, _dot(across, here), SLACK * length, MAX_CORNERS + k)
+        n, polygon, edges = clip(polygon, edges, n, across, dot(across, here), SLACK * length, MAX_CORNERS + k)
     number = (face * MAX_FACES + facing) * 2 + (1 if sign > 0.0 else 0)
     for k in range(n):
-        gap = _dot(polygon[k] - base, normal)
+        gap = dot(polygon[k] - base, normal)
         if gap < margin:
             feature = (number * EDGE_NUMBERS + edges[k - 1 if k else n - 1]) * EDGE_NUMBERS + edges[k]
             count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, sign * normal, gap)
     return count
-
-
-@njit(cache=True)
-def _clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
-    """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners."""
-    left, left_edges, m = np.empty((ROOM, 3)), np.empty(ROOM, dtype=np.int64), 0
-    for k in range(n):
-        here, there = polygon[k], polygon[(k + 1) % n]
-        over, next_over = _dot(across, here) - limit, _dot(across, there) - limit
-        if over <= slack:
-            left[m], left_edges[m] = here, edges[k]
-            m += 1
-        if (over <= slack) != (next_over <= slack):
-            left[m] = here + over / (over - next_over) * (there - here)
-            left_edges[m] = number if over <= slack else edges[k]
-            m += 1
-    return m, left, left_edges
 
 
 @njit(cache=True)
@@ -305,7 +284,7 @@ def _edges(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):
     b = _outermost(packed, j, corners_j, -axis)
     on_i, on_j = corners_i[packed.edges[a, 0]], corners_j[packed.edges[b, 0]]
     along_i, along_j, between = _along(packed, i, corners_i, a), _along(packed, j, corners_j, b), on_j - on_i
-    cosine, toward_i, toward_j = _dot(along_i, along_j), _dot(between, along_i), _dot(between, along_j)
+    cosine, toward_i, toward_j = dot(along_i, along_j), dot(between, along_i), dot(between, along_j)
     sine = max(1.0 - cosine * cosine, SLACK * SLACK)
     way_i, way_j = (toward_i - cosine * toward_j) / sine, (cosine * toward_i - toward_j) / sine
     middle = 0.5 * (on_i + way_i * along_i + on_j + way_j * along_j)
@@ -319,7 +298,7 @@ def _outermost(packed, body, corners, axis):  # type: ignore[no-untyped-def]
     """Return the edge that reaches farthest along an axis with both of its ends."""
     best, farthest = packed.edge_start[body], -np.inf
     for edge in range(packed.edge_start[body], packed.edge_start[body + 1]):
-        reach = _dot(corners[packed.edges[edge, 0]], axis) + _dot(corners[packed.edges[edge, 1]], axis)
+        reach = dot(corners[packed.edges[edge, 0]], axis) + dot(corners[packed.edges[edge, 1]], axis)
         if reach > farthest:
             best, farthest = edge, reach
     return best

@@ -11,6 +11,7 @@ from typing import Any
 from ...arrays import FloatArray
 from ..bodies.balls import BallSystem
 from ..bodies.rigid.rigid_bodies import RigidBodies
+from ..bodies.rigid.starts import check_start
 from .bouncing import BouncingBall
 from .effects import Gravity
 from .impacts import NewtonsCradle, ObliqueImpact
@@ -49,7 +50,7 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
     if balls is not None:
         potential_energy = partial(_weight, balls, weight)
     elif isinstance(system, RigidBodies):
-        system.check_start(start.position)
+        check_start(system, start)
         potential_energy = system.potential_energy
     else:
         potential_energy = motion.potential_energy

@@ -13,6 +13,7 @@ from ...arrays import FloatArray
 from ...errors import ProblemError
 from ..bodies.balls import BallSystem
 from ..bodies.rigid.rigid_bodies import RigidBodies
+from ..bodies.rigid.starts import check_start
 from ..bodies.surfaces import Plane
 from ..bodies.system import MechanicalSystem, System
 from ..state import State
@@ -171,10 +172,10 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
     """Return the scene of a system and its first state, with the usual numbers for all else.
 
     Raises:
-        ProblemError: if rigid bodies penetrate each other deeply at the start.
+        ProblemError: if rigid bodies cannot start so, see ``check_start``.
     """
     if isinstance(system, RigidBodies):
-        system.check_start(start.position)
+        check_start(system, start)
     balls = system if isinstance(system, BallSystem) else None
     scene = Scene(
         name,
@@ -222,6 +223,13 @@ def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> 
 
 OVERLAP = 1e-9
 """Depth [m] at which bodies start that touch from the beginning, so that the first step finds their contact."""
+
+RESTING_OVERLAP = 1e-5
+"""Depth [m] at which faces start that rest or slide on each other.
+
+A solution within the tolerance τ may open a contact with the velocity τ max|c|, which nothing takes back, so that a
+contact of depth o lasts for o/(τ max|c|) seconds at least. One that opens lets its body fall for a step, which tilts it
+and opens others. This depth lasts for 100 s at τ = 1e-6 where max|c| = g Δt, with Δt = 10 ms."""
 
 
 GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))

@@ -64,6 +64,27 @@ def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
 
 
 @pytest.mark.parametrize(
+    "options",
+    [
+        ["--no-charts"],
+        ["--problem", "funnel-30"],
+        ["--problem", "funnel-30", "--json"],
+        ["--json", "--no-charts"],
+        ["--quiet", "--no-charts"],
+    ],
+)
+def test_a_deleted_case_gives_exit_code_1_and_is_named(
+    options: list[str], faultless: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    next(faultless.glob("cases/funnel-30--SORprox.json")).unlink()
+    assert run_command(["report", str(faultless), *options]) == 1
+    printed = capsys.readouterr()
+    shown = printed.err if {"--json", "--quiet"} & set(options) else printed.out
+    sentence = f"measured, without SORprox on funnel-30; resume with: proxbench run --resume {faultless}"
+    assert sentence in " ".join(shown.split())
+
+
+@pytest.mark.parametrize(
     "options", [["--no-charts"], ["--page"], ["--problem", "funnel-30"], ["--quiet", "--no-charts"]]
 )
 def test_a_run_of_damaged_cases_is_refused_by_their_names(

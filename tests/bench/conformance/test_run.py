@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.conformance import SOLVER_CHECKS
-from proxbench.bench.conformance.run import checked
+from proxbench.bench.conformance.run import run_checks
 from proxbench.problems import PluginError
 from proxbench.problems.exchange.plugins.offers import registered
 
@@ -66,7 +66,7 @@ def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
 def test_a_fault_fails_its_own_check_and_the_others_go_on(
     fault: str, seconds: float, words: str, tmp_path: Path
 ) -> None:
-    (subject,) = checked(plugin(tmp_path, fault), seconds=seconds)
+    (subject,) = run_checks(plugin(tmp_path, fault), seconds=seconds)
     results = {row["check"]: row for row in subject["checks"]}
     assert words in results.pop("time limit")["sentence"]
     assert {row["result"] for row in results.values()} == {"passed"}
@@ -80,7 +80,7 @@ def test_failures_are_in_the_table_and_make_the_exit_code_one(
     monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped where lines end
     assert run_command(["check", plugin(tmp_path, "print('hello')", "True")]) == 1
     printed = capsys.readouterr().out
-    assert "silent            failed          it printed 'hello'; say it in Solution.message." in printed
+    assert "silent            failed          it printed 'hello'; report it in Solution.message." in printed
     assert f"{len(SOLVER_CHECKS) - 1} passed, 1 failed" in printed
 
 
@@ -95,13 +95,13 @@ def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_every_check_is_announced_with_how_many_are_done() -> None:
     announced: list[tuple[str, int, int]] = []
-    (subject,) = checked("hard-groove", on_check=lambda *what: announced.append(what))
+    (subject,) = run_checks("hard-groove", on_check=lambda *what: announced.append(what))
     names = [row["check"] for row in subject["checks"]]
     assert announced == [(f"hard-groove: {name}", done, len(names)) for done, name in enumerate(names)]
 
 
 def test_a_problem_can_be_checked() -> None:
-    (subject,) = checked("hard-groove-frictionless")
+    (subject,) = run_checks("hard-groove-frictionless")
     assert subject["kind"] == "problem"
     assert [row["result"] for row in subject["checks"]] == ["passed"] * 4
 
@@ -135,4 +135,4 @@ def test_a_file_that_crashes_or_hangs_when_imported_is_reported(
 ) -> None:
     (tmp_path / "bad.py").write_text(text)
     with pytest.raises(PluginError, match=words):
-        checked(str(tmp_path / "bad.py"), seconds=seconds)
+        run_checks(str(tmp_path / "bad.py"), seconds=seconds)

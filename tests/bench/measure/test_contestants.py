@@ -87,7 +87,7 @@ def test_an_object_that_cannot_travel_is_refused_before_anything_is_measured(tmp
 
 def test_an_object_that_is_no_solver_is_refused_in_a_sentence() -> None:
     thing: Any = 3
-    with pytest.raises(BenchError, match="the solver int breaks the contract: it has no name"):
+    with pytest.raises(BenchError, match="the solver int violates the interface: it has no name"):
         solver_spec(thing)
 
 

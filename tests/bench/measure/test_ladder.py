@@ -8,7 +8,7 @@ import pytest
 from counting_task import Counting
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure import ladder
-from proxbench.bench.measure.ladder import LadderCase, measure_ladder
+from proxbench.bench.measure.ladder import CasePass, LadderCase, measure_ladder
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import CaseRecord, Point
@@ -19,7 +19,8 @@ class Fake(LadderCase[None]):
     """A case without a process, whose begin is a function."""
 
     def __init__(self, begin: Any) -> None:
-        super().__init__([1e-2], Limits(solve_seconds=1.0, case_seconds=1.0, memory_bytes=1, max_iterations=1))
+        limits = Limits(solve_seconds=1.0, case_seconds=1.0, memory_bytes=1, max_iterations=1)
+        super().__init__([1e-2], limits, None, CasePass())
         self.is_told = threading.Event()
         self._begin = begin
 
@@ -87,7 +88,7 @@ class Conversing(Fake):
     """A case whose process answers one request."""
 
     def __init__(self, stored: CaseRecord | None = None) -> None:
-        LadderCase.__init__(self, [1e-2], Limits(solve_seconds=1.0), stored)
+        LadderCase.__init__(self, [1e-2], Limits(solve_seconds=1.0), stored, CasePass())
 
     def begin(self) -> None:
         self._start(Counting())

@@ -10,7 +10,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.plugins.files import use_plugin_files
-from proxbench.bench.plugins.problems import resolved
+from proxbench.bench.plugins.problems import resolve_problem
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import PluginError
 from proxbench.problems import load as load_problem
@@ -73,7 +73,7 @@ def test_a_file_s_names_can_be_measured(written: Callable[..., Path], tmp_path: 
     use_plugin_files([written(GOOD)])
     assert "Filed" in available()
     assert solver_spec("Filed(relaxation = 1.5)").name == "Filed(relaxation=1.5)"
-    assert resolved("falling-point").name == "falling-point"
+    assert resolve_problem("falling-point").name == "falling-point"
     folder = run(
         ["falling-point", "hard-sticking-box"],
         ["Filed(relaxation=1.5)", "SORprox"],

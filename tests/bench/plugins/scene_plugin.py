@@ -2,15 +2,19 @@
 
 import os
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from proxbench.problems.motion.bodies.balls import BallSystem
+from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint
+from proxbench.problems.motion.bodies.rigid.shapes import Box
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.bodies.system import MechanicalSystem, System
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, ball_system
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.scene import Scene
+from proxbench.problems.motion.scenes.rigid.linkages import jointed
+from proxbench.problems.motion.scenes.scene import Scene, bare_scene
 from proxbench.problems.motion.state import State
 
 FAULTY_FROM = 60
@@ -91,6 +95,33 @@ def coupled() -> tuple[MechanicalSystem, State]:
     return system, State(0.0, np.array([1.0, -1e-9, 0.0, -1e-9]), np.zeros(4))
 
 
+def wiper(speed: float = 2.0) -> Scene:
+    """A rod that a motor swings from its hinge at the ceiling to a limit, with its hinge closed at each step."""
+    half = 0.25
+    hinge = Joint(
+        "revolute",
+        0,
+        WORLD,
+        (0.0, 0.0, half),
+        axis=(0.0, 1.0, 0.0),
+        limits=(-1.0, 0.3),
+        motor_speed=speed,
+        motor_bound=9.0,
+    )
+    system = jointed([Box((0.05, 0.05, 2.0 * half))], np.ones(1), [hinge], gravity=9.81)
+    start = State(0.0, np.array([0.0, 0.0, -half, 1.0, 0.0, 0.0, 0.0]), np.zeros(6))
+    return replace(bare_scene("wiper", {"speed": speed}, system, start), depth=1e-6)
+
+
+def broken(what: str = "flat") -> Scene:
+    """A wiper of a flat rod, or one whose hinge is open."""
+    if what == "flat":
+        Box((0.1, 0.1, 0.0))
+    scene = wiper()
+    raised = np.add(scene.start.position, [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
+    return replace(scene, start=replace(scene.start, position=raised))
+
+
 def twin(balls: int = 20) -> Scene:
     return make_scene("funnel", {"balls": balls})
 
@@ -112,6 +143,8 @@ SCENES = {
     "faulty": faulty,
     "block": block,
     "coupled": coupled,
+    "wiper": wiper,
+    "broken": broken,
     "twin": twin,
     "bouncing": bouncing,
     "needy": needy,

@@ -12,7 +12,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from proxbench.bench.plugins import native_files
 from proxbench.bench.plugins.describing import solver_spec
-from proxbench.bench.plugins.files import check_again, sources, use_plugin_files
+from proxbench.bench.plugins.files import check_plugins_unchanged, sources, use_plugin_files
 from proxbench.bench.plugins.remote_solver import FailedSolveError, RemoteSolver
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
@@ -94,7 +94,7 @@ def test_a_library_that_is_built_again_meanwhile_is_refused(sweeps: Path, tmp_pa
     spec = solver_spec(f"Shared({library})")
     with library.open("ab") as file:
         file.write(b"newer")
-    with pytest.raises(SolverError, match=r"mine.so has changed since it was named; begin again"):
+    with pytest.raises(SolverError, match=r"mine.so has changed since the command began; run the command again"):
         spec.make()
 
 
@@ -103,21 +103,21 @@ def test_a_stored_run_uses_a_library_only_where_it_is_named(
 ) -> None:
     library = Path(shutil.copy(sweeps, tmp_path / "mine.so"))
     uses = solver_spec(f"Shared({library})").files
-    check_again(uses)
+    check_plugins_unchanged(uses)
     monkeypatch.setattr(native_files, "_in_use", {})
     with pytest.raises(BenchError, match=r"need the file .*mine.so; name it with `plugins`"):
-        check_again(uses)
+        check_plugins_unchanged(uses)
     use_plugin_files([library])
-    check_again(uses)
+    check_plugins_unchanged(uses)
     with library.open("ab") as file:
         file.write(b"newer")
     use_plugin_files([library])
     with pytest.raises(BenchError, match=r"file .*mine.so has changed since the run began"):
-        check_again(uses)
+        check_plugins_unchanged(uses)
     monkeypatch.setattr(native_files, "_in_use", {})
     library.unlink()
     with pytest.raises(BenchError, match=r"mine.so, which is missing; restore it"):
-        check_again(uses)
+        check_plugins_unchanged(uses)
 
 
 def test_what_is_no_solver_is_refused_in_one_sentence(faulty: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, Ru
 from proxbench.bench.store.store import Store
 from proxbench.problems import Verdict
 
-TIMES = ("prepare_seconds", "solve_seconds", "total_seconds")
+TIMES = ("prepare_seconds", "solve_seconds", "total_seconds", "processor_seconds")
 
 
 Stored = Callable[[list[Point]], Path]
@@ -52,6 +52,7 @@ MEASURED = Point(
         prepare_seconds=quartiles(3.0),
         solve_seconds=quartiles(4.0),
         total_seconds=quartiles(7.0),
+        processor_seconds=quartiles(6.0),
         repeats=1,
         verdict={"residual": 99.0, "complementarity": 0.125, "velocity_error": None, "infeasible": False, "new": 1.0},
         impulse_error=None,
@@ -79,6 +80,7 @@ def test_values_are_those_that_were_stored(stored: Stored) -> None:
     case, (measured, missing) = run.cases.iloc[0], run.points.to_dict("records")
     assert (case["outcome"], case["n_rows"], case["peak_memory_bytes"]) == ("measured", 3, 2**40)
     assert [measured[f"total_seconds{part}"] for part in ("_min", "_q1", "", "_q3")] == [5.0, 6.0, 7.0, 8.0]
+    assert [measured[f"processor_seconds{part}"] for part in ("_min", "_q1", "", "_q3")] == [4.0, 5.0, 6.0, 7.0]
     assert (measured["iterations"], measured["complementarity"], measured["infeasible"]) == (7, 0.125, False)
     assert run.iterations["iteration"].tolist() == [1, 2]
     assert missing["outcome"] == Outcome.NOT_ATTEMPTED

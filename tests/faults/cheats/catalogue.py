@@ -8,8 +8,8 @@ import cheating_solvers
 import remembering_solvers
 import tampering_solvers
 from cheating_solvers import ANSWERS, Answering, Honest
-from proxbench.bench.measure.contacts.case import Case, CasePass
-from proxbench.bench.measure.ladder import measure_ladder
+from proxbench.bench.measure.contacts.case import Case
+from proxbench.bench.measure.ladder import CasePass, measure_ladder
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.refutation import find_refuted
 from proxbench.bench.plugins.describing import solver_spec

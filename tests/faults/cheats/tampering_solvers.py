@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from cheating_solvers import LARGE, Honest
+from proxbench.bench.isolation import process_usage
 from proxbench.bench.isolation.process_state import ProcessState
 from proxbench.bench.measure.contacts import protocol
 from proxbench.bench.store.plans import Limits
@@ -87,7 +88,7 @@ class SlowClock(Hiding):
     def spoil(self) -> None:
         true, process = time.perf_counter, time.process_time
         protocol.perf_counter = lambda: true() / 10.0
-        protocol.process_time = lambda: process() / 10.0
+        process_usage.process_time = lambda: process() / 10.0
 
 
 class StoppedClock(Hiding):

@@ -1,5 +1,6 @@
 """Matrices of files that miss symmetry or definiteness: each remedy does what it is named for, and says so."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,7 @@ def test_an_asymmetry_beyond_the_remedy_is_refused_with_its_size_and_a_remedy(
     data = crooked(by) if form == "W" else with_mass(matrix)
     with pytest.raises(ProblemError, match=rf"{form} misses symmetry by \d\.\de-0\d of its largest entry") as caught:
         read_fclib(write_data(tmp_path / "p.hdf5", data), symmetry)
-    assert ("`symmetry` lower or upper" if by > LARGEST_ASYMMETRY else "`symmetry` mean") in str(caught.value)
+    assert ("--symmetry lower (or upper" if by > LARGEST_ASYMMETRY else "--symmetry mean") in str(caught.value)
 
 
 def test_an_asymmetry_of_rounding_is_left_as_it_is(tmp_path: Path) -> None:
@@ -82,7 +83,8 @@ def test_an_asymmetry_of_rounding_is_left_as_it_is(tmp_path: Path) -> None:
 def test_a_mass_matrix_stored_by_one_triangle_is_read_as_the_whole_one(side: str, tmp_path: Path) -> None:
     half = np.tril(COUPLED) if side == "lower" else np.triu(COUPLED)
     path = write_data(tmp_path / "half.hdf5", with_mass(half))
-    with pytest.raises(ProblemError, match=rf"only its {side} triangle has entries; read it with `symmetry` {side}"):
+    command = re.escape(f"; run: proxbench import fclib {path} --symmetry {side}")
+    with pytest.raises(ProblemError, match=f"only its {side} triangle has entries{command}$"):
         read_fclib(path)
     whole = read_fclib(write_data(tmp_path / "whole.hdf5", with_mass(COUPLED)))
     found = read_fclib(path, side)  # type: ignore[arg-type]
@@ -122,7 +124,10 @@ def indefinite(least: float) -> np.ndarray:
 
 def test_a_delassus_matrix_with_a_small_negative_eigenvalue_is_taken_by_name_only(tmp_path: Path) -> None:
     path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-3e-8)))
-    with pytest.raises(ProblemError, match="must be positive semidefinite; read it with `indefinite` project"):
+    with pytest.raises(
+        ProblemError,
+        match=r"must be positive semidefinite; run: proxbench import fclib .*p\.hdf5 --indefinite project$",
+    ):
         read_fclib(path)
     problem = read_fclib(path, indefinite="project")
     assert problem.provenance["least_eigenvalue"] == pytest.approx(-3e-8, rel=1e-6)

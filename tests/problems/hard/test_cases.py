@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from proxbench.bench.conformance.trial import meet_answer
+from proxbench.bench.conformance.trial import require_known_answer
 from proxbench.problems import ContactProblem, ProblemError, judge
 from proxbench.problems.contact.laws import LawKind
 from proxbench.problems.contact.residual import UNIT, Residual
@@ -31,7 +31,7 @@ def test_known_impulses_solve_the_problem_to_rounding() -> None:
         witnesses = [] if known.witness is None else [known.witness]
         for impulses in [*known.impulses, *witnesses]:
             assert judge(problem, impulses).residual <= 1e-13 + Residual(problem).rounding(impulses), problem.name
-            meet_answer(problem, impulses)  # names the problem that it is not met on
+            require_known_answer(problem, impulses)  # names the problem that it is not met on
 
 
 def test_every_case_has_something_known() -> None:
@@ -60,7 +60,7 @@ def test_known_answers_are_met_by_solvers_that_know_nothing_of_them(group: str) 
                 solution = solve(problem, solver, tolerance=tolerance, max_iterations=20_000, max_seconds=60.0)
                 if judge(problem, solution.impulses).residual <= tolerance:
                     found.add(problem.name)
-                    meet_answer(problem, solution.impulses)
+                    require_known_answer(problem, solution.impulses)
     assert found == sought - UNSOUGHT
 
 
@@ -82,7 +82,7 @@ def test_enumeration_finds_no_other_answer() -> None:
         known = answer_of(problem)
         found = create("Enumeration").prepare(problem).all_solutions(1e-10)  # type: ignore[attr-defined]
         for impulses in found:
-            meet_answer(problem, impulses)
+            require_known_answer(problem, impulses)
         if problem.name in NEEDS_MORE_THAN_LEAST_NORM:
             continue
         assert bool(found) == known.solvable, problem.name

@@ -45,6 +45,7 @@ def test_every_form_holds_the_same_matrix(name: str) -> None:
     starts = array(arrays, "row_starts", n + 1)
     parts = array(arrays, "values", starts[-1]), array(arrays, "columns", starts[-1]), starts
     assert np.array_equal(sp.csr_array(parts, shape=(n, n)).toarray(), wanted)
+    assert np.array_equal(array(arrays, "diagonal", n), wanted.diagonal())
     width, lanes = structure.width, structure.n_blocks * structure.width
     starts, slot = array(arrays, "block_starts", structure.n_blocks + 1), array(arrays, "slot", n)
     values = array(arrays, "block_values", starts[-1] * width * width).reshape(-1, width, width)

@@ -1,5 +1,6 @@
 """Without its library an outside solver is refused with instructions to install it."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -7,23 +8,35 @@ from pathlib import Path
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.solvers import SolverError, available, create
-from proxbench.solvers.peers import mujoco_problem, pinocchio_problem
+from proxbench.solvers.peers import installed
 from proxbench.solvers.registry import peers
+
+LIBRARIES = {"MuJoCo": ("mujoco", "mujoco"), "KaminoPADMM": ("newton", "kamino")}
+"""Library and extra of each solver that does not need Pinocchio."""
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    for library in (pinocchio_problem, mujoco_problem):
-        monkeypatch.setattr(library, "find_spec", lambda module: None)
+    monkeypatch.setattr(installed, "find_spec", lambda module: None)
 
 
 @pytest.mark.usefixtures("bare")
 @pytest.mark.parametrize("name", peers())
 def test_the_sentence_names_solver_library_and_command(name: str) -> None:
-    library, extra = ("mujoco", "mujoco") if name == "MuJoCo" else ("pinocchio", "peers")
+    library, extra = LIBRARIES.get(name, ("pinocchio", "peers"))
     with pytest.raises(
         SolverError, match=rf'{name} needs {library}, which is not installed; run pip install "\.\[{extra}\]"'
     ):
+        create(name)
+
+
+@pytest.mark.parametrize(("name", "version", "tried"), [("MuJoCo", "3.2.7", "4"), ("KaminoPADMM", "1.9.0", "1.8")])
+def test_another_version_is_refused(name: str, version: str, tried: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    library, extra = LIBRARIES[name]
+    monkeypatch.setattr(installed, "find_spec", lambda module: module)
+    monkeypatch.setattr(installed.metadata, "version", lambda distribution: version)
+    words = re.escape(f'untried with {library} {version}, {tried}.x is supported; run pip install ".[{extra}]"')
+    with pytest.raises(SolverError, match=words):
         create(name)
 
 
@@ -55,6 +68,6 @@ def test_outside_solvers_are_not_among_the_available_ones() -> None:
 def test_listing_outside_solvers_imports_no_library() -> None:
     code = (
         "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "
-        "sys.exit(not {'pinocchio', 'mujoco'}.isdisjoint(sys.modules))"
+        "sys.exit(not {'pinocchio', 'mujoco', 'newton', 'warp'}.isdisjoint(sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0

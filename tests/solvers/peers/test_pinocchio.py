@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.bench import run
-from proxbench.bench.conformance.run import checked
+from proxbench.bench.conformance.run import run_checks
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.transformations import in_units
@@ -107,7 +107,7 @@ def test_options_out_of_range_are_refused(name: str, words: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [BEST, "PinocchioPGS(relaxation=1.5)"])
 def test_outside_solvers_pass_the_conformance_tests(name: str) -> None:
-    assert all(subject["passed"] for subject in checked(name))
+    assert all(subject["passed"] for subject in run_checks(name))
 
 
 def test_a_run_measures_outside_and_built_in_solvers(tmp_path: Path) -> None:

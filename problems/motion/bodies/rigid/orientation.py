@@ -3,13 +3,28 @@
 A body that turns with the angular velocity ω [rad/s], in body axes, for s seconds goes from q to q ⊗ exp(s ω/2).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
 from ....arrays import FloatArray
+from ....errors import ProblemError
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 """The orientation whose body axes are the world axes."""
+
+UNIT = 1e-6
+"""Difference from 1 up to which the length of a quaternion counts as 1."""
+
+
+def check_orientation(what: str, quaternion: Sequence[float]) -> None:
+    """Raise ``ProblemError`` unless the orientation of ``what`` is a quaternion of unit length, to 1e-6."""
+    if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT:
+        raise ProblemError(
+            f"orientation of {what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its "
+            "length."
+        )
 
 
 def product(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -63,21 +78,26 @@ def moved(position: FloatArray, velocity: FloatArray, seconds: float) -> FloatAr
     return poses
 
 
-def free_spins(spins: FloatArray, inertias: FloatArray, seconds: float) -> FloatArray:
-    """Return the angular velocities after a step without moments, by the implicit midpoint rule on Euler's equations.
+def free_spins(
+    spins: FloatArray, inertias: FloatArray, seconds: float, impulses: FloatArray | None = None
+) -> FloatArray:
+    """Return ω_F = ω_E − J⁻¹ p, by the implicit midpoint rule on Euler's equations with the angular impulses p.
 
-    J (ω_E − ω_B) = −Δt ω_m × J ω_m with ω_m = (ω_B + ω_E)/2. Multiplied by ω_m and by J ω_m, the right side vanishes,
-    and the left one is the change of ½ ωᵀJω and of ½ |Jω|²: both stay as they are.
+    J (ω_E − ω_B) = −Δt ω_m × J ω_m + p with ω_m = (ω_B + ω_E)/2. Multiplied by ω_m, the gyroscopic moment vanishes: it
+    does no work, whatever p is. Without p, multiplied by J ω_m, it vanishes as well: ½ ωᵀJω and |Jω| stay as they are,
+    and ω_F is ω_E. Where p has the error O(Δt²), ω_F has the error O(Δt³).
 
     Args:
         spins: ω_B in body axes [rad/s], shape (n, 3).
         inertias: principal moments J [kg m²], shape (n, 3).
         seconds: Δt [s].
+        impulses: p in body axes [N m s], shape (n, 3); 0 if None.
 
     Returns:
-        ω_E in body axes [rad/s], shape (n, 3).
+        ω_F in body axes [rad/s], shape (n, 3).
     """
-    after: FloatArray = _free_spins(spins, inertias, seconds)
+    given = np.zeros_like(spins) if impulses is None else np.ascontiguousarray(impulses)
+    after: FloatArray = _free_spins(spins, inertias, seconds, given)
     return after
 
 
@@ -145,17 +165,17 @@ MAX_NEWTON_STEPS = 20
 
 
 @njit(cache=True)
-def _free_spins(spins, inertias, seconds):  # type: ignore[no-untyped-def]
+def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-def]
     after = spins.copy()
     for i in range(len(spins)):
-        j, begin, end = inertias[i], spins[i], after[i]
-        scale = np.abs(j * begin).max()
+        j, begin, end, p = inertias[i], spins[i], after[i], impulses[i]
+        scale = max(np.abs(j * begin).max(), np.abs(p).max())
         last = np.inf
         for _ in range(MAX_NEWTON_STEPS):
             m0, m1, m2 = 0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1]), 0.5 * (begin[2] + end[2])
-            r0 = j[0] * (end[0] - begin[0]) + seconds * (j[2] - j[1]) * m1 * m2
-            r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0
-            r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1
+            r0 = j[0] * (end[0] - begin[0]) + seconds * (j[2] - j[1]) * m1 * m2 - p[0]
+            r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0 - p[1]
+            r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1 - p[2]
             size = max(abs(r0), abs(r1), abs(r2))
             if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # only rounding is left
                 break
@@ -171,4 +191,5 @@ def _free_spins(spins, inertias, seconds):  # type: ignore[no-untyped-def]
             end[0] -= (c00 * r0 + c01 * r1 + c02 * r2) / determinant
             end[1] -= (c10 * r0 + c11 * r1 + c12 * r2) / determinant
             end[2] -= (c20 * r0 + c21 * r1 + c22 * r2) / determinant
+        end -= p / j
     return after

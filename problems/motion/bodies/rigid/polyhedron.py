@@ -20,6 +20,9 @@ MAX_CORNERS = 32
 ALIKE = 1e-9
 """Length over the size of a polyhedron, and angle, below which points, faces and directions count as one."""
 
+FLATNESS = 1e-4
+"""Length over the size of a polyhedron by which corners may be off a face; triangles are united to 3e-5."""
+
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
@@ -30,12 +33,34 @@ class Polyhedron:
         faces: corners of each face, counter-clockwise seen from outside.
         volume: [m³].
         inertia: principal moments of inertia for a density of 1 [m⁵], shape (3,).
+
+    Raises:
+        ProblemError: if faces are flat, inside out or not those of a convex body around the origin, or volume or
+            inertia is not positive.
     """
 
     vertices: FloatArray
     faces: tuple[tuple[int, ...], ...]
     volume: float
     inertia: FloatArray
+
+    def __post_init__(self) -> None:
+        remedy = "build the polyhedron from its corners with convex_polyhedron"
+        if not 0.0 < self.volume < np.inf or not (np.asarray(self.inertia) > 0.0).all():
+            raise ProblemError(f"volume and inertia of a polyhedron must be positive; {remedy}.")
+        slack = FLATNESS * np.ptp(self.vertices, axis=0).max()
+        for number, face in enumerate(self.faces):
+            corners = self.vertices[list(face)]
+            area = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+            normal = area / np.linalg.norm(area) if area.any() else np.full(3, np.nan)
+            height = float(corners.mean(axis=0) @ normal)
+            if not height > slack:
+                raise ProblemError(
+                    f"face {number} of a polyhedron is flat or inside out: its corners must run counter-clockwise seen "
+                    f"from outside, around the centre of mass at the origin; {remedy}."
+                )
+            if (self.vertices @ normal).max() > height + slack:
+                raise ProblemError(f"a polyhedron is not convex at its face {number}; divide the body, or {remedy}.")
 
     @cached_property
     def bounding_radius(self) -> float:

@@ -26,11 +26,8 @@ from ..balls import Acceleration, PairCoefficient, Potential, known_potential
 from ..system import ActiveContacts, JointErrors, Overlaps, StepAssembly
 from .force_directions import force_directions
 from .materials import MaterialPairs
-from .orientation import IDENTITY, free_spins, moved
+from .orientation import IDENTITY, check_orientation, free_spins, moved
 from .shapes import Shape
-
-MAX_START_DEPTH = 0.05
-"""Deepest penetration at the start of a motion over the bounding radius of the smaller body."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +38,19 @@ class FixedBody:
         shape: its shape.
         centre: the origin of its body axes [m].
         orientation: their rotation, a unit quaternion.
+
+    Raises:
+        ProblemError: if a number is not finite, or the quaternion not of unit length.
     """
 
     shape: Shape
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     orientation: tuple[float, float, float, float] = IDENTITY
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.centre).all():
+            raise ProblemError(f"centre of a fixed body must be finite, got {self.centre}.")
+        check_orientation("a fixed body", self.orientation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +223,8 @@ class RigidBodies:
         return np.array([(*body.centre, *body.orientation) for body in self.fixed]).reshape(-1, 7)
 
     @cached_property
-    def _radii(self) -> FloatArray:
+    def radii(self) -> FloatArray:
+        """Bounding radii [m] of all bodies, fixed ones after the others."""
         return np.array([shape.bounding_radius for shape in self._all_shapes])
 
     @cached_property
@@ -254,12 +260,18 @@ class RigidBodies:
         poses, free = self.poses(midpoint), self.twists(velocity).copy()
         for acceleration in self.accelerations:
             free[:, :3] += seconds * acceleration(poses[:, :3], self.twists(velocity)[:, :3], self.masses)
-        if self.is_gyroscopic:
-            free[:, 3:] = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds)
         contacts = self._active_contacts(poses)
         if self.joints is not None:
             contacts = self._with_joints(contacts, self.joints.rows_at(poses, seconds, self.margin))
-        return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+        if not self.is_gyroscopic:
+            return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+
+        def with_impulses(impulses: FloatArray | None) -> FloatArray:
+            moments = None if impulses is None else self.twists(impulses)[:, 3:]
+            spins = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds, moments)
+            return np.column_stack([free[:, :3], spins]).ravel()
+
+        return StepAssembly(with_impulses(None), self.inverse_mass, contacts, with_impulses)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with a gap below ``limit``."""
@@ -270,7 +282,7 @@ class RigidBodies:
         if self.joints is None:
             return keys, gap
         joint_keys, joint_gap, _ = self.joints.limits_below(poses, limit)
-        return np.concatenate([keys, self._first_joint_key + joint_keys]), np.concatenate([gap, joint_gap])
+        return np.concatenate([keys, self.first_joint_key + joint_keys]), np.concatenate([gap, joint_gap])
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all contacts and limits that penetrate, and the joints.
@@ -293,35 +305,13 @@ class RigidBodies:
         everything = np.concatenate([poses, self._fixed_poses])
         return find_contacts(self._all_shapes, everything, self._near_pairs(everything[:, :3], margin), margin)
 
-    def check_start(self, position: FloatArray) -> None:
-        """Check that joints close, and that bodies do not penetrate each other deeply, where a motion starts.
-
-        Raises:
-            ProblemError: for the joint that misses by most, or the deepest contact, if it is deeper than
-                ``MAX_START_DEPTH`` of the smaller body.
-        """
-        if self.joints is not None:
-            self.joints.check_start(self.poses(position))
-        found = self.contacts_within(self.poses(position), 0.0)
-        depth = -found.gap / np.minimum(self._radii[found.first], self._radii[found.second])
-        if depth.max(initial=0.0) > MAX_START_DEPTH:
-            worst = int(depth.argmax())
-            one, other = (
-                f"fixed body {body - self.n_bodies}" if body >= self.n_bodies else f"body {body}"
-                for body in (int(found.first[worst]), int(found.second[worst]))
-            )
-            raise ProblemError(
-                f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart, to less than "
-                f"{MAX_START_DEPTH:g} of the smaller one's radius."
-            )
-
     def _near_pairs(self, centres: FloatArray, margin: float) -> IntArray:
         """Return the pairs whose bounding spheres are closer than ``margin``, by first, then second body."""
         n = self.n_bodies
-        near = [overlapping_pairs(centres[:n], self._radii[:n] + 0.5 * margin)]
+        near = [overlapping_pairs(centres[:n], self.radii[:n] + 0.5 * margin)]
         for body in range(n, len(centres)):
             distance = np.linalg.norm(centres[:n] - centres[body], axis=1)
-            touching = np.flatnonzero(distance < self._radii[:n] + self._radii[body] + margin)
+            touching = np.flatnonzero(distance < self.radii[:n] + self.radii[body] + margin)
             near.append(np.column_stack([touching, np.full(len(touching), body)]))
         pairs = np.concatenate(near)
         if self.joints is not None and len(self.joints.pairs):
@@ -351,7 +341,7 @@ class RigidBodies:
         return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
 
     @property
-    def _first_joint_key(self) -> int:
+    def first_joint_key(self) -> int:
         """The key of the first joint, beyond those of all contacts."""
         return self._keys.n_bodies**2 * self._keys.n_features
 
@@ -360,7 +350,7 @@ class RigidBodies:
         counts, rebound, drive = joints.row_counts, joints.restitution, joints.drive
         if not len(counts):
             return contacts
-        keys = self._first_joint_key + joints.keys
+        keys = self.first_joint_key + joints.keys
         width = max(self.rows_per_contact, int(counts.max()))
         if contacts is None:
             return ActiveContacts(keys, joints.gap, joints.laws, joints.directions, rebound, width, counts, drive)

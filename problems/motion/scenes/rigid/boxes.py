@@ -15,7 +15,7 @@ from ...bodies.rigid.shapes import Box, HalfSpace
 from ...state import State
 from ..effects import Friction, Gravity
 from ..inclines import BlockOnIncline
-from ..scene import OVERLAP, ClosedFormScene, Observable, check_positive
+from ..scene import OVERLAP, RESTING_OVERLAP, ClosedFormScene, Observable, check_positive
 from .effects import BodyEffect, rigid_bodies
 
 Size = tuple[float, ...]
@@ -42,9 +42,11 @@ def downhill(slope: float) -> FloatArray:
     return np.array([cos(slope), 0.0, -sin(slope)])
 
 
-def _check_box(size: Size, slope: float) -> None:
+def _check_box(size: Size, slope: float, overlap: float) -> None:
     if len(size) != 3 or not all(0.0 < edge < inf for edge in size):
         raise ProblemError(f"size of a box must be three positive numbers, got {size}.")
+    if not 0.0 <= overlap < size[2]:
+        raise ProblemError(f"overlap must be from 0 to below the height of a box, got {overlap}.")
     if not 0.0 <= slope < 0.5 * np.pi:
         raise ProblemError(f"slope of an incline must be from 0 to below π/2, got {slope}.")
 
@@ -57,6 +59,7 @@ class SlidingBox(ClosedFormScene):
     speed: float
     size: Size
     turn: float
+    overlap: float
     mass: float
     gravity: float
 
@@ -78,7 +81,7 @@ class SlidingBox(ClosedFormScene):
         Friction μ N, or what it takes to hold the box, at the base and half the height below the centre is balanced by
         pressure at the distance μ h/2 from the middle, which must be under the box.
         """
-        _check_box(self.size, self.slope)
+        _check_box(self.size, self.slope, self.overlap)
         check_positive(self, "a box", "mass")
         held = min(self.friction, tan(self.slope)) if self.speed == 0.0 else self.friction
         if 0.5 * held * self.size[2] > self.reach:
@@ -95,7 +98,7 @@ class SlidingBox(ClosedFormScene):
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
         block = self.block.exact(time)
-        centre = (0.5 * self.size[2] - OVERLAP) * upward(self.slope) + block.position[0] * downhill(self.slope)
+        centre = (0.5 * self.size[2] - self.overlap) * upward(self.slope) + block.position[0] * downhill(self.slope)
         orientation = product(about(ACROSS, self.slope)[None], about(UP, self.turn)[None])[0]
         velocity = np.concatenate([block.velocity[0] * downhill(self.slope), np.zeros(3)])
         return State(time, np.concatenate([centre, orientation]), velocity)
@@ -107,7 +110,7 @@ class SlidingBox(ClosedFormScene):
 
     def lift(self, state: State) -> float:
         """Return how far the centre is above its height at the start, normal to the incline [m]."""
-        return float(state.position[:3] @ upward(self.slope)) - 0.5 * self.size[2] + OVERLAP
+        return float(state.position[:3] @ upward(self.slope)) - 0.5 * self.size[2] + self.overlap
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,7 @@ class BoxOnIncline(SlidingBox):
         speed: initial velocity downhill [m/s]; negative for a box that is pushed up.
         size: edge lengths along the incline, across it and normal to it [m].
         turn: rotation about the normal [rad].
+        overlap: depth of its contacts at the start [m].
         mass: m [kg].
         gravity: g [m/s²].
 
@@ -132,6 +136,7 @@ class BoxOnIncline(SlidingBox):
     speed: float = 0.0
     size: Size = (0.2, 0.2, 0.1)
     turn: float = 0.0
+    overlap: float = RESTING_OVERLAP
     mass: float = 1.0
     gravity: float = 9.81
 
@@ -148,6 +153,7 @@ class ThrownBox(SlidingBox):
         friction: μ.
         size: edge lengths along, across and normal to the ground [m].
         turn: rotation about the vertical [rad].
+        overlap: depth of its contacts at the start [m].
         mass: m [kg].
         gravity: g [m/s²].
 
@@ -159,6 +165,7 @@ class ThrownBox(SlidingBox):
     friction: float = 0.5
     size: Size = (0.1, 0.1, 0.1)
     turn: float = 0.0
+    overlap: float = RESTING_OVERLAP
     mass: float = 1.0
     gravity: float = 9.81
 
@@ -190,7 +197,7 @@ class TippingBox:
     gravity: float = 9.81
 
     def __post_init__(self) -> None:
-        _check_box(self.size, self.slope)
+        _check_box(self.size, self.slope, OVERLAP)
         check_positive(self, "a box", "mass")
         if self.holding_friction > self.friction:
             raise ProblemError(
@@ -273,18 +280,16 @@ class BoxStack(ClosedFormScene):
     ratio: float = 1.0
     heavy_on_top: bool = False
     friction: float | None = 0.5
-    overlap: float = OVERLAP
+    overlap: float = RESTING_OVERLAP
     size: Size = (0.2, 0.2, 0.1)
     mass: float = 1.0
     gravity: float = 9.81
 
     def __post_init__(self) -> None:
-        _check_box(self.size, 0.0)
+        _check_box(self.size, 0.0, self.overlap)
         check_positive(self, "a stack of boxes", "n_boxes", "mass")
         if not 1.0 <= self.ratio < inf:
             raise ProblemError(f"ratio of a stack must be at least 1, got {self.ratio}.")
-        if not 0.0 <= self.overlap < self.size[2]:
-            raise ProblemError(f"overlap of a stack must be from 0 to below the height of a box, got {self.overlap}.")
 
     @property
     def masses(self) -> FloatArray:

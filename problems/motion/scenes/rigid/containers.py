@@ -4,13 +4,21 @@ The staves of the drum are bodies, ``HEAVY`` times heavier than a box, on circle
 that nothing slows down. The walls at the ends of both containers are planes without friction.
 
 Both answers are empirical, and bands rather than limits. The angle of repose of dry grains is between 25 and 45° for
-most, and larger for angular ones than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, Powder Technology 330,
-2018); the surface in a slowly turning drum is near it. The flow through a slot is Beverloo's law for a slot of width D
-and depth w, of grains of the diameter d and a bulk density ρ,
+most, and larger for angular ones than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of
+repose of granular materials*, Powder Technology 330, 397, 2018); the surface in a slowly turning drum is near it.
 
-    W = C ρ √g w (D − k d)^(3/2),      C ≈ 1.03, k ≈ 1.4
+The flow through a round outlet of the diameter D, of grains of the diameter d and a bulk density ρ, is
 
-(Beverloo, Leniger & van de Velde 1961; Nedderman, *Statics and kinematics of granular materials*, chapter 10).
+    W = 0.58 ρ √g (D − k d)^(5/2) = 0.58 · 4/π ρ A √(g D_h),      k ≈ 1.4,      A = π (D − k d)²/4
+
+(Beverloo, Leniger & van de Velde, *The flow of granular solids through orifices*, Chem. Eng. Sci. 15, 260, 1961). With
+the hydraulic diameter D_h = 4 A over the perimeter, which is D − k d there and 2 (D − k d) for a long slot of width D
+and depth w, the same law is
+
+    W = C ρ √g w (D − k d)^(3/2),      C = 0.58 · 4 √2/π = 1.04
+
+(Nedderman, *Statics and kinematics of granular materials*, Cambridge 1992, chapter 10, which has 1.03). Walls without
+friction at the ends of the slot do not narrow it.
 """
 
 from collections.abc import Callable, Sequence

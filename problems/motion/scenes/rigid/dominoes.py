@@ -1,15 +1,16 @@
 """A row of dominoes: the first one is pushed, and a wave of falling dominoes runs along the row.
 
 A domino that hits the next one keeps leaning on it, so that the whole train behind the wave pushes its head (D. E.
-Shaw, *Mechanics of a chain of dominoes*, Am. J. Phys. 46, 1978). Dominoes of height h and thickness d that stand p
+Shaw, *Mechanics of a chain of dominoes*, Am. J. Phys. 46, 640, 1978). Dominoes of height h and thickness d that stand p
 apart, and do not slip on the ground, lean by angles with
 
     h sin(θ_{i−1} − θ_i) = p cos θ_i − d,
 
 so that the train moves with one degree of freedom. Without friction between dominoes it keeps its energy between two
 impacts. At an impact, contact forces do no work on the motion of the longer train, Σ w_j (ω_j⁺ − ω_j⁻) = 0 with
-w_j = ω_j/ω_n. The speed of the wave tends to a limit, which depends on the push no more. Friction slows the wave (van
-Leeuwen, *The domino effect*, Am. J. Phys. 78, 721, 2010).
+w_j = ω_j/ω_n. The speed of the wave tends to a limit, which depends on the push no more. Friction slows the wave (J. M.
+J. van Leeuwen, *The domino effect*, Am. J. Phys. 78, 721, 2010, arXiv:physics/0401018). For thin dominoes, speeds scale
+with (g h)^½ at equal p/h (McLachlan, Beaupre, Cox & Gore, *Falling dominoes*, SIAM Review 25, 403, 1983).
 """
 
 from collections.abc import Sequence
@@ -26,9 +27,12 @@ from ...bodies.rigid.rigid_bodies import RigidBodies
 from ...bodies.rigid.shapes import Box
 from ...state import State
 from ..effects import Friction, Gravity
-from ..scene import OVERLAP, Observable, check_positive
+from ..scene import Observable, check_positive
 from .boxes import Size, incline
 from .effects import rigid_bodies
+
+RESTING_DEPTH = 1e-6
+"""Depth [m] of standing dominoes in the ground; see ``scene.RESTING_OVERLAP``. It shortens levers."""
 
 TRAIN = 40
 """Impacts after which the speed of the wave counts as its limit."""
@@ -110,7 +114,7 @@ class Dominoes:
         thickness, _, height = self.size
         poses, twists = np.zeros((self.n_dominoes, 7)), np.zeros((self.n_dominoes, 6))
         poses[:, 0] = self.pitch * np.arange(self.n_dominoes)
-        poses[:, 2], poses[:, 3] = 0.5 * height - OVERLAP, 1.0
+        poses[:, 2], poses[:, 3] = 0.5 * height - RESTING_DEPTH, 1.0
         twists[0] = 0.5 * self.push * np.array([height, 0.0, thickness, 0.0, 2.0, 0.0])
         return State(0.0, poses.ravel(), twists.ravel())
 

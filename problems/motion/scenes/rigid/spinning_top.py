@@ -7,8 +7,8 @@ tilt θ, and n the component of the angular velocity along the axis, the precess
 
 (Goldstein, *Classical Mechanics*, section 5.7). The smaller root, about m g l/(C n), is the slow precession.
 
-The midpoint rule follows it with order 1, on a joint as on the ground: a step computes the gyroscopic moment from the
-angular velocity at its begin, without what the force at the tip adds to it.
+The midpoint rule follows it with order 2 on a joint. On the ground its order is 1: the tip rests as Wᵀ u_E = 0 with the
+directions of the midpoint, half a step behind u_E.
 """
 
 from collections.abc import Sequence

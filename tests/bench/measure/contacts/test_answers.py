@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.bench.measure.contacts.answers import JudgedAnswers, confirmed, judge_answers
 from proxbench.bench.measure.contacts.control import ControlSolve
-from proxbench.bench.measure.contacts.timed_round import TimedRound
+from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Point
 from proxbench.problems import ContactProblem, Model, judge

@@ -11,7 +11,7 @@ from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.case import warm_up_data
 from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, ROUND_SECONDS, SHARE, ClockAccount
 from proxbench.bench.measure.contacts.control import Controls
-from proxbench.bench.measure.contacts.timed_round import TimedRound
+from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits

@@ -17,7 +17,7 @@ import pytest
 from proxbench.bench.isolation.child import MisbehaviourError
 from proxbench.bench.measure.contacts import protocol as measure
 from proxbench.bench.measure.contacts.protocol import Measurement
-from proxbench.bench.measure.contacts.timed_round import TimedRound
+from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop
 

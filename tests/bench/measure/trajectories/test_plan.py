@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import scene_plugin
 from proxbench.bench.measure.trajectories.methods import stored_method
@@ -14,6 +15,7 @@ from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.problems import ProxbenchError
 from proxbench.problems.exchange.plugins.offers import forget, registered
 from proxbench.problems.motion.scenes.known_motions import KNOWN_MOTIONS
+from proxbench.problems.motion.scenes.registry import make_scene, read_scene
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 
 
@@ -53,6 +55,16 @@ def test_every_closed_form_is_compared_with_its_exact_end_by_fixed_and_variable_
     (trajectory,) = plan.record.trajectories
     assert (trajectory.error, trajectory.reference) == ("end position", None)
     assert {method.stepper.partition("(")[0] for method in plan.solvers} == {"Moreau", "Extrapolated", "StepDoubling"}
+
+
+@pytest.mark.parametrize("scene", KNOWN_MOTIONS)
+def test_default_studies_move_except_those_of_stacks(scene: str) -> None:
+    (trajectory,) = make_study_plan(scene).record.trajectories
+    made = make_scene(*read_scene(trajectory.name))
+    assert made.exact is not None
+    end = made.exact(made.start.time + trajectory.duration)
+    way = float(np.abs(end.position - made.start.position).max())
+    assert (way > made.length) is not scene.endswith("stack")
 
 
 @pytest.mark.parametrize(

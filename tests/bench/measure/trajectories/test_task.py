@@ -1,17 +1,76 @@
-"""The times of a study are those of the clock."""
+"""The times of a study are those of the clocks, and of its undisturbed members."""
 
+from typing import Any
+
+import pytest
 from holding_solver import PAUSE_SECONDS, Holding
+from proxbench.bench.isolation.worker import Fault
+from proxbench.bench.measure.ladder import CasePass
+from proxbench.bench.measure.trajectories.case import Simulated, TrajectoryCase
 from proxbench.bench.measure.trajectories.methods import make_method
-from proxbench.bench.measure.trajectories.plan import make_study_plan
-from proxbench.bench.measure.trajectories.problems import trajectory_of
+from proxbench.bench.measure.trajectories.plan import LIMITS
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
 from proxbench.bench.plugins.describing import solver_spec
+from proxbench.problems.motion.trajectories.problem import EndPosition, TrajectoryProblem
+from stored_cases import timed_round
+
+VALUES = {"q": 1.0}
 
 
-def test_a_solver_that_pretends_to_compile_gains_no_time() -> None:
-    plan = make_study_plan("sliding_sphere", duration=0.02, members=[1.0])
+@pytest.fixture
+def case() -> TrajectoryCase:
+    """A curve over three members, of which nothing is measured."""
+    problem = TrajectoryProblem("sliding_sphere", 0.02, (0.9, 1.0, 1.1), EndPosition(VALUES, 1.0))
     method = make_method("Holding in Moreau(step=1e-3)", [1e-6], given=solver_spec(Holding()))
-    task = TrajectoryTask(trajectory_of(plan.record.trajectories[0]), method, 60.0)
-    answer, _ = task.answer("simulate", (1e-6, 1.0))
-    assert answer["status"] == "solved"
-    assert answer["wall"] > PAUSE_SECONDS * answer["solves"] > 0.0
+    return TrajectoryCase(problem, method, LIMITS, None, CasePass())
+
+
+def simulated(**changes: Any) -> Simulated:
+    """Return a simulation of 20 steps in 2 ms."""
+    counts = {"iterations": 20, "steps": 20, "unsolved": 0, "involuntary": 0, "voluntary": 0, "waited": 0.0}
+    times = {"prepare": [0.0], "solve": [2e-3], "processor": [2e-3]}
+    return Simulated.read({"status": "solved", "message": "", **counts, **times, "values": VALUES, **changes}, 1.0)
+
+
+def test_a_solver_that_pretends_to_compile_gains_no_time_and_sleeps_without_a_processor(case: TrajectoryCase) -> None:
+    answer, _ = TrajectoryTask(case.problem, case.method, 60.0).answer("simulate", (1e-6, 1.0))
+    read = Simulated.read(answer, 60.0)
+    wall, slept = float(read.totals.sum()), PAUSE_SECONDS * read.iterations
+    assert read.status == "solved"
+    assert read.steps == 20
+    assert wall > slept > 0.0
+    assert 0.0 < sum(read.processor) <= wall - slept + 1e-3
+
+
+def test_a_point_has_the_times_of_its_undisturbed_members_and_keeps_all_rounds(case: TrajectoryCase) -> None:
+    rounds = [
+        timed_round(0, 1.0, turn=0, processor_seconds=0.5, excluded="preempted"),
+        timed_round(0, 3.0, turn=1, processor_seconds=2.0),
+        timed_round(0, 5.0, turn=2, processor_seconds=4.0),
+    ]
+    measured = case.point(1e-6, [(simulated(), one) for one in rounds]).measured
+    assert measured is not None
+    assert (measured.rounds, measured.repeats, measured.is_excluded) == (rounds, 3, False)
+    assert measured.total_seconds.median == 4.0
+    assert measured.processor_seconds is not None
+    assert measured.processor_seconds.median == 3.0
+
+
+def test_a_failed_member_has_a_round_and_no_part_in_the_times(case: TrajectoryCase) -> None:
+    good, failed = simulated(), simulated(values={}, status="stalled")
+    answers = [(good, timed_round(0, 1.0)), (failed, timed_round(0, 9.0)), (good, timed_round(0, 3.0))]
+    measured = case.point(1e-6, answers).measured
+    assert measured is not None
+    assert (len(measured.rounds), measured.repeats, measured.failed_members) == (3, 2, 1)
+    assert measured.total_seconds.median == 2.0
+
+
+@pytest.mark.parametrize("changes", [{"values": {}}, {"solve": [2.0]}, {"processor": []}, {"steps": -1}])
+def test_an_answer_that_cannot_be_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(Fault):
+        simulated(**changes)
+
+
+def test_threads_beyond_the_readings_of_the_clocks_exceed_one_core() -> None:
+    assert not simulated(processor=[2e-3 + 20 * 4e-6]).exceeds_one_core
+    assert simulated(processor=[4e-3]).exceeds_one_core

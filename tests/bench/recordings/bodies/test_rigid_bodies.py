@@ -13,6 +13,7 @@ from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
 from proxbench.problems.motion.bodies.rigid.shapes import Box, Shape
 from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.scene import RESTING_OVERLAP
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Stop, create
@@ -51,7 +52,7 @@ def test_a_sliding_box_is_pushed_at_its_four_corners(
     vectors = np.array(content.over_time("/scene/impulses", "Arrows3D:vectors")[20])
     origins = np.array(content.over_time("/scene/impulses", "Arrows3D:origins")[20])
     assert len(np.unique(np.round(origins, 6), axis=0)) == len(origins) > 1
-    np.testing.assert_allclose(origins[:, 2], 0.0, atol=1e-6)
+    np.testing.assert_allclose(origins[:, 2], -0.5 * RESTING_OVERLAP, atol=1e-6)
     assert (vectors[:, 2] > 0.0).all()
     np.testing.assert_allclose(vectors[:, 0] / vectors[:, 2], -0.5, atol=1e-5)  # against the motion, μ = 0.5
 

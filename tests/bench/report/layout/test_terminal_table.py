@@ -57,3 +57,8 @@ def test_a_note_hangs_below_its_first_line() -> None:
     lines = hanging("SORprox: oscillating, " + 30 * "word ", 40).splitlines()
     assert max(map(len, lines)) <= 40
     assert [len(line) - len(line.lstrip()) for line in lines] == [2] + [4] * (len(lines) - 1)
+
+
+def test_a_unit_in_brackets_stays_in_the_head() -> None:
+    head = printed(table("A").rename(columns={"1e-04": "wall [s]"}), 80).splitlines()[0]
+    assert "wall [s]" in head

@@ -49,6 +49,16 @@ def test_a_velocity_that_rounding_hides_is_found() -> None:
     assert 0.0 < rounding.max() < 1e-10
 
 
+@pytest.mark.parametrize("name", ["hard-scaled-rows", "hard-scaled-tower-10", "hard-stack-10-bottom-1e8"])
+def test_right_answers_are_certified_whatever_a_product_of_norms_bounds(name: str) -> None:
+    problem = load(name)
+    assert problem.answer is not None
+    impulses, delassus = np.array(problem.answer.impulses)[0], abs(problem.delassus()).toarray()
+    scale = np.abs(problem.free_velocity).max()
+    product = 2.0**-53 * delassus.sum(axis=1).max() * np.abs(impulses).max() / scale
+    assert max(judge(problem, impulses).residual, exact_residual(problem, impulses)) < 1e-10 < 1e-8 < product
+
+
 @pytest.mark.parametrize("name", ["hard-stack-2-top-1e8", "hard-scaled-rows", "hard-linked-3-axes"])
 @pytest.mark.parametrize("size", [1.0, 1e12])
 def test_accurate_velocities_are_exact_to_their_bound(name: str, size: float) -> None:

@@ -85,3 +85,17 @@ def test_one_free_step_keeps_energy_and_momentum_and_is_undone_by_a_step_back(se
     lengths = [np.linalg.norm(inertias * one, axis=1) for one in (after, spins)]
     np.testing.assert_allclose(lengths[0], lengths[1], rtol=1e-13)
     np.testing.assert_allclose(free_spins(after, inertias, -seconds), spins, atol=1e-13)
+
+
+@given(seed=st.integers(0, 2**32 - 1), seconds=st.floats(1e-4, 0.1))
+def test_the_gyroscopic_moment_does_no_work_beside_an_impulse(seed: int, seconds: float) -> None:
+    """The energy changes by the work p·ω_m of the impulse alone, and the step is undone by one back with −p."""
+    rng = np.random.default_rng(seed)
+    sides = rng.uniform(0.1, 1.0, (4, 3)) ** 2
+    inertias = sides.sum(axis=1)[:, None] - sides
+    spins, impulses = rng.normal(size=(4, 3)), 0.3 * rng.normal(size=(4, 3)) * inertias
+    after = free_spins(spins, inertias, seconds, impulses) + impulses / inertias
+    gained = 0.5 * (inertias * (after**2 - spins**2)).sum(axis=1)
+    np.testing.assert_allclose(gained, (impulses * 0.5 * (spins + after)).sum(axis=1), atol=1e-13)
+    before = free_spins(after, inertias, -seconds, -impulses) - impulses / inertias
+    np.testing.assert_allclose(before, spins, atol=1e-12)

@@ -82,6 +82,36 @@ def test_points_that_make_no_polyhedron_are_refused(points: object, words: str) 
         convex_polyhedron(points)
 
 
+def cube_with(**changes: object) -> dict[str, object]:
+    shape, _ = convex_polyhedron(Box((1.0, 1.0, 1.0)).vertices)
+    return {name: getattr(shape, name) for name in ("vertices", "faces", "volume", "inertia")} | changes
+
+
+def dented() -> NDArray[np.float64]:
+    vertices = np.array(cube_with()["vertices"])
+    vertices[0] *= 0.1
+    return vertices
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"faces": tuple(face[::-1] for face in cube_with()["faces"])}, "face 0 of a polyhedron is flat or inside out"),
+        (
+            {"vertices": np.multiply(cube_with()["vertices"], [1.0, 1.0, 0.0])},
+            "flat or inside out: its corners",
+        ),
+        ({"vertices": np.add(cube_with()["vertices"], [3.0, 0.0, 0.0])}, "around the centre of mass"),
+        ({"vertices": dented()}, "not convex at its face .; divide the body"),
+        ({"inertia": np.array([1.0, 0.0, 1.0])}, "volume and inertia of a polyhedron must be positive"),
+        ({"volume": -1.0}, "build the polyhedron from its corners with convex_polyhedron"),
+    ],
+)
+def test_a_polyhedron_of_other_faces_is_refused(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        Polyhedron(**cube_with(**changes))  # type: ignore[arg-type]
+
+
 def test_too_many_faces_are_refused() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
     ring = np.column_stack([np.cos(angles), np.sin(angles)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.rigid.containers import STAVES, DrivenRing, Hopper, RotatingDrum
+from proxbench.problems.motion.scenes.rigid.containers import BEVERLOO, STAVES, DrivenRing, Hopper, RotatingDrum
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
@@ -66,6 +66,12 @@ def test_beverloo_gives_the_order_of_the_flow_through_a_hopper() -> None:
     begin, end = np.searchsorted(through, [12, 48])
     rate = 36.0 / (states[end].time - states[begin].time)
     assert 0.5 * hopper.flow_rate < rate < 2.0 * hopper.flow_rate
+
+
+def test_the_constant_of_a_slot_is_that_of_a_round_outlet_with_the_same_hydraulic_diameter() -> None:
+    slot, narrowing = BEVERLOO
+    assert slot == pytest.approx(0.58 * 4.0 / np.pi * np.sqrt(2.0), rel=0.02)
+    assert narrowing == 1.4
 
 
 def test_the_flow_by_beverloo_grows_with_the_slot_and_stops_below_it() -> None:

@@ -48,6 +48,8 @@ def test_the_theory_is_independent_of_the_push_and_of_mass_and_scales_with_gravi
     speed = Dominoes().frictionless_speed
     assert Dominoes(push=12.0).frictionless_speed == pytest.approx(speed, rel=1e-4)
     assert Dominoes(mass=1.0).frictionless_speed == pytest.approx(speed, rel=1e-12)
+    double = Dominoes(spacing=0.04, push=12.0, size=(0.016, 0.048, 0.096))
+    assert double.frictionless_speed == pytest.approx(np.sqrt(2.0) * speed, rel=1e-4)
     assert Dominoes(push=12.0, gravity=4 * 9.81).frictionless_speed == pytest.approx(2.0 * speed, rel=1e-4)
 
 

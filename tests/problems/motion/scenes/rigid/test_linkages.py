@@ -162,15 +162,6 @@ def test_velocities_do_not_open_the_joints_of_a_linkage_for_long() -> None:
     assert open_rates[1] <= 1e-13
 
 
-def test_a_four_bar_linkage_converges_with_order_two_to_its_exact_motion() -> None:
-    scene, errors = FourBar(), []
-    exact = scene.exact(0.5)
-    for count in (25, 50, 100):
-        end = last_steps(scene.system(), scene.start(), 0.5 / count, count)[-1].state
-        errors.append(np.abs(end.position - exact.position).max())
-    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([2.0, 2.0], abs=0.25)
-
-
 @pytest.mark.parametrize("name", ["pendulum", "chain", "ball_on_chain", "four_bar"])
 def test_scenes_of_linkages_close_their_joints(name: str) -> None:
     scene = make_scene(name)

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 from proxbench.bench.isolation.worker import Fault
-from proxbench.bench.measure.contacts.timed_round import TOLERATED_SECONDS, TimedRound
+from proxbench.bench.measure.timed_round import TOLERATED_SECONDS, TimedRound
 
 
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.contacts.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
+    monkeypatch.setattr("proxbench.bench.measure.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
 
 
 PLAIN = {

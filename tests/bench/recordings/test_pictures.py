@@ -1,4 +1,4 @@
-"""A still is what a recording shows at its end, or one sentence."""
+"""A still is what a recording shows at its end, and a film all of it, or there is one sentence."""
 
 import os
 import shutil
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.recordings import still as still_module
-from proxbench.bench.recordings.still import PANELS, SIZE, without_panels
+from proxbench.bench.recordings import headless
+from proxbench.bench.recordings.pictures import FILM_SIZE, STILL_SIZE
 
 RECORD = "record hard-sticking-box --solver SORprox --tolerance 1e-4"
 DRIVERS = [
@@ -30,7 +30,7 @@ def test_a_still_has_the_size_of_the_viewer_and_shows_something(
     assert f"still: {tmp_path}/a.png" in capsys.readouterr().out
     picture = (tmp_path / "a.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
-    assert struct.unpack(">II", picture[16:24]) == SIZE
+    assert struct.unpack(">II", picture[16:24]) == STILL_SIZE
     assert len(picture) > 10_000  # an empty picture of this size compresses to less
 
 
@@ -44,42 +44,54 @@ def test_a_still_of_a_stored_simulation_is_drawn_from_its_result_alone(
     assert run_command(line.split()) == 0
     assert run_command(["record", str(file), "--still", str(still)]) == 0
     assert f"still: {still}" in capsys.readouterr().out
-    assert struct.unpack(">II", still.read_bytes()[16:24]) == SIZE
+    assert struct.unpack(">II", still.read_bytes()[16:24]) == STILL_SIZE
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
-def test_a_still_has_no_badges_and_no_controls_of_the_viewer(tmp_path: Path) -> None:
+def test_title_bars_of_a_still_have_titles_and_no_buttons(tmp_path: Path) -> None:
     line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png --quiet"
     assert run_command(line.split()) == 0
     with Image.open(tmp_path / "a.png") as picture:
-        bar = np.asarray(picture.convert("L"), dtype=int)[8:28, 16:-16]
-    assert np.ptp(bar) <= 8
+        bar = np.asarray(picture.convert("L"), dtype=int)[1:27]
+    assert np.ptp(bar[:, 120:-1]) <= 8
+    assert np.ptp(bar[:, 10:80]) > 100
 
 
-def test_the_panels_of_the_viewer_are_hidden_and_everything_else_is_kept() -> None:
-    read = {
-        "/time_panel": {"TimePanelBlueprint": {"fps": 30.0, "state": "Collapsed"}},
-        "/selection_panel": {"PanelBlueprint": {"state": "Expanded"}},
-        "/view/a": {"ViewBlueprint": {"display_name": "balls"}},
-    }
-    made = without_panels(read)
-    assert made["/view/a"] == read["/view/a"]
-    assert made["/time_panel"]["TimePanelBlueprint"]["fps"] == 30.0
-    assert {made[panel][archetype]["state"] for panel, archetype in PANELS.items()} == {"Hidden"}
-    assert read["/selection_panel"]["PanelBlueprint"]["state"] == "Expanded"
+@pytest.mark.slow
+@pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
+def test_a_film_shows_the_motion_from_start_to_end(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file, film = tmp_path / "a.npz", tmp_path / "a.webp"
+    line = f"simulate pendulum --stepper Moreau(step=0.05) --duration 0.5 --output {file} --no-progress"
+    assert run_command(line.split()) == 0
+    assert run_command(["record", str(file), "--film", str(film), "--frames", "3"]) == 0
+    assert f"film: {film}" in capsys.readouterr().out
+    with Image.open(film) as frames:
+        assert (frames.n_frames, frames.size) == (3, FILM_SIZE)  # type: ignore[attr-defined]
+        pictures = []
+        for number in range(3):
+            frames.seek(number)
+            pictures.append(np.asarray(frames.convert("L"), dtype=int))
+    assert (np.abs(np.diff(pictures, axis=0)) > 50).sum(axis=(1, 2)).min() > 500  # the rod moved
+    assert pictures[0][1:27, 120:-1].max() <= 40  # no buttons, but the noise of compression
 
 
 @pytest.mark.parametrize(
-    ("still", "words"),
-    [("new.jpg", "must end in .png"), ("old.png", "--force"), ("old.png/new.png", "cannot write")],
+    ("picture", "words"),
+    [
+        ("--still new.jpg", "must end in .png"),
+        ("--film new.gif", "must end in .webp"),
+        ("--film new.webp --frames 1", "--frames"),
+        ("--still old.png", "--force"),
+        ("--still old.png/new.png", "cannot write"),
+    ],
 )
-def test_a_still_that_cannot_be_written_is_refused_before_any_work(
-    still: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_picture_that_cannot_be_written_is_refused_before_any_work(
+    picture: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("old.png").write_text("precious")
-    assert run_command(f"{RECORD} --output new.rrd --still {still}".split()) == 2
+    assert run_command(f"{RECORD} --output new.rrd {picture}".split()) == 2
     printed = capsys.readouterr()
     assert printed.err.count("\n") == 1
     assert words in printed.err
@@ -92,7 +104,7 @@ def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
     program: str | None, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = shutil.which(program) if program else None
-    monkeypatch.setattr(still_module.shutil, "which", lambda name, path: found)
+    monkeypatch.setattr(headless.shutil, "which", lambda name, path: found)
     line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png"
     assert run_command(line.split()) == 2
     printed = capsys.readouterr()

@@ -19,14 +19,14 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
-from ....problems.arrays import FloatArray
-from ....problems.contact.solver import Status
-from ....solvers.contract import MAX_ITERATIONS
-from ...isolation.worker import Fault, no_answer
-from ...store.fields import LARGEST, Count
-from ...store.outcome import Outcome
-from ...store.records import Excluded, Round
-from ..points import quartiles
+from ...problems.arrays import FloatArray
+from ...problems.contact.solver import Status
+from ...solvers.contract import MAX_ITERATIONS
+from ..isolation.worker import Fault, no_answer
+from ..store.fields import LARGEST, Count
+from ..store.outcome import Outcome
+from ..store.records import Excluded, Round
+from .points import quartiles
 
 TOLERATED_SHARE = 0.02
 """Share of its wall time that a round may lose."""
@@ -102,6 +102,11 @@ class TimedRound(Struct, frozen=True):
         return np.minimum(self.totals, self.processor) if self.is_preempted else self.totals
 
     @property
+    def n_readings(self) -> int:
+        """Number of readings of both clocks."""
+        return len(self.totals)
+
+    @property
     def is_preempted(self) -> bool:
         """Whether another process ran on its core for more than a tolerable part of its time."""
         wall = float(self.totals.sum())
@@ -113,7 +118,7 @@ class TimedRound(Struct, frozen=True):
     @property
     def exceeds_one_core(self) -> bool:
         """Whether its processor time exceeds that of one core."""
-        allowed = PARALLEL_SECONDS + CLOCK_SECONDS * len(self.totals)
+        allowed = PARALLEL_SECONDS + CLOCK_SECONDS * self.n_readings
         return sum(self.processor) - (1.0 + TOLERATED_SHARE) * float(self.totals.sum()) > allowed
 
     def record(self, session: int, number: int, turn: int, probe: float, is_steady: bool) -> Round:

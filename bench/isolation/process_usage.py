@@ -1,0 +1,45 @@
+"""What the system counts for this process: processor time, context switches, and waiting time."""
+
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from time import process_time
+from typing import NamedTuple, Self
+
+from ...problems.contact.solver import Solver
+from ...solvers.native.executable import Executable
+
+
+def used_seconds(solver: Solver) -> float:
+    """Return the processor time of this process, of processes that it has waited for, and of a solver's program [s]."""
+    children = getrusage(RUSAGE_CHILDREN)
+    program = solver.processor_seconds() if isinstance(solver, Executable) else 0.0
+    return process_time() + children.ru_utime + children.ru_stime + program
+
+
+class Switches(NamedTuple):
+    """Context switches of this process, and the waiting time of its thread.
+
+    Attributes:
+        involuntary: switches that preempted it.
+        voluntary: switches in which it slept or waited.
+        waited: time of being ready but not running [s]; None if the system does not count it.
+    """
+
+    involuntary: int
+    voluntary: int
+    waited: float | None
+
+    @classmethod
+    def now(cls) -> Self:
+        """Return the present counts."""
+        counts = getrusage(RUSAGE_SELF)
+        try:
+            waited = 1e-9 * float(Path("/proc/thread-self/schedstat").read_text().split()[1])
+        except (OSError, ValueError, IndexError):
+            waited = None
+        return cls(counts.ru_nivcsw, counts.ru_nvcsw, waited)
+
+    def since(self, before: Self) -> Self:
+        """Return the counts since ``before``."""
+        waited = None if self.waited is None or before.waited is None else self.waited - before.waited
+        return type(self)(self.involuntary - before.involuntary, self.voluntary - before.voluntary, waited)

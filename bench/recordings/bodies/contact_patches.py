@@ -1,0 +1,43 @@
+"""Contact patches: the loaded contacts of two bodies, joined to a polygon, a line or a point."""
+
+import numpy as np
+import rerun as rr
+
+from ....problems.arrays import FloatArray, IntArray
+from ....problems.motion.bodies.contact_frame import write_frame
+from ..contact_states import ContactState, States
+
+NO_PATCHES = rr.LineStrips3D([])
+
+
+def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: States) -> rr.LineStrips3D:
+    """Return the patch of each pair of bodies, as a closed line; it sticks if one of its contacts does.
+
+    Args:
+        pairs: both bodies of each contact, shape (n, 2).
+        points: positions of the contacts [m], shape (n, 3).
+        normals: their normals, shape (n, 3).
+        states: their states, shape (n,).
+    """
+    _, patch = np.unique(pairs, axis=0, return_inverse=True)
+    order = np.lexsort((_angles(patch, points, normals), patch))
+    ends = np.flatnonzero(np.diff(patch[order])) + 1
+    strips, colours = [], []
+    for members in np.split(order, ends):
+        if len(members) > 1:
+            strips.append(points[np.append(members, members[0])])
+            colours.append(ContactState.STICK if (states[members] == ContactState.STICK).any() else ContactState.SLIP)
+    return rr.LineStrips3D(strips, class_ids=colours)
+
+
+def _angles(patch: IntArray, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the angle of each contact about the middle of its patch, in the plane of the patch, shape (n,)."""
+    counts = np.bincount(patch)
+    middles = np.column_stack([np.bincount(patch, points[:, axis]) / counts for axis in range(3)])
+    _, firsts = np.unique(patch, return_index=True)
+    frames = np.zeros((len(firsts), 3, 3))
+    for frame, normal in zip(frames, normals[firsts], strict=True):
+        write_frame(normal, 3, frame)
+    arms = np.einsum("cix,cx->ci", frames[patch, 1:], points - middles[patch])
+    angles: FloatArray = np.arctan2(arms[:, 1], arms[:, 0])
+    return angles

@@ -1,0 +1,70 @@
+"""Arrows for the forces of a simulation, with lengths that suit most of them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....problems.arrays import FloatArray
+from ..contact_states import States
+
+SHARE, RADII, MAX_RATIO = 0.9, 0.6, 4.0
+"""The force that this share of all forces does not exceed has an arrow of so many bounding radii of its body. Arrows
+grow with the root of a force, up to this multiple of it, so that impacts do not cover everything."""
+
+NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.uint16))
+"""Arguments of ``ForceArrows.add`` for a step without forces."""
+
+
+@dataclass(frozen=True, eq=False)
+class _StepForces:
+    number: int
+    vectors: FloatArray
+    points: FloatArray
+    radii: FloatArray
+    states: States
+
+
+class ForceArrows:
+    """Collect the forces of all steps, then return their arrows."""
+
+    def __init__(self) -> None:
+        self._steps: list[_StepForces] = []
+
+    def add(self, number: int, vectors: FloatArray, points: FloatArray, radii: FloatArray, states: States) -> None:
+        """Add the forces of a step.
+
+        Args:
+            number: number of the step.
+            vectors: forces at contacts, then those of joints [N], shape (n, 3).
+            points: where they act [m], shape (n, 3).
+            radii: bounding radii of the bodies on which they act [m], shape (n,).
+            states: states of the contacts, shape (n_contacts,).
+        """
+        self._steps.append(_StepForces(number, vectors, points, radii, states))
+
+    @property
+    def reference(self) -> float | None:
+        """The force [N] whose arrow has the length ``RADII``; None without forces."""
+        sizes = np.concatenate([np.zeros(0), *(np.linalg.norm(step.vectors, axis=1) for step in self._steps)])
+        acting = sizes[sizes > 0.0]
+        return float(np.quantile(acting, SHARE)) if len(acting) else None
+
+    @property
+    def explanation(self) -> str:
+        """What the length of an arrow means."""
+        if self.reference is None:
+            return ""
+        force = float(f"{self.reference:.2g}")
+        return (
+            f" Arrows grow with the root of a force: {RADII:g} radii of the body are {force:g} N, and twice that is "
+            f"{MAX_RATIO:g} times this force or more."
+        )
+
+    def drawn(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:
+        """Yield number, arrows [m], the points where they begin [m], and states of contacts of each step."""
+        reference = self.reference or 1.0
+        for step in self._steps:
+            size = np.linalg.norm(step.vectors, axis=1)
+            lengths = RADII * step.radii * np.sqrt(np.minimum(size / reference, MAX_RATIO))
+            yield step.number, step.vectors * (lengths / np.maximum(size, 1e-300))[:, None], step.points, step.states

@@ -1,0 +1,85 @@
+"""Joints in recordings: their points, axes and rods, and the forces that they exert."""
+
+import numpy as np
+import rerun as rr
+import scipy.sparse as sp
+
+from ....problems.arrays import FloatArray
+from ....problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
+from ....problems.motion.bodies.rigid.orientation import IDENTITY, rotation_matrices
+from ....problems.motion.stepping.step import Step
+from ...report.charts.palette import PALETTE, rgb
+from ..simulation import Entities
+
+JOINTS = "scene/joints"
+PLAIN, RUBBING, DRIVEN = (236, 240, 245), rgb(PALETTE[1]), rgb(PALETTE[6])
+"""Colours of joints: without friction, with friction, and with a motor."""
+
+AXIS, POINT, LINE = 0.3, 0.1, 0.03
+"""Half-length of an axis, radius of a point, and radius of a line over the smallest bounding radius of a body."""
+
+
+def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entities:
+    """Yield the points of joints, and the axes, rods and ropes.
+
+    Args:
+        joints: the joints.
+        poses: (x [m], quaternion) of each body, shape (n, 7).
+        radius: smallest bounding radius of a body [m].
+    """
+    points, point_colours, lines, line_colours = [], [], [], []
+    for joint in joints.joints:
+        (first, _), (second, rotation) = joint_points(joint, poses)
+        colour = DRIVEN if joint.motor_bound else RUBBING if joint.friction else PLAIN
+        points.append(first)
+        point_colours.append(colour)
+        if joint.kind in ("distance", "rope"):
+            points.append(second)
+            point_colours.append(colour)
+            lines.append([first, second])
+            line_colours.append(colour)
+        if joint.kind in ("revolute", "prismatic"):
+            axis = rotation @ (np.array(joint.axis) / np.linalg.norm(joint.axis))
+            low, high = -AXIS * radius, AXIS * radius
+            if joint.kind == "prismatic" and joint.limits is not None:
+                low, high = joint.limits
+            lines.append([second + low * axis, second + high * axis])
+            line_colours.append(colour)
+    yield f"{JOINTS}/points", rr.Points3D(points, colors=point_colours, radii=[POINT * radius])
+    yield f"{JOINTS}/lines", rr.LineStrips3D(lines, colors=line_colours, radii=[LINE * radius])
+
+
+def joint_points(joint: Joint, poses: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the point [m] of each body of a joint, shape (3,), and the rotation of its body axes, shape (3, 3)."""
+    placed = []
+    for body, point in ((joint.first, joint.first_point), (joint.second, joint.second_point)):
+        pose = np.array([0.0, 0.0, 0.0, *IDENTITY]) if body == WORLD else poses[body]
+        rotation = rotation_matrices(pose[None, 3:])[0]
+        placed.append((pose[:3] + rotation @ point, rotation))
+    return placed
+
+
+def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArray:
+    """Return the impulses of joints and their limits on their first bodies [N s], shape (n_joints, 3).
+
+    Args:
+        joints: the joints.
+        first_key: key of the first joint among all contacts, see ``RigidJoints.rows_at``.
+        step: a step with active contacts.
+    """
+    contacts, n_joints = step.contacts, len(joints.joints)
+    assert contacts is not None
+    directions = contacts.directions
+    assert isinstance(directions, sp.csc_array)  # as with all joints
+    numbers = contacts.keys - first_key
+    owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
+    counts = np.full(len(owners), contacts.width) if contacts.row_counts is None else contacts.row_counts
+    columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))
+    joint = np.repeat(owners, counts)[columns]
+    body, axis = np.divmod(directions.indices, 6)
+    bodies = np.array([joint.first for joint in joints.joints])
+    is_force = (joint >= 0) & (axis < 3)
+    is_force[is_force] = body[is_force] == bodies[joint[is_force]]
+    impulses = np.zeros((n_joints, 3))
+    np.add.at(impulses, (joint[is_force], axis[is_force]), (directions.data * step.impulses[columns])[is_force])
+    return impulses

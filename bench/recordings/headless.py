@@ -1,0 +1,159 @@
+"""A viewer without a window, which draws pictures of a recording at chosen times."""
+
+import io
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from PIL import Image
+from rerun.experimental import Timeline, ViewerClient
+
+from ...problems.errors import error_text
+from ..errors import BenchError
+from .title_bars import TOP_BAR, Blueprint, clear_title_bars
+
+SECONDS = 60.0
+"""Time limit for each phase of drawing: starting, loading, settling [s]."""
+
+PAUSE = 0.5
+"""Time between two checks of the viewer [s]."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class HeadlessViewer:
+    """A viewer that shows one recording.
+
+    Attributes:
+        client: connection to the viewer.
+        timeline: the timeline of the pictures, with its first and last time.
+        blueprint: layout of the recording, as fields by archetype by entity.
+    """
+
+    client: ViewerClient
+    timeline: Timeline
+    blueprint: Blueprint
+
+    @property
+    def times(self) -> tuple[int, int]:
+        """First and last time, a number of steps or iterations or a time [ns]."""
+        return self.timeline.start or 0, self.timeline.end or 0
+
+    def show(self, blueprint: Mapping[str, Any], at: int) -> None:
+        """Change the layout, and wait until two successive pictures of a time are equal."""
+        self._seek(at)
+        self.client.set_blueprint(dict(blueprint), "recording")
+        before = b""
+
+        def is_settled() -> bool | None:
+            nonlocal before
+            last, before = before, self.client.take_screenshot()
+            return True if before == last and _timeline(self.client, self.timeline.name) == self.timeline else None
+
+        _wait_for(is_settled, "the picture does not settle")
+
+    def picture(self, blueprint: Blueprint, at: int) -> Image.Image:
+        """Return the picture at a time, in the layout that is shown, without the viewer's own buttons."""
+        self._seek(at)
+        with Image.open(io.BytesIO(self.client.take_screenshot())) as shot:
+            content = shot.convert("RGB").crop((0, TOP_BAR, *shot.size))
+        clear_title_bars(content, blueprint)
+        return content
+
+    def _seek(self, at: int) -> None:
+        name = self.timeline.name
+        if self.timeline.time_type == "sequence":
+            self.client.set_time(name, sequence=at, play_state="paused")
+        else:
+            self.client.set_time(name, duration=np.timedelta64(at, "ns"), play_state="paused")
+
+
+@contextmanager
+def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], target: Path) -> Iterator[HeadlessViewer]:
+    """Show a recording, when all of its data are loaded, in pictures of ``size`` [pixels], and end the viewer.
+
+    Raises:
+        BenchError: if the viewer cannot draw the file ``target`` on this machine; the recording is kept.
+    """
+    try:
+        with tempfile.TemporaryDirectory() as folder, _running_viewer(Path(folder), size) as client:
+            client.open(str(recording.absolute()))
+            loaded = _wait_for(lambda: _timeline(client, timeline), "loading takes too long")
+            yield HeadlessViewer(client, loaded, client.get_blueprint("recording").blueprint)
+    except Exception as error:  # any exception of the viewer and its experimental interface
+        raise BenchError(
+            f"{recording} is kept, but the viewer cannot draw {target} here ({error_text(error)}); it needs a "
+            "Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)."
+        ) from error
+
+
+def _timeline(client: ViewerClient, name: str) -> Timeline | None:
+    """Return a timeline; None while data are being loaded."""
+    state = client.get_state()
+    if state.loading:
+        return None
+    return next((line for held in state.recordings for line in held.timelines if line.name == name), None)
+
+
+@contextmanager
+def _running_viewer(folder: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
+    """Run a separate viewer without a window, and end it."""
+    program = shutil.which(
+        "rerun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    )
+    if program is None:
+        raise BenchError("the program rerun is not installed")
+    port = _free_port()
+    window = f"{size[0]}x{size[1] + TOP_BAR}"
+    line = [program, "--headless", "--hide-welcome-screen", "--port", str(port), "--window-size", window]
+    quiet = {"RERUN_APP_ONLY": "true", "RUST_LOG": "error", "XDG_RUNTIME_DIR": str(folder)}
+    with (folder / "messages").open("w+b") as messages:
+        process = subprocess.Popen(
+            line, env={**os.environ, **quiet}, stdout=messages, stderr=messages, start_new_session=True
+        )
+        try:
+
+            def answering() -> ViewerClient | None:
+                if process.poll() is not None:
+                    raise BenchError(f"it ended with {process.returncode}")
+                with suppress(Exception):  # not yet
+                    client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+                    client.get_state()
+                    return client
+                return None
+
+            yield _wait_for(answering, "it does not start")
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def _wait_for(check: Callable[[], T | None], late: str) -> T:
+    """Poll until there is a result."""
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        found = check()
+        if found is not None:
+            return found
+        time.sleep(PAUSE)
+    raise BenchError(late)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port

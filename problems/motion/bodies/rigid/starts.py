@@ -1,0 +1,46 @@
+"""The state in which a motion of rigid bodies may start."""
+
+import numpy as np
+
+from ....errors import ProblemError
+from ...state import State
+from .orientation import check_orientation
+from .rigid_bodies import RigidBodies
+
+MAX_START_DEPTH = 0.05
+"""Deepest penetration at the start of a motion over the bounding radius of the smaller body."""
+
+
+def check_start(bodies: RigidBodies, start: State) -> None:
+    """Check that a motion may start: its numbers, that joints close, and that bodies do not penetrate deeply.
+
+    Raises:
+        ProblemError: for a vector of another length or with NaN, a quaternion not of unit length, the joint that
+            misses by most, or the deepest contact, if it is deeper than ``MAX_START_DEPTH`` of the smaller body.
+    """
+    for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):
+        shape = (count * bodies.n_bodies,)
+        if np.shape(values) != shape:
+            raise ProblemError(
+                f"{name} at the start must have shape {shape}, {count} numbers a body, got {np.shape(values)}."
+            )
+        if not np.isfinite(values).all():
+            worst = int(np.flatnonzero(~np.isfinite(values))[0]) // count
+            raise ProblemError(f"{name} of body {worst} is not finite at the start; correct it.")
+    poses = bodies.poses(start.position)
+    for body, pose in enumerate(poses.tolist()):
+        check_orientation(f"body {body} at the start", pose[3:])
+    if bodies.joints is not None:
+        bodies.joints.check_start(poses)
+    found = bodies.contacts_within(poses, 0.0)
+    depth = -found.gap / np.minimum(bodies.radii[found.first], bodies.radii[found.second])
+    if depth.max(initial=0.0) > MAX_START_DEPTH:
+        worst = int(depth.argmax())
+        one, other = (
+            f"fixed body {body - bodies.n_bodies}" if body >= bodies.n_bodies else f"body {body}"
+            for body in (int(found.first[worst]), int(found.second[worst]))
+        )
+        raise ProblemError(
+            f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart, to less than "
+            f"{MAX_START_DEPTH:g} of the smaller one's radius."
+        )

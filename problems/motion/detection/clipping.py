@@ -1,0 +1,40 @@
+"""Polygons cut by planes, for contacts of faces."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Return a · b of two vectors, in bits that do not depend on a library of linear algebra."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
+    """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
+
+    Args:
+        polygon: corners, of which the first ``n`` count; there must be room for one more a cut.
+        edges: number of the edge that leaves each of them.
+        n: number of corners.
+        across: normal of the plane.
+        limit: its distance from the origin along the normal.
+        slack: distance above the plane up to which a corner stays.
+        number: of the new edge.
+
+    Returns:
+        Number of corners, corners and edges.
+    """
+    left, left_edges, m = np.empty(polygon.shape), np.empty(len(polygon), dtype=np.int64), 0
+    for k in range(n):
+        here, there = polygon[k], polygon[(k + 1) % n]
+        over, next_over = dot(across, here) - limit, dot(across, there) - limit
+        if over <= slack:
+            left[m], left_edges[m] = here, edges[k]
+            m += 1
+        if (over <= slack) != (next_over <= slack):
+            left[m] = here + over / (over - next_over) * (there - here)
+            left_edges[m] = number if over <= slack else edges[k]
+            m += 1
+    return m, left, left_edges

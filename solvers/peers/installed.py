@@ -1,0 +1,22 @@
+"""Whether the library of an outside solver is installed, asked without importing it."""
+
+from importlib import metadata
+from importlib.util import find_spec
+
+from ...problems.contact.solver import SolverError
+
+
+def check_installed(solver: str, library: str, extra: str, tried: str = "") -> None:
+    """Raise ``SolverError`` unless a library is installed, in a version that was tried.
+
+    Args:
+        solver: the solver that needs it.
+        library: its module, and its distribution where ``tried`` is given.
+        extra: the extra of Proxbench that installs it.
+        tried: how versions begin that the solver was tried with; any version if empty.
+    """
+    remedy = f'run pip install ".[{extra}]" in a clone of proxbench'
+    if find_spec(library) is None:
+        raise SolverError(f"{solver} needs {library}, which is not installed; {remedy}")
+    if tried and not (version := metadata.version(library)).startswith(f"{tried}."):
+        raise SolverError(f"{solver} is untried with {library} {version}, {tried}.x is supported; {remedy}")

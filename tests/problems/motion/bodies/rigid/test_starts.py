@@ -1,0 +1,65 @@
+"""A motion of rigid bodies that cannot start so is refused with one sentence and its remedy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.bodies.rigid.joints import Joint, RigidJoints
+from proxbench.problems.motion.bodies.rigid.rigid_bodies import FixedBody, RigidBodies
+from proxbench.problems.motion.bodies.rigid.shapes import Box, HalfSpace
+from proxbench.problems.motion.bodies.rigid.starts import check_start
+from proxbench.problems.motion.state import State
+
+BOX = Box((1.0, 1.0, 1.0))
+
+
+def bodies() -> RigidBodies:
+    return RigidBodies([BOX, BOX], np.ones(2), [FixedBody(HalfSpace())])
+
+
+def start(**changes: tuple[int, float]) -> State:
+    """Return one box above the other; ``position`` and ``velocity`` take an index and a value."""
+    numbers: dict[str, NDArray[np.float64]] = {
+        "position": np.array([0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.6, 1.0, 0.0, 0.0, 0.0]),
+        "velocity": np.zeros(12),
+    }
+    for name, (index, value) in changes.items():
+        numbers[name][index] = value
+    return State(0.0, **numbers)
+
+
+def test_boxes_that_touch_may_start() -> None:
+    check_start(bodies(), start())
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (start(position=(8, np.nan)), "position of body 1 is not finite at the start"),
+        (start(velocity=(5, np.inf)), "velocity of body 0 is not finite at the start"),
+        (start(position=(10, 0.0)), "orientation of body 1 at the start must be a unit quaternion"),
+        (start(position=(10, 1.1)), "divide it by its length"),
+        (State(0.0, np.zeros(13), np.zeros(12)), r"position at the start must have shape \(14,\), 7 numbers a body"),
+        (State(0.0, start().position, np.zeros(13)), r"velocity at the start must have shape \(12,\)"),
+        (start(position=(9, 1.4)), "body 0 and body 1 penetrate by 0.1 m at the start; move them apart"),
+        (start(position=(2, 0.4)), "body 0 and fixed body 0 penetrate by 0.1 m at the start; move them apart"),
+    ],
+)
+def test_a_state_in_which_bodies_cannot_start_is_refused(state: State, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        check_start(bodies(), state)
+
+
+def test_a_joint_that_is_open_at_the_start_is_refused() -> None:
+    joined = replace(bodies(), joints=RigidJoints([Joint("ball", 0, 1, (0.0, 0.0, 0.5), (0.0, 0.0, -0.5))], 2))
+    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: it misses by 0.1 m or rad; correct"):
+        check_start(joined, start())
+
+
+def test_a_fixed_body_at_no_pose_is_refused() -> None:
+    with pytest.raises(ProblemError, match="orientation of a fixed body must be a unit quaternion"):
+        FixedBody(HalfSpace(), orientation=(0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(ProblemError, match="centre of a fixed body must be finite"):
+        FixedBody(HalfSpace(), (0.0, np.nan, 0.0))

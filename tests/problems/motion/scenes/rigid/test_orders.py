@@ -1,0 +1,39 @@
+"""The midpoint rule converges to each closed form with its order."""
+
+import convergence_orders
+import numpy as np
+import pytest
+from convergence_orders import EXACT, Case
+
+CASES = {case.name: case for case in convergence_orders.cases()}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_error_of_a_scene_falls_with_its_order(name: str) -> None:
+    case: Case = CASES[name]
+    errors = np.array(case.errors())
+    if case.order == np.inf:
+        assert errors.max() <= EXACT
+        return
+    # where edges turn, the error of single steps is erratic: the order is that of the whole range
+    orders = np.log2(errors[:-1] / errors[1:])
+    assert orders.mean() == pytest.approx(case.order, abs=0.6 if name == "tipping_box" else 0.15)
+    assert errors.min() > 100.0 * 1e-12
+
+
+def test_free_bodies_keep_energy_and_momentum() -> None:
+    for row in convergence_orders.free(2000):
+        assert row["energy"] <= 1e-12
+        assert row["|Jω|"] <= 1e-12
+        assert row["momentum"] <= 1e-15
+        assert row["angular momentum in space"] <= 1e-3
+
+
+@pytest.mark.slow
+def test_free_bodies_keep_energy_and_momentum_over_a_hundred_thousand_steps() -> None:
+    for row in convergence_orders.free():
+        assert row["steps"] == 100_000
+        assert row["energy"] <= 1e-11
+        assert row["|Jω|"] <= 1e-11
+        assert row["momentum"] <= 1e-15
+        assert row["angular momentum in space"] <= 1e-3

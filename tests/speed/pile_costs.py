@@ -1,0 +1,81 @@
+"""Measure what a step of a pile of boxes costs, and what part of it finding contacts takes.
+
+Boxes fall for half a second into a pile between four walls, as those of the suite ``bodies``; the steps after that are
+timed. ``costs_of_accuracy.py --tables piles`` prints the table.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from proxbench.bench.simulation.generation.box_scenes import BoxPile
+from proxbench.problems.arrays import FloatArray
+from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
+from proxbench.problems.motion.detection.narrow_phase import ContactSet
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.solvers import Stop, create
+
+SIZES = (100, 1000, 5000)
+STEP = 2e-3
+SETTLING_STEPS = 250
+TIMED_SECONDS = 2.0
+"""Processor time for which steps are timed [s]."""
+
+SWEEPS = Stop(1e-4, 50)
+"""Sweeps of a step; those of a pile do not depend on the number of boxes."""
+
+MOST_FOR_RANK = 1000
+"""Largest number of boxes for which the rank is computed, from all eigenvalues."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimedBodies(RigidBodies):
+    """Rigid bodies that add up the processor time of finding contacts."""
+
+    def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
+        """Return the contacts with a gap of less than ``margin`` [m]."""
+        began = time.process_time()
+        found = super().contacts_within(poses, margin)
+        _detecting[0] += time.process_time() - began
+        return found
+
+
+_detecting = [0.0]
+
+
+def piles(sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS) -> Iterator[dict[str, Any]]:
+    """Yield contacts, redundancy and times of a step of each pile, and how the time has grown with the contacts."""
+    before: tuple[float, float] | None = None
+    for n_boxes in sizes:
+        scene = BoxPile(n_boxes)
+        plain = scene.system()
+        system = TimedBodies(**{name: getattr(plain, name) for name in plain.__dataclass_fields__})
+        rule = MidpointRule(system, create("SORprox(relaxation=1.3)"), SWEEPS, STEP, depth=1e-4)
+        *_, last = rule.steps(scene.start(), settling_steps)
+        _detecting[0], count, began = 0.0, 0, time.process_time()
+        while count == 0 or time.process_time() - began < TIMED_SECONDS:
+            last, count = rule.step(last.state), count + 1
+        seconds, detecting = (time.process_time() - began) / count, _detecting[0] / count
+        assert last.contacts is not None
+        contacts, rows = last.contacts.n_contacts, last.contacts.laws.n_rows
+        redundant = rows - _rank(system, last.contacts) if n_boxes <= MOST_FOR_RANK else f"> {rows - 6 * n_boxes}"
+        growth = "" if before is None else f"{np.log(seconds / before[1]) / np.log(contacts / before[0]):.2f}"
+        before = (contacts, seconds)
+        yield {
+            "boxes": n_boxes,
+            "contacts": contacts,
+            "rows/velocities": rows / (6 * n_boxes),
+            "rows - rank": redundant,
+            "ms a step": 1e3 * seconds,
+            "detection": detecting / seconds,
+            "growth": growth,
+        }
+
+
+def _rank(system: RigidBodies, contacts: Any) -> int:
+    """Return the rank of WᵀM⁻¹W, from the eigenvalues of the smaller matrix with the same ones."""
+    scaled = system.inverse_mass.matrix.sqrt() @ contacts.directions.to_csc()
+    values = np.linalg.eigvalsh((scaled @ scaled.T).toarray())
+    return int((values > 1e-10 * values[-1]).sum())
