@@ -92,7 +92,8 @@ class PreparedRobust:
                 accelerated = ACCELERATED.prepare(problem)
                 begin = accelerated.begin
                 driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
-                window = Window(window.length // ACCELERATED_SHARE, driver.iteration)
+                whole = window.length if length == lengths[-1] else lengths[-1]
+                window = Window(whole // ACCELERATED_SHARE, driver.iteration)
                 result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
             if result.solution is not None:
                 return result.solution
