@@ -153,6 +153,18 @@ def names() -> str:
     return ", ".join(FIGURES)
 
 
+def archived(commit: str) -> bytes:
+    """Return the files of a commit as a tar archive.
+
+    Raises:
+        UnknownCommitError: if the clone does not hold it.
+    """
+    found = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
+    if found.returncode:
+        raise UnknownCommitError(f"commit {commit} is not in this clone; git fetch --unshallow brings it.")
+    return found.stdout
+
+
 def install(commit: str) -> Path:
     """Return the folder with the package as it was at a commit; it is installed if it is not there yet.
 
@@ -160,14 +172,11 @@ def install(commit: str) -> Path:
         UnknownCommitError: if the clone does not hold the commit.
         BenchError: if the package cannot be installed.
     """
-    found = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
-    if found.returncode:
-        raise UnknownCommitError(f"commit {commit} is not in this clone; git fetch --unshallow brings it.")
-    site = STATES / commit
+    site, files = STATES / commit, archived(commit)
     if site.is_dir():
         return site
     with tempfile.TemporaryDirectory() as folder:
-        with tarfile.open(fileobj=io.BytesIO(found.stdout)) as archive:
+        with tarfile.open(fileobj=io.BytesIO(files)) as archive:
             archive.extractall(folder, filter="data")
         partial = Path(folder, "site")
         pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-compile", "--target", str(partial)]
@@ -243,7 +252,8 @@ def compare(comparisons: list[Comparison]) -> int:
     print(*map(line, measured), sep="\n")
     slower = [comparison.figure for comparison in measured if comparison.is_slower]
     if not slower:
-        print(f"No figure is slower than {SLOWER} times.")
+        compared = sum(bool(comparison.logarithms) for comparison in comparisons)
+        print(f"None of {compared} compared figures is slower than {SLOWER} times.")
         return 0
     print(
         f"Slower than {SLOWER} times: {', '.join(slower)}. Make them fast again, or accept them by name in "
