@@ -45,7 +45,7 @@ SLOWER = 1.15
 SAMPLE_SECONDS = 0.02
 """Processor time of one sample [s]."""
 
-ROUNDS, GENERATIONS = 15, 3
+ROUNDS, GENERATIONS = 20, 3
 """Pairs of samples from one pair of processes, and most pairs of processes, of which later ones measure what is
 undecided."""
 
