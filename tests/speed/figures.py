@@ -144,7 +144,8 @@ def _maker(name: str) -> Callable[[], ContactProblem]:
 
 def _sweeps(entry: str) -> Repeat:
     problem = load("funnel-1000")
-    iterates: Any = create(entry).prepare(problem).begin(np.zeros(problem.n_rows))
+    prepared: Any = create(entry).prepare(problem)
+    iterates = prepared.begin(np.zeros(problem.n_rows))
     return lambda: iterates.sweep(100)
 
 

@@ -127,7 +127,7 @@ class State:
         """Return the answer to the last command; a process that has ended has no figure."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
-        return json.loads(line) if line else {"missing": "its process has ended"}  # type: ignore[no-any-return]
+        return json.loads(line) if line else {"missing": "its process has ended"}
 
 
 def accepted(path: Path) -> list[Comparison]:
