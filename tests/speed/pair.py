@@ -45,7 +45,7 @@ SLOWER = 1.15
 SAMPLE_SECONDS = 0.02
 """Processor time of one sample [s]."""
 
-ROUNDS, GENERATIONS = 20, 3
+ROUNDS, GENERATIONS = 20, 5
 """Pairs of samples from one pair of processes, and most pairs of processes, of which later ones measure what is
 undecided."""
 
@@ -88,8 +88,9 @@ class Comparison:
 
     @property
     def is_decided(self) -> bool:
-        """Whether the figure is not measured again."""
-        return bool(self.missing) or self.ratio.high < SLOWER
+        """Whether the figure is not measured again; that it is slower must show in two pairs of processes."""
+        is_confirmed = self.is_slower and len(self.logarithms) > ROUNDS
+        return bool(self.missing) or self.ratio.high < SLOWER or is_confirmed
 
 
 class State:

@@ -64,10 +64,16 @@ def test_the_accepted_states_of_this_project_can_be_read() -> None:
 
 @pytest.mark.parametrize(("ratio", "is_slower"), [(1.0, False), (1.1, False), (1.2, True), (0.5, False)])
 def test_a_figure_is_slower_if_its_whole_interval_is_above_the_limit(ratio: float, is_slower: bool) -> None:
-    noise = 0.02 * np.random.default_rng(0).normal(size=ROUNDS)
+    noise = 0.02 * np.random.default_rng(0).normal(size=2 * ROUNDS)
     comparison = Comparison(FIRST, "a", list(np.log(ratio) + noise))
     assert comparison.is_slower is is_slower
-    assert comparison.is_decided is not is_slower
+    assert comparison.is_decided
+
+
+def test_what_one_pair_of_processes_finds_slower_is_measured_by_another() -> None:
+    comparison = Comparison(FIRST, "a", list(np.log(1.3) + 0.01 * np.random.default_rng(0).normal(size=ROUNDS)))
+    assert comparison.is_slower
+    assert not comparison.is_decided
 
 
 def test_what_is_neither_slower_nor_surely_not_is_measured_again() -> None:
