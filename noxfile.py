@@ -3,7 +3,6 @@
 import filecmp
 import os
 import shutil
-import time
 from pathlib import Path
 
 import nox
@@ -12,9 +11,9 @@ nox.options.sessions = ["tests", "lint", "types"]
 nox.options.reuse_existing_virtualenvs = True
 
 PACKAGES = ("problems", "solvers", "bench")
-SPEEDS = Path("results/speed")
 STYLE = ("ruff>=0.11",)
 MUTATING = ("cosmic-ray>=8.4", "pytest-timeout>=2.3")
+PROGRAMS = tuple(f"tests/speed/{name}.py" for name in ("contestants", "figures", "known_solvers", "pair"))
 TYPING = ("mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
 
 
@@ -75,15 +74,13 @@ def bench(session: nox.Session) -> None:
 
 @nox.session
 def speed(session: nox.Session) -> None:
-    """Take speeds, and show ratios to the last run in results/speed; with arguments for pytest, store nothing."""
+    """Compare twelve speeds with those of accepted commits; with arguments for pytest, take those of tests/speed."""
     session.install(".[test]")
     _keep_compiled_kernels(session)
-    folder = Path(session.create_tmp()) if session.posargs else SPEEDS
-    folder.mkdir(parents=True, exist_ok=True)
-    taken = folder / time.strftime("%Y%m%d-%H%M%S.json")
-    options = ("--benchmark-only", "--benchmark-quiet", f"--benchmark-json={taken}")
-    session.run("pytest", "tests/speed", *options, *session.posargs)
-    session.run("python", "tests/speed/compare_speeds.py", str(taken), str(SPEEDS))
+    if session.posargs:
+        session.run("pytest", "--benchmark-only", *session.posargs)
+    else:
+        session.run("python", "tests/speed/pair.py")
 
 
 @nox.session
@@ -147,7 +144,7 @@ def _check_style(session: nox.Session) -> None:
 
 def _check_types(session: nox.Session) -> None:
     session.run("mypy", "-p", "proxbench")
-    session.run("mypy", "tests/speed/compare_speeds.py", "tests/speed/contestants.py", "tests/speed/known_solvers.py")
+    session.run("mypy", *PROGRAMS)
 
 
 def _build_site(session: nox.Session) -> None:

@@ -21,7 +21,7 @@ from ...contact.laws import Laws
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
-from ..detection.broad_phase import overlapping_pairs
+from ..detection.broad_phase import NearPairs
 from ..detection.contact_keys import ContactKeys
 from .contact_frame import write_frame
 from .surfaces import Surface
@@ -121,6 +121,10 @@ class BallSystem:
         return self.dimension + self.spins
 
     @cached_property
+    def _near_pairs(self) -> NearPairs:
+        return NearPairs(self.radii)
+
+    @cached_property
     def _keys(self) -> ContactKeys:
         return ContactKeys(self.n_balls + len(self.surfaces))
 
@@ -195,7 +199,8 @@ class BallSystem:
         return ActiveContacts(keys, gap, laws, directions, restitution.ravel(), self.rows_per_contact)
 
     def _directions(self, first: IntArray, second: IntArray, normal: FloatArray, rows: int) -> Pieces:
-        starts, chunks, values = _force_directions(first, second, normal, self.radii, self.dofs_per_ball, rows)
+        lanes, spins = tuple(range(rows)), tuple(range(self.spins))
+        starts, chunks, values = _force_directions(first, second, normal, self.radii, lanes, spins)
         return Pieces(starts, chunks, values, self.n_balls)
 
     def _touching(self, centres: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
@@ -204,8 +209,7 @@ class BallSystem:
         As bodies of keys, surfaces are numbered after the balls.
         """
         n = self.n_balls
-        pairs = overlapping_pairs(centres, self.radii)
-        gap, normal = _pair_geometry(pairs, centres, self.radii)
+        pairs, gap, normal = _overlaps_of_pairs(self._near_pairs.at(centres), centres, self.radii)
         keys, gaps, normals = [self._keys.encode(pairs[:, 0], pairs[:, 1])], [gap], [normal]
         for index, surface in enumerate(self.surfaces):
             touching, gap, normal = surface.touching(centres, self.radii)
@@ -237,66 +241,70 @@ class BallSystem:
 
 
 @njit(cache=True)
-def _pair_geometry(pairs, centres, radii):  # type: ignore[no-untyped-def]
-    """Return gaps and normals of pairs; concentric balls, which have none, are pushed along the first axis."""
+def _overlaps_of_pairs(near, centres, radii):  # type: ignore[no-untyped-def]
+    """Return those pairs that overlap, gaps and normals; concentric balls, which have none, are pushed along x."""
     dim = centres.shape[1]
-    gaps, normals = np.empty(len(pairs)), np.zeros((len(pairs), dim))
-    for k in range(len(pairs)):
-        i, j = pairs[k]
-        squared = 0.0
+    pairs, gaps, normals = np.empty_like(near), np.empty(len(near)), np.zeros((len(near), dim))
+    count = 0
+    for k in range(len(near)):
+        i, j = near[k, 0], near[k, 1]
+        squared, reach = 0.0, radii[i] + radii[j]
         for axis in range(dim):
-            normals[k, axis] = centres[i, axis] - centres[j, axis]
-            squared += normals[k, axis] ** 2
+            across = centres[i, axis] - centres[j, axis]
+            normals[count, axis] = across
+            squared += across * across
+        if not squared < reach * reach:
+            continue
         distance = np.sqrt(squared)
-        gaps[k] = distance - radii[i] - radii[j]
+        pairs[count, 0], pairs[count, 1], gaps[count] = i, j, distance - radii[i] - radii[j]
         if distance > 0.0:
             for axis in range(dim):
-                normals[k, axis] /= distance
+                normals[count, axis] /= distance
         else:
-            normals[k, 0] = 1.0
-    return gaps, normals
+            normals[count, 0] = 1.0
+        count += 1
+    return pairs[:count], gaps[:count], normals[:count]
 
 
 @njit(cache=True)
-def _force_directions(first, second, normals, radii, dofs_per_ball, rows_per_contact):  # type: ignore[no-untyped-def]
+def _force_directions(first, second, normals, radii, lanes, spins):  # type: ignore[no-untyped-def]
     """Return W in pairs of pieces (starts, chunks, values): the relative velocity of each contact point, row by row.
 
     γ_N = n·(v_i − v_j), γ_T = t·(v_i − v_j) − (n × t)·(r_i ω_i + r_j ω_j), with n from j to i; in the plane n × t = 1.
+    Lanes and spins are tuples, whose length the compiler knows.
     """
     n_contacts, dim = normals.shape
-    n_balls, length = len(radii), rows_per_contact * dofs_per_ball
-    chunks = np.empty(2 * n_contacts, dtype=np.int64)
-    values = np.empty(2 * n_contacts * length)
-    rows, unit = np.zeros((3, 3)), np.zeros(3)
+    n_rows, n_spins = len(lanes), len(spins)
+    chunks = np.full(2 * n_contacts, len(radii))
+    values = np.zeros((2 * n_contacts, n_rows, dim + n_spins))
+    rows, levers = np.zeros((3, 3)), np.zeros((3, 3))
     for c in range(n_contacts):
-        for axis in range(dim):
-            unit[axis] = normals[c, axis]
-        write_frame(unit, dim, rows)
-        at, i, j = 2 * c * length, first[c], second[c]
-        _write_piece(rows, dim, rows_per_contact, dofs_per_ball, 1.0, radii[i], values, at)
-        chunks[2 * c] = i
-        if j >= 0:
-            _write_piece(rows, dim, rows_per_contact, dofs_per_ball, -1.0, radii[j], values, at + length)
-            chunks[2 * c + 1] = j
+        if n_rows > 1:
+            write_frame((normals[c, 0], normals[c, 1], normals[c, 2] if dim == 3 else 0.0), dim, rows)
+            _write_levers(rows, dim, levers)
         else:
-            values[at + length : at + 2 * length] = 0.0
-            chunks[2 * c + 1] = n_balls
-    starts = 2 * np.arange(n_contacts + 1)
-    return starts, chunks, values.reshape((2 * n_contacts, rows_per_contact, dofs_per_ball))
+            for axis in range(dim):
+                rows[0, axis] = normals[c, axis]
+        for side in range(2):
+            piece, ball, sign = 2 * c + side, second[c] if side else first[c], 1.0 - 2.0 * side
+            if ball < 0:
+                continue
+            chunks[piece] = ball
+            for lane in range(n_rows):
+                for axis in range(dim):
+                    values[piece, lane, axis] = sign * rows[lane, axis]
+                for spin in range(n_spins if lane else 0):
+                    values[piece, lane, dim + spin] = -radii[ball] * levers[lane, spin]
+    return 2 * np.arange(n_contacts + 1), chunks, values
 
 
 @njit(cache=True)
-def _write_piece(rows, dim, n_rows, n_dofs, sign, radius, values, at):  # type: ignore[no-untyped-def]
-    """Write the rows of a contact on one ball: ``sign`` for the centre, the radius times n × t for the rotation."""
-    for lane in range(n_rows):
-        for axis in range(dim):
-            values[at + axis] = sign * rows[lane, axis]
-        for spin in range(n_dofs - dim):
-            lever = 0.0
-            if dim == 2 and lane == 1:
-                lever = 1.0
-            elif dim == 3:
-                p, q = (spin + 1) % 3, (spin + 2) % 3
-                lever = rows[0, p] * rows[lane, q] - rows[0, q] * rows[lane, p]
-            values[at + dim + spin] = -radius * lever if lane else 0.0
-        at += n_dofs
+def _write_levers(rows, dim, levers):  # type: ignore[no-untyped-def]
+    """Write n × t of both tangents into rows 1 and 2 of ``levers``; in the plane it is 1."""
+    if dim == 2:
+        levers[1, 0] = 1.0
+        return
+    for lane in range(1, 3):
+        levers[lane, 0] = rows[0, 1] * rows[lane, 2] - rows[0, 2] * rows[lane, 1]
+        levers[lane, 1] = rows[0, 2] * rows[lane, 0] - rows[0, 0] * rows[lane, 2]
+        levers[lane, 2] = rows[0, 0] * rows[lane, 1] - rows[0, 1] * rows[lane, 0]

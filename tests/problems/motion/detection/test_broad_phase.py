@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems.motion.detection.broad_phase import _cell_numbers, overlapping_pairs
+from proxbench.problems.motion.detection.broad_phase import SKIN, NearPairs, _cell_numbers, overlapping_pairs
 
 
 def every_pair(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
@@ -55,5 +55,26 @@ def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
     """Each ball has few candidates; if a row of cells were one range, it would have the whole row."""
     centres = np.zeros((5, dim))
     centres[:, 0] = 0.5 + np.arange(5)
-    number, _, _ = _cell_numbers(centres, centres.min(axis=0), 1.0)
+    number, _, _ = _cell_numbers(centres, 1.0)
     assert np.diff(number).tolist() == [1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("step", [0.0, 0.1, 0.4, 0.6, 5.0])
+def test_no_pair_is_missed_by_balls_that_move_after_a_search(step: float) -> None:
+    """Each ball moves by ``step`` skins at random, ten times; a pair may come nearer by twice as much."""
+    rng = np.random.default_rng(3)
+    radii, centres = rng.uniform(0.5, 1.0, 200), rng.uniform(0.0, 8.0, (200, 3))
+    near = NearPairs(radii)
+    for _ in range(10):
+        found = set(map(tuple, near.at(centres).tolist()))
+        assert found >= set(map(tuple, every_pair(centres, radii).tolist()))
+        moves = rng.normal(size=(200, 3))
+        centres = centres + step * SKIN * radii.min() * moves / np.linalg.norm(moves, axis=1, keepdims=True)
+
+
+def test_balls_that_do_not_move_are_searched_once() -> None:
+    centres = np.random.default_rng(4).uniform(0.0, 8.0, (50, 3))
+    near = NearPairs(np.ones(50))
+    along_x = 0.5 * SKIN * np.array([1.0, 0.0, 0.0])
+    assert near.at(centres) is near.at(centres + 0.9 * along_x)
+    assert near.at(centres) is not near.at(centres + 1.1 * along_x)

@@ -1,0 +1,280 @@
+"""Compare twelve speeds of the installed package with those of accepted commits, side by side.
+
+``python tests/speed/pair.py`` installs the commits of ``results/speed/accepted.toml`` into ``build/speed``, without
+their dependencies. Two processes on one core, one with each state, repeat a figure in turn. The ratio of a figure is
+the median over pairs of processor times, each of ``SAMPLE_SECONDS``. ``ROUNDS`` pairs come from each of up to
+``GENERATIONS`` pairs of processes, because processes that run the same program differ by some per cent. A figure is
+slower if the whole interval of its ratio is above ``SLOWER``.
+
+Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
+name. The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, also if a commit is not at
+hand. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit.
+"""
+
+import io
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import tomllib
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from figures import FIGURES, pour
+from proxbench.bench.errors import BenchError
+from proxbench.bench.isolation.fork_server import ONE_THREAD
+from proxbench.bench.report.cells import duration
+from proxbench.bench.store.ratios import Ratio, bootstrap_ratio
+
+ROOT = Path(__file__).parents[2]
+ACCEPTED = ROOT / "results" / "speed" / "accepted.toml"
+STATES = ROOT / "build" / "speed"
+FIGURES_FILE = "tests/speed/figures.py"
+
+SLOWER = 1.15
+"""Ratio above which a figure is slower."""
+
+SAMPLE_SECONDS = 0.02
+"""Processor time of one sample [s]."""
+
+ROUNDS, GENERATIONS = 20, 5
+"""Pairs of samples from one pair of processes, and most pairs of processes, of which later ones measure what is
+undecided."""
+
+
+STEADY = {"PYTHONHASHSEED": "0", "MALLOC_TRIM_THRESHOLD_": "1000000000", "MALLOC_MMAP_THRESHOLD_": "1000000000"}
+"""Surroundings in which equal processes differ less: glibc gives back no memory, which must be mapped again."""
+
+
+class UnknownCommitError(BenchError):
+    """The clone does not hold a commit."""
+
+
+@dataclass
+class Comparison:
+    """One figure and what is known of its ratio.
+
+    Attributes:
+        figure: its name.
+        commit: the state that it is compared with.
+        logarithms: log(new / old) of each pair of samples.
+        seconds: processor time of one repetition now [s].
+        missing: why ``commit`` does not have the figure, empty if it does.
+    """
+
+    figure: str
+    commit: str
+    logarithms: list[float] = field(default_factory=list)
+    seconds: float = math.nan
+    missing: str = ""
+
+    @property
+    def ratio(self) -> Ratio:
+        """The ratio of times, new over old, with its interval."""
+        return bootstrap_ratio(np.array(self.logarithms))
+
+    @property
+    def is_slower(self) -> bool:
+        """Whether the figure is slower beyond doubt."""
+        return not self.missing and self.ratio.low > SLOWER
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the figure is not measured again; that it is slower must show in two pairs of processes."""
+        is_confirmed = self.is_slower and len(self.logarithms) > ROUNDS
+        return bool(self.missing) or self.ratio.high < SLOWER or is_confirmed
+
+
+class State:
+    """A process with one state of the package, whose figures it measures by commands."""
+
+    def __init__(self, site: Path | None, figures: Path, folder: Path) -> None:
+        environment = os.environ | ONE_THREAD | STEADY
+        environment.pop("PYTHONPATH", None)
+        if site is not None:
+            environment |= {"PYTHONPATH": str(site), "NUMBA_CACHE_DIR": str(site / "numba")}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", str(figures), str(folder)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+            cwd=folder,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def tell(self, cores: Iterable[int], *command: object) -> None:
+        """Send a command, which is carried out on one of ``cores``."""
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError, ProcessLookupError):
+            os.sched_setaffinity(self._process.pid, cores)
+            print(json.dumps(command), file=self._process.stdin, flush=True)
+
+    def answer(self) -> dict[str, Any]:
+        """Return the answer to the last command; a process that has ended has no figure."""
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        return json.loads(line) if line else {"missing": "its process has ended"}
+
+
+def accepted(path: Path) -> list[Comparison]:
+    """Return each figure with the commit that it is compared with.
+
+    Raises:
+        BenchError: if the file cannot be read, names an unknown figure, or accepts one without a reason.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        commit, changed = document["commit"], document.get("accepted", {})
+        commits = {figure: entry["commit"] for figure, entry in changed.items() if entry["reason"].strip()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BenchError(f"{path} must name a commit, and a commit and a reason for each figure ({error}).") from None
+    for figure in changed:
+        if figure not in commits or figure not in FIGURES:
+            raise BenchError(f"{path} accepts {figure!r}, which is no figure or has no reason; figures are {names()}.")
+    return [Comparison(figure, commits.get(figure, commit)) for figure in FIGURES]
+
+
+def names() -> str:
+    """Return the names of all figures."""
+    return ", ".join(FIGURES)
+
+
+def archived(commit: str) -> bytes:
+    """Return the files of a commit as a tar archive.
+
+    Raises:
+        UnknownCommitError: if the clone does not hold it.
+    """
+    found = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
+    if found.returncode:
+        raise UnknownCommitError(f"commit {commit} is not in this clone; git fetch --unshallow brings it.")
+    return found.stdout
+
+
+def install(commit: str) -> Path:
+    """Return the folder with the package as it was at a commit; it is installed if it is not there yet.
+
+    Raises:
+        UnknownCommitError: if the clone does not hold the commit.
+        BenchError: if the package cannot be installed.
+    """
+    site, files = STATES / commit, archived(commit)
+    if site.is_dir():
+        return site
+    with tempfile.TemporaryDirectory() as folder:
+        with tarfile.open(fileobj=io.BytesIO(files)) as archive:
+            archive.extractall(folder, filter="data")
+        partial = Path(folder, "site")
+        pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-compile", "--target", str(partial)]
+        version = {"SETUPTOOLS_SCM_PRETEND_VERSION": "0"}
+        done = subprocess.run([*pip, folder], env=os.environ | version, capture_output=True, text=True)
+        if done.returncode:
+            raise BenchError(f"commit {commit} cannot be installed: {done.stderr.strip()[-500:]}")
+        if Path(folder, FIGURES_FILE).exists():
+            shutil.copy(Path(folder, FIGURES_FILE), partial)
+        STATES.mkdir(parents=True, exist_ok=True)
+        shutil.move(partial, site)
+    return site
+
+
+def measure(comparisons: Sequence[Comparison], site: Path, folder: Path) -> None:
+    """Add ``ROUNDS`` pairs to comparisons with one state, from one pair of processes.
+
+    Raises:
+        BenchError: if the installed package does not have a figure.
+    """
+    cores = os.sched_getaffinity(0)
+    figures = site / Path(FIGURES_FILE).name
+    with ExitStack() as stack:
+        new = stack.enter_context(State(None, ROOT / FIGURES_FILE, folder))
+        old = stack.enter_context(State(site, figures if figures.exists() else ROOT / FIGURES_FILE, folder))
+        for comparison in comparisons:
+            for state in (new, old):
+                state.tell(cores, "prepare", comparison.figure)
+            first, second = new.answer(), old.answer()
+            if "missing" in first:
+                raise BenchError(f"the figure {comparison.figure!r} fails: {first['missing']}.")
+            comparison.missing = second.get("missing", "")
+            if comparison.missing:
+                continue
+            count = max(1, round(SAMPLE_SECONDS / min(first["seconds"], second["seconds"])))
+            for turn in range(ROUNDS):
+                times = {}
+                for state in (new, old) if turn % 2 else (old, new):
+                    state.tell([max(cores)], "run", comparison.figure, count)
+                    times[state] = state.answer()["seconds"]
+                comparison.logarithms.append(math.log(times[new] / times[old]))
+                comparison.seconds = times[new]
+
+
+def line(comparison: Comparison) -> str:
+    """Return a line of the table."""
+    compared = f"new, {comparison.commit:.8} has no such figure ({comparison.missing})"
+    if not comparison.missing:
+        value, low, high = comparison.ratio
+        verdict = "slower" if comparison.is_slower else "faster" if high < 1.0 / SLOWER else ""
+        compared = f"{value:5.2f}   {low:.2f} to {high:.2f}   {comparison.commit:.8}   {verdict}"
+    return f"{comparison.figure:28}{duration(comparison.seconds):>9}   {compared}".rstrip()
+
+
+def compare(comparisons: list[Comparison]) -> int:
+    """Measure and print all comparisons; return the exit code."""
+    print(f"{'figure':28}{'now':>9}   ratio   interval       against")
+    with tempfile.TemporaryDirectory() as folder:
+        pour(Path(folder))
+        for commit in dict.fromkeys(comparison.commit for comparison in comparisons):
+            try:
+                site = install(commit)
+            except UnknownCommitError as error:
+                print(f"Skipped: {error}")
+                continue
+            left = [comparison for comparison in comparisons if comparison.commit == commit]
+            for _ in range(GENERATIONS):
+                measure(left, site, Path(folder))
+                left = [comparison for comparison in left if not comparison.is_decided]
+                if not left:
+                    break
+    measured = [comparison for comparison in comparisons if comparison.logarithms or comparison.missing]
+    print(*map(line, measured), sep="\n")
+    slower = [comparison.figure for comparison in measured if comparison.is_slower]
+    if not slower:
+        compared = sum(bool(comparison.logarithms) for comparison in comparisons)
+        print(f"None of {compared} compared figures is slower than {SLOWER} times.")
+        return 0
+    print(
+        f"Slower than {SLOWER} times: {', '.join(slower)}. Make them fast again, or accept them by name in "
+        f"{ACCEPTED.relative_to(ROOT)}:"
+    )
+    for figure in slower:
+        print(f'\n[accepted."{figure}"]\ncommit = "COMMIT THAT IS SLOWER"\nreason = "…"')
+    return 1
+
+
+def main(words: Sequence[str]) -> int:
+    """Compare with the accepted commits, or with the one that is named; return the exit code."""
+    try:
+        if len(words) > 1:
+            raise BenchError("name one commit, or none to compare with the accepted ones.")
+        return compare([Comparison(figure, words[0]) for figure in FIGURES] if words else accepted(ACCEPTED))
+    except BenchError as error:
+        print(f"Error: {error}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
