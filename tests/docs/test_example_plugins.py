@@ -1,16 +1,12 @@
 """The example plugins of the documentation run by ``--plugin``, and their methods solve contact problems."""
 
-import contextlib
 import importlib.util
-import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.conformance import SOLVER_CHECKS, NotApplicable, hard_checks, invariance_checks, solver_checks
 from proxbench.problems import ContactProblem, Laws, Model, judge, load
 from proxbench.problems.exchange.plugins.files import PluginFile
 from proxbench.problems.exchange.plugins.offers import forget
@@ -53,17 +49,8 @@ def test_a_run_measures_the_plugin(name: str, tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLUGINS)
-def test_the_plugin_passes_the_conformance_tests(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where its convergence is slow, a solve ends at a tenth of the time that ``proxbench check`` allows."""
-    monkeypatch.setattr(solver_checks, "MODEST", replace(solver_checks.MODEST, max_seconds=0.1))
-    monkeypatch.setattr(invariance_checks, "STOP", replace(invariance_checks.STOP, max_seconds=0.1))
-    monkeypatch.setattr(hard_checks, "HARD", replace(hard_checks.HARD, max_seconds=0.05))
-    module = module_of(name)
-    monkeypatch.setitem(sys.modules, module.__name__, module)  # for the check that pickles the solver
-    (factory,) = module.SOLVERS
-    for check in SOLVER_CHECKS:
-        with contextlib.suppress(NotApplicable):
-            check.run(factory())
+def test_the_plugin_passes_the_conformance_tests(name: str) -> None:
+    assert run_command(["check", str(PLUGINS[name])]) == 0
 
 
 @pytest.mark.parametrize("name", PLUGINS)
