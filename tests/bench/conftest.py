@@ -1,7 +1,7 @@
 """Shared: a finished little run, and command lines that are mistakes."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -9,14 +9,18 @@ from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
 from proxbench.bench.cli.main import run_command
 
+HERE = Path(__file__).parent
 
-@pytest.fixture(scope="session", autouse=True)
-def _rounds_count_on_shared_cores() -> Iterator[None]:
-    """Exclude no round of a run, though other tests work on the same cores."""
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Exclude no round of a run in the tests and fixtures of this folder, though others work on the same cores."""
+    if HERE not in item.path.parents:
+        return (yield)
     with pytest.MonkeyPatch.context() as patch:
         for name in ("measuring_core.MAX_PROBE_RATIO", "timed_round.TOLERATED_SECONDS"):
             patch.setattr(f"proxbench.bench.measure.{name}", math.inf)
-        yield
+        return (yield)
 
 
 @pytest.fixture(scope="session")

@@ -79,7 +79,7 @@ def case(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     monkeypatch.setattr(samples, "samples", lambda: [hard_case(request.param)])
     monkeypatch.setattr(checks, "MODEST", SHORT)
     monkeypatch.setattr(invariance_checks, "STOP", SHORT)
-    monkeypatch.setattr(hard_checks, "HARD", Stop(1e-8, max_iterations=5000, max_seconds=10.0))
+    monkeypatch.setattr(hard_checks, "HARD", Stop(1e-8, max_iterations=2000, max_seconds=10.0))
     return str(request.param)
 
 

@@ -2,6 +2,8 @@
 
 Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
 console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
+Commands run in this process, as importing and preparing for measurements takes longer than most of them, and leave
+no plugin behind.
 A text block shows lines that the last command above it prints, in their order; times in µs, ms or seconds of wall, and
 residuals below 1e-14, which are rounding, may differ, and ``...`` stands for measured times without a unit.
 ``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` leaves a
@@ -9,24 +11,23 @@ block out.
 """
 
 import doctest
-import os
+import io
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 from unittest import SkipTest
 
 import pytest
+from proxbench.bench.cli.main import run_command
+from proxbench.problems.exchange.plugins.offers import forget, registered
 from sybil import Document, Example, Region
 from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParser
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-PROGRAM = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")
-LONGEST_COMMAND = 600.0
 MEASURED = re.compile(r"(?:≈ )?[\d.]+ (?:µs|ms|s(?= wall| per simulated second))\*?")
 ROUNDING = re.compile(r"\b\d(?:\.\d+)?e-(?:1[5-9]|[2-9]\d)\b")
 WIDEST_LINE = 96
@@ -38,18 +39,28 @@ def run_console(example: Example) -> None:
     for command, expected in commands(example.parsed):
         program, *arguments = shlex.split(command)
         assert program == "proxbench", f"only proxbench is run; skip the block or mend {command!r}"
-        done = subprocess.run(
-            [*PROGRAM, *arguments],
-            env={**os.environ, "COLUMNS": "120", "PYTHONIOENCODING": "utf-8"},
-            capture_output=True,
-            encoding="utf-8",
-            timeout=LONGEST_COMMAND,
-        )
-        assert done.returncode == 0, f"$ {command}\n{done.stdout}{done.stderr}"
+        code, printed, errors = outcome_of(arguments)
+        assert code == 0, f"$ {command}\n{printed}{errors}"
         if expected:
-            same = doctest.OutputChecker().check_output(expected, done.stdout, FLAGS)
-            assert same, f"$ {command}\nprints\n{done.stdout}\nand not\n{expected}"
-        example.namespace["last_printed"] = done.stdout
+            same = doctest.OutputChecker().check_output(expected, printed, FLAGS)
+            assert same, f"$ {command}\nprints\n{printed}\nand not\n{expected}"
+        example.namespace["last_printed"] = printed
+
+
+def outcome_of(arguments: list[str]) -> tuple[int, str, str]:
+    """Run a command; return its exit code, what it prints, and what it writes to standard error."""
+    before = [file for file, _ in registered()]
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        redirect_stdout(io.StringIO()) as printed,
+        redirect_stderr(io.StringIO()) as errors,
+    ):
+        patch.setenv("COLUMNS", "120")
+        code = run_command(arguments)
+    for file, _ in registered():
+        if file not in before:
+            forget(file)
+    return code, printed.getvalue(), errors.getvalue()
 
 
 def compare_sample(example: Example) -> None:
@@ -125,7 +136,7 @@ def pages_with_examples() -> list[str]:
 
 
 def slow_if_it_runs_commands(page: str) -> Any:
-    """Return a page as a parameter; each command in a process of its own takes a second before it begins."""
+    """Return a page as a parameter; a command that measures or simulates takes seconds."""
     has_commands = re.search(r"^\$ proxbench ", (ROOT / page).read_text("utf-8"), re.MULTILINE)
     return pytest.param(page, marks=[pytest.mark.slow] if has_commands else [])
 
@@ -145,7 +156,6 @@ def test_examples_fit_on_the_page(page: str) -> None:
     assert [line for block in blocks for line in block.splitlines() if len(line) > WIDEST_LINE] == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "noticed"),
     [

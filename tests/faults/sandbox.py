@@ -77,11 +77,12 @@ class Sandbox:
                 continue
         return found
 
-    def left_behind(self, patience: float = 30.0) -> list[str]:
-        """Return processes and temporary files that are left after a moment of patience."""
+    def left_behind(self, allowed: Callable[[Path], bool] = lambda file: False, patience: float = 30.0) -> list[str]:
+        """Return processes and files, but for the allowed ones, that are left after a moment of patience."""
         deadline = time.monotonic() + patience
         while True:
-            left = [str(process) for process in self.processes()] + [str(file) for file in self._stray_files()]
+            files = [file for file in self._stray_files() if not allowed(file)]
+            left = [str(process) for process in self.processes()] + [str(file) for file in files]
             if not left or time.monotonic() > deadline:
                 return left
             time.sleep(0.05)

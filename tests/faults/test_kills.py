@@ -26,8 +26,8 @@ def say(event):
         print(event.problem, event.solver, event.tolerance, sep="|", flush=True)
 
 run(
-    ["hard-sticking-box", "funnel-30", "hard-tresca-joint"],
-    ["SORprox", "JORprox(relaxation=0.5)", "ClarabelSOCP", "PyramidPGS(sides=8)"],
+    ["hard-sticking-box", "funnel-30"],
+    ["SORprox", "ClarabelSOCP", "PyramidPGS(sides=8)"],
     tolerances=[1e-1, 1e-3],
     limits=Limits(solve_seconds=30.0, case_seconds=120.0),
     passes=2,
@@ -98,7 +98,7 @@ def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_fini
         process.kill()
         output, _ = process.communicate()
         # the file that it was writing goes when the run is resumed
-        assert [left for left in sandbox.left_behind() if not left.endswith(".part")] == []
+        assert sandbox.left_behind(lambda file: file.suffix == ".part") == []
         said = Counter(line for line in output.splitlines(keepends=True) if line.endswith("\n"))
         named += len(said)
         points = rounds_of_points(sandbox.results / "it") if said else pd.DataFrame()

@@ -20,7 +20,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from sandbox import Sandbox, Verdicts, verdicts
 
-SMALL = "['hard-sticking-box', 'hard-tresca-joint', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3]"
+SMALL = "['hard-sticking-box', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3]"
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
 
     assert "File too large" in failing(sandbox, allow_little)
     assert sandbox.left_behind() == []
-    assert 1 <= len(list((folder / "cases").iterdir())) < 6
+    assert 1 <= len(list((folder / "cases").iterdir())) < 4
     assert finished(sandbox) == verdicts(undisturbed)
 
 
@@ -122,7 +122,7 @@ def test_a_folder_that_cannot_be_made_again_ends_the_run_with_an_error(sandbox: 
     )
     done = sandbox.run(f"{spoil}run({SMALL}, on_event=spoil)")
     assert "BenchError: cannot write" in done.stderr.strip().splitlines()[-1]
-    assert not [left for left in sandbox.left_behind() if left != str(folder)]
+    assert sandbox.left_behind(lambda file: file == folder) == []
 
 
 def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) -> None:
@@ -158,7 +158,7 @@ def test_a_clock_that_jumps_changes_no_result(
 ) -> None:
     monkeypatch.setattr("proxbench.bench.measure.execution.local.datetime", JumpingClock)
     monkeypatch.setattr(time, "time", lambda: JumpingClock.now(UTC).timestamp())
-    problems, solvers = ["hard-sticking-box", "hard-tresca-joint", "funnel-30"], ["SORprox", "ClarabelSOCP"]
+    problems, solvers = ["hard-sticking-box", "funnel-30"], ["SORprox", "ClarabelSOCP"]
     folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3]).folder
     monkeypatch.undo()
     assert verdicts(folder) == verdicts(undisturbed)

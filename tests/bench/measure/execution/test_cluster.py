@@ -18,7 +18,7 @@ from proxbench.problems.exchange.catalog import suite_members
 
 SOLVERS = ["NSGS", "SORprox", "SafeguardedSORprox"]
 
-N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "8"))
+N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "5"))
 """Problems of the sweep; with PROXBENCH_CLUSTER=200 it is as large as one that needs a cluster."""
 
 
