@@ -23,6 +23,7 @@ import numpy as np
 
 from .....problems.arrays import FloatArray
 from .....problems.motion.scenes.funnel import CONE_HEIGHT, MASS, RADIUS, STANDARD_EFFECTS, STANDARD_GRAVITY, Funnel
+from .....problems.motion.scenes.scene import OVERLAP
 from .description import Body, Description, Motion, Panel
 
 THROW_SPEED, SLIDING_FRICTION = 6.0, 0.5
@@ -41,7 +42,7 @@ def describe(name: str) -> Description:
 def _thrown_cube() -> Description:
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE), (THROW_SPEED, 0.0, 0.0))
     errors = ("lift [mm]", "speed [%]")
-    own = f"thrown_box(speed={THROW_SPEED})"
+    own = f"thrown_box(speed={THROW_SPEED}, overlap={OVERLAP!r})"
     return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, _measure_throw, own)
 
 
@@ -58,7 +59,7 @@ def _incline(name: str, slope: float) -> Description:
     slides = slope > SLIDING_FRICTION
     errors = ("way [%]" if slides else "drift [mm]", "lift [mm]")
     measure = _measure_slide if slides else _measure_drift
-    own = f"box_on_incline(slope={float(angle)!r})"
+    own = f"box_on_incline(slope={float(angle)!r}, overlap={OVERLAP!r})"
     return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, own, gravity)
 
 
@@ -78,7 +79,7 @@ def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
 def _stack() -> Description:
     cubes = tuple(Body(True, 0.25, mass, (0.0, 0.0, 0.25 + 0.5 * k)) for k, mass in enumerate((1.0, 10.0, 100.0)))
     errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]")
-    own = f"box_stack(n_boxes={len(cubes)}, ratio=100.0, heavy_on_top=True)"
+    own = f"box_stack(n_boxes={len(cubes)}, ratio=100.0, heavy_on_top=True, overlap={OVERLAP!r})"
     return _of_cubes("stack", cubes, 0.7, 2.0, errors, _measure_stack, own)
 
 
