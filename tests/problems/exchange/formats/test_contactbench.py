@@ -48,7 +48,7 @@ def test_a_cube_that_slides_is_solved_in_their_measure_too(tmp_path: Path) -> No
         ({"G": None}, "there is no array 'G'; ContactBench writes G, g, mus"),
         ({"G": np.eye(4)}, r"G must have shape \(3, 3\)"),
         ({"mus": np.array([-0.5])}, "not negative"),
-        ({"G": np.diag([1.0, 1.0, -1e-7])}, "`indefinite` project"),
+        ({"G": np.diag([1.0, 1.0, -1e-7])}, "--indefinite project"),
     ],
 )
 def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
