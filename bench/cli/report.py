@@ -141,8 +141,8 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
     from ..report.layout.text import print_json
 
     _report_damage(run)
-    _report_unfinished(run)
     file = run.page(residual, baseline)
+    _report_unfinished(run)
     if as_json:
         print_json({"run": str(run.folder), "page": str(file)})
     else:

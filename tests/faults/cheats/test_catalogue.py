@@ -12,6 +12,9 @@ from tampering_solvers import CHANGES
 TRIES = 3
 """Runs of a cheat, of which one must end as the table says: rounds in which other tests use the core do not count."""
 
+NAMED = "named"
+"""Verdict on a cheat that is accused or noted, as most of its control solves are undisturbed or preempted."""
+
 FAMILIES = {"OnBox", "Answering", "Tampering", "Changing", "Hiding"}
 """Classes that are no cheats of their own."""
 
@@ -23,15 +26,18 @@ def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
         folder = tmp_path / str(number)
         folder.mkdir()
         case = measured(make_cheat(name, folder))
-        if outcome in (case.outcome, *(point.outcome for point in case.points)):
+        texts = [f"{point.reason}; {notes_of(case, point)}" for point in case.points]
+        is_named = outcome == NAMED and any(words in text for text in [case.reason, *texts])
+        if is_named or outcome in (case.outcome, *(point.outcome for point in case.points)):
             break
-    if outcome in (*FAULTS, Outcome.UNSUPPORTED):
+    if outcome == NAMED:
+        assert is_named, [case.reason, *texts]
+    elif outcome in (*FAULTS, Outcome.UNSUPPORTED):
         assert case.outcome == outcome, case.reason
         assert words in case.reason
         assert case.points == []
     else:
         assert outcome in [point.outcome for point in case.points], case.reason
-        texts = [f"{point.reason}; {notes_of(case, point)}" for point in case.points]
         assert words in ("gains nothing", "") or any(words in text for text in texts), texts
 
 
