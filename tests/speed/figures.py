@@ -42,12 +42,12 @@ def solve_ten_contacts(folder: Path) -> Repeat:
     return lambda: solver.prepare(make()).solve(stop)
 
 
-def sweep_over_factors(folder: Path) -> Repeat:
+def hundred_sweeps_over_factors(folder: Path) -> Repeat:
     """Sweep a hundred times over 1674 contacts, with W and M⁻¹."""
     return _sweeps("SORprox(relaxation=1.5, form='factors')")
 
 
-def sweep_over_matrix(folder: Path) -> Repeat:
+def hundred_sweeps_over_matrix(folder: Path) -> Repeat:
     """Sweep a hundred times over 1674 contacts, with G."""
     return _sweeps("SORprox(relaxation=1.5)")
 
@@ -63,12 +63,12 @@ def solve_340_contacts(folder: Path) -> Repeat:
     return _solve("Robust", "funnel-300")
 
 
-def solve_by_newton_steps(folder: Path) -> Repeat:
+def solve_60_contacts_by_newton_steps(folder: Path) -> Repeat:
     """Prepare and solve 60 contacts to 1e-6 by InteriorPoint."""
     return _solve("InteriorPoint", "funnel-30")
 
 
-def step_thousand_balls(folder: Path) -> Repeat:
+def five_steps_of_thousand_balls(folder: Path) -> Repeat:
     """Take five steps of 1 ms of a thousand balls in flow, solved to 1e-2, with projection."""
     with np.load(folder / "flowing.npz") as kept:
         state = State(**kept)
@@ -76,7 +76,7 @@ def step_thousand_balls(folder: Path) -> Repeat:
     return lambda: list(stepper.steps(state, STEPS))
 
 
-def step_arch(folder: Path) -> Repeat:
+def five_steps_of_arch(folder: Path) -> Repeat:
     """Take five steps of 1 ms of an arch of rigid bodies, solved to 1e-6, with projection."""
     scene = make_scene("arch")
     stepper = MidpointRule(scene.system, create("Robust"), Stop(1e-6), 1e-3, depth=DEPTH)
@@ -108,13 +108,13 @@ FIGURES: dict[str, Callable[[Path], Repeat]] = {
     for made in (
         make_ten_contacts,
         solve_ten_contacts,
-        sweep_over_factors,
-        sweep_over_matrix,
+        hundred_sweeps_over_factors,
+        hundred_sweeps_over_matrix,
         prepare_1674_contacts,
         solve_340_contacts,
-        solve_by_newton_steps,
-        step_thousand_balls,
-        step_arch,
+        solve_60_contacts_by_newton_steps,
+        five_steps_of_thousand_balls,
+        five_steps_of_arch,
         judge_1674_contacts,
         residual_of_1674_contacts,
         load_1674_contacts,

@@ -229,12 +229,12 @@ def line(comparison: Comparison) -> str:
         value, low, high = comparison.ratio
         verdict = "slower" if comparison.is_slower else "faster" if high < 1.0 / SLOWER else ""
         compared = f"{value:5.2f}   {low:.2f} to {high:.2f}   {comparison.commit:.8}   {verdict}"
-    return f"{comparison.figure:28}{duration(comparison.seconds):>9}   {compared}".rstrip()
+    return f"{comparison.figure:34}{duration(comparison.seconds):>9}   {compared}".rstrip()
 
 
 def compare(comparisons: list[Comparison]) -> int:
     """Measure and print all comparisons; return the exit code."""
-    print(f"{'figure':28}{'now':>9}   ratio   interval       against")
+    print(f"{'figure':34}{'now':>9}   ratio   interval       against")
     with tempfile.TemporaryDirectory() as folder:
         pour(Path(folder))
         for commit in dict.fromkeys(comparison.commit for comparison in comparisons):
