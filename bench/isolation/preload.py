@@ -19,19 +19,9 @@ __all__ = ["supervisor"]
 PROBLEMS = ("hard-no-motion", "hard-sticking-box", "woodpecker-beak-impact", "hard-counterexample", "hard-mixed-laws")
 """Small problems without friction, spatial, planar, with G only, and with laws of several kinds."""
 
-BODIES = (
-    ("bodies-arch-13-thin", "Robust"),
-    ("bodies-cylinder-rolling", "SafeguardedSORprox"),
-    ("bodies-pile-100-falling", "SORprox(form='factors')"),
-    ("bodies-pile-100-falling", "Robust"),
-)
-"""Problems of bodies, and solvers that use kernels on them which the others do not need."""
-
 
 def _touch_kernels() -> None:
-    """Solve these problems, those without bodies with each built-in solver, so that every kernel is in memory."""
-    for name, solver_name in BODIES:
-        create(solver_name).prepare(load(name).fresh()).solve(Stop(1e-8, max_seconds=1.0))
+    """Solve these problems with each built-in solver, so that most kernels are in memory."""
     for name in PROBLEMS:
         problem = read_problem(io.BytesIO(problem_bytes(load(name).anonymous())), name)
         for solver_name, module in BUILT_IN.items():

@@ -9,9 +9,10 @@ the median of several such first solves and t that of the repeated ones, repetit
 First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are within the bound than beyond it, or until
 ``MAX_SLOW_SOLVES`` more are beyond it. In the latter case the ratio t₁/t becomes part of the row, and beyond
 ``MAX_RATIO`` the solver has misbehaved. A solver may load or compile something in its first solve. Before it is
-accused, first solves are repeated in forks that have solved another problem to the same tolerance, and the faster ones
-count, compared with one more round of repeated ones: the machine may be slower by now. Only solves that were not
-preempted accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
+accused, first solves are repeated in forks that have solved another problem to the same tolerance. All cached kernels
+are in their memory, among them those that only the timed solves have used. The faster ones count, compared with one
+more round of repeated ones: the machine may be slower by now. Only solves that were not preempted accuse a solver, and
+only if they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
@@ -130,6 +131,7 @@ class Controls:
                 return solves
             if balance <= -MAX_SLOW_SOLVES:
                 break
+        self._load_kernels()
         loaded = [self._first_solve(stop, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
         solves, seconds = min(solves, loaded, key=_median), max(seconds, again())
         undisturbed = [solve for solve in solves if not solve.timed.is_preempted]
@@ -149,6 +151,7 @@ class Controls:
             found.append(ControlSolve(copy, timed, impulses, is_steady))
             if is_steady and timed.totals[0] <= COPY_RATIO * seconds + ALLOWANCE_SECONDS:
                 break
+            self._load_kernels()
         return found
 
     def _first_solve(self, stop: Stop, after: ContactProblem | None = None) -> ControlSolve:
@@ -169,6 +172,11 @@ class Controls:
         if is_late and _is_repeated(seconds, stop.max_seconds):
             raise _repeats(stop, f"reach the time limit of {stop.max_seconds:g} s", seconds)
         return ControlSolve(self.problem, timed, impulses)
+
+    def _load_kernels(self) -> None:
+        """Load all cached kernels in the process that is forked, unless it is gone; a kernel is loaded once."""
+        if self._worker is not None:
+            self._worker.ask("load_kernels")
 
     def _solve_in_fork(self, stop: Stop, *problems: bytes) -> tuple[TimedRound, FloatArray]:
         """Solve problems one after the other in a fork; if forking fails, in new processes.

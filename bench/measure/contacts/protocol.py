@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from ....problems.arrays import FloatArray
+from ....problems.compilation import load_cached_kernels
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_iterates
 from ....problems.exchange.files.problem_file import read_problem
@@ -254,6 +255,7 @@ class MeasuringTask:
         "observe" (stop)             iterates of one solve
         "round" (stop, seconds)      timed solves
         "first_solves" (stop, data)  one timed solve of each of several problems that are new to the process
+        "load_kernels"               load all kernels that are cached
         "rest"                       wait, so that processes of the solver may end
         "compare"                    compare the state of the process with the initial one
         """
@@ -274,6 +276,8 @@ class MeasuringTask:
             measurement.warm_up(*arguments)
         elif request == "problem":
             measurement.problem = _problem(*arguments)
+        elif request == "load_kernels":
+            load_cached_kernels()
         elif request == "rest":
             sleep(REST_SECONDS)
         else:
