@@ -81,7 +81,7 @@ def load_cached_kernels() -> int:
 
 
 def _is_kernel(value: Any) -> bool:
-    return isinstance(value, Dispatcher) and isinstance(value._cache, FunctionCache)
+    return isinstance(value, Dispatcher) and isinstance(vars(value).get("_cache"), FunctionCache)
 
 
 def _load_overloads(kernel: Any) -> int:
