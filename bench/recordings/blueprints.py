@@ -158,16 +158,16 @@ def solves_blueprint(
 
 
 def simulation_blueprint(
-    views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int, are_wide: bool = False
+    views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int, is_stacked: bool = False
 ) -> rrb.Blueprint:
     """Return spatial views with curves and an explanation to their right.
 
     One of ``every`` steps is drawn; sixty drawn steps are played per second. Views are side by side, or one above the
-    other if they ``are_wide``.
+    other if ``is_stacked``.
     """
     about = rrb.TextDocumentView(origin="/about", name="what this shows")
     column = rrb.Vertical(*plots, about, row_shares=[1.0] * len(plots) + [1.3])
-    content: Sequence[rrb.Spatial3DView | rrb.Container] = [rrb.Vertical(*views)] if are_wide else views
+    content: Sequence[rrb.Spatial3DView | rrb.Container] = [rrb.Vertical(*views)] if is_stacked else views
     width = len(views) / max(len(content), 1)
     whole = rrb.Horizontal(*content, column, column_shares=[width] * len(content) + [1.0])
     return _blueprint(whole, STEP, DRAWN_PER_SECOND * every)

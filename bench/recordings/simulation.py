@@ -121,7 +121,7 @@ class SceneRecorder:
                 stream.send_blueprint(self._blueprint(plots), make_active=False)
 
     def _blueprint(self, plots: Sequence[rrb.TimeSeriesView]) -> rrb.Blueprint:
-        return simulation_blueprint(self._views(), plots, self._every, self._are_wide)
+        return simulation_blueprint(self._views(), plots, self._every, self._is_stacked)
 
     def _explanation(self) -> str:
         """Return the explanation, in Markdown."""
@@ -171,8 +171,8 @@ class SceneRecorder:
         return ()
 
     @property
-    def _are_wide(self) -> bool:
-        """Whether the spatial views are wider than high."""
+    def _is_stacked(self) -> bool:
+        """Whether one spatial view is above the other."""
         return False
 
     def _plots(self) -> list[rrb.TimeSeriesView]:

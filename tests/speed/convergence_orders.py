@@ -106,9 +106,9 @@ def _tipping() -> Case:
     )
 
 
-def _swinging(name: str, scene: Any, angles: Callable[[float], State], seconds: float, ending: float) -> Case:
-    """Return a chain in a normal mode, whose angles are ``ending`` times those of the start after some seconds."""
-    start, exact = angles(1.0), angles(ending)
+def _swinging(name: str, scene: Any, angles: Callable[[float], State], seconds: float) -> Case:
+    """Return a chain in a normal mode after 1/4 or 3/4 of a period, when all its angles are zero."""
+    start, exact = angles(1.0), angles(0.0)
     return Case(
         name,
         scene.system(),
@@ -126,7 +126,7 @@ def _chain() -> Case:
     scene = Chain(n_links=3)
     frequencies, modes = scene.normal_modes()
     mode = AMPLITUDE * modes[:, 1] / np.abs(modes[:, 1]).max()
-    return _swinging("chain", scene, lambda part: scene.state(part * mode), 1.5 * np.pi / frequencies[1], 0.0)
+    return _swinging("chain", scene, lambda part: scene.state(part * mode), 1.5 * np.pi / frequencies[1])
 
 
 def _ball_on_chain() -> Case:
@@ -144,10 +144,11 @@ def _ball_on_chain() -> Case:
         pose = np.concatenate([end + scene.radius * downward(ball), about(ACROSS, ball)])
         return State(0.0, np.concatenate([scene.chain.state(rods).position, pose]), np.zeros(6 * (links + 1)))
 
-    return _swinging("ball_on_chain", scene, state, 1.5 * np.pi / frequencies[-1], 0.0)
+    return _swinging("ball_on_chain", scene, state, 1.5 * np.pi / frequencies[-1])
 
 
 def _top(friction: float | None, order: float) -> Case:
+    """Return the spinning top, on its tip with friction or on a joint without it, whose axis is compared."""
     scene, seconds = SpinningTop(friction=friction), 0.2
     exact = scene.axis_of(scene.exact(seconds))
     where = "spinning_top, on its tip" if friction else "spinning_top, on a joint"

@@ -8,7 +8,7 @@ slower if the whole interval of its ratio is above ``SLOWER``.
 
 Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
 name. The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, also if a commit is not at
-hand. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit.
+hand. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, named as git names it.
 """
 
 import io
@@ -92,8 +92,17 @@ class Comparison:
         is_confirmed = self.is_slower and len(self.logarithms) > ROUNDS
         return bool(self.missing) or self.ratio.high < SLOWER or is_confirmed
 
+    @property
+    def verdict(self) -> str:
+        """What the ratio says; empty if the figure is neither slower nor faster than ``SLOWER`` times."""
+        if self.is_slower:
+            return "slower"
+        if not self.is_decided:
+            return "undecided"
+        return "faster" if self.ratio.high < 1.0 / SLOWER else ""
 
-class State:
+
+class PackageProcess:
     """A process with one state of the package, whose figures it measures by commands."""
 
     def __init__(self, site: Path | None, figures: Path, folder: Path) -> None:
@@ -117,14 +126,14 @@ class State:
         self._process.kill()
         self._process.communicate()
 
-    def tell(self, cores: Iterable[int], *command: object) -> None:
+    def send(self, cores: Iterable[int], *command: object) -> None:
         """Send a command, which is carried out on one of ``cores``."""
         assert self._process.stdin is not None
         with suppress(BrokenPipeError, ProcessLookupError):
             os.sched_setaffinity(self._process.pid, cores)
             print(json.dumps(command), file=self._process.stdin, flush=True)
 
-    def answer(self) -> dict[str, Any]:
+    def receive(self) -> dict[str, Any]:
         """Return the answer to the last command; a process that has ended has no figure."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
@@ -154,23 +163,28 @@ def names() -> str:
     return ", ".join(FIGURES)
 
 
-def archived(commit: str) -> bytes:
-    """Return the files of a commit as a tar archive.
+def commit_hash(name: str) -> str:
+    """Return the full hash of a commit that is named as git names it, such as a branch.
 
     Raises:
         UnknownCommitError: if the clone does not hold it.
     """
-    found = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True)
+    words = ["git", "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"]
+    found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
     if found.returncode:
-        raise UnknownCommitError(f"commit {commit} is not in this clone; git fetch --unshallow brings it.")
-    return found.stdout
+        raise UnknownCommitError(f"commit {name} is not in this clone; git fetch --unshallow brings it.")
+    return found.stdout.strip()
+
+
+def archived(commit: str) -> bytes:
+    """Return the files of a commit as a tar archive."""
+    return subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True).stdout
 
 
 def install(commit: str) -> Path:
-    """Return the folder with the package as it was at a commit; it is installed if it is not there yet.
+    """Return the folder with the package as it was at a commit, given by its hash; install it if it is not there yet.
 
     Raises:
-        UnknownCommitError: if the clone does not hold the commit.
         BenchError: if the package cannot be installed.
     """
     site, files = STATES / commit, archived(commit)
@@ -201,12 +215,12 @@ def measure(comparisons: Sequence[Comparison], site: Path, folder: Path) -> None
     cores = os.sched_getaffinity(0)
     figures = site / Path(FIGURES_FILE).name
     with ExitStack() as stack:
-        new = stack.enter_context(State(None, ROOT / FIGURES_FILE, folder))
-        old = stack.enter_context(State(site, figures if figures.exists() else ROOT / FIGURES_FILE, folder))
+        new = stack.enter_context(PackageProcess(None, ROOT / FIGURES_FILE, folder))
+        old = stack.enter_context(PackageProcess(site, figures if figures.exists() else ROOT / FIGURES_FILE, folder))
         for comparison in comparisons:
-            for state in (new, old):
-                state.tell(cores, "prepare", comparison.figure)
-            first, second = new.answer(), old.answer()
+            for process in (new, old):
+                process.send(cores, "prepare", comparison.figure)
+            first, second = new.receive(), old.receive()
             if "missing" in first:
                 raise BenchError(f"the figure {comparison.figure!r} fails: {first['missing']}.")
             comparison.missing = second.get("missing", "")
@@ -215,9 +229,9 @@ def measure(comparisons: Sequence[Comparison], site: Path, folder: Path) -> None
             count = max(1, round(SAMPLE_SECONDS / min(first["seconds"], second["seconds"])))
             for turn in range(ROUNDS):
                 times = {}
-                for state in (new, old) if turn % 2 else (old, new):
-                    state.tell([max(cores)], "run", comparison.figure, count)
-                    times[state] = state.answer()["seconds"]
+                for process in (new, old) if turn % 2 else (old, new):
+                    process.send([max(cores)], "run", comparison.figure, count)
+                    times[process] = process.receive()["seconds"]
                 comparison.logarithms.append(math.log(times[new] / times[old]))
                 comparison.seconds = times[new]
 
@@ -227,8 +241,7 @@ def line(comparison: Comparison) -> str:
     compared = f"new, {comparison.commit:.8} has no such figure ({comparison.missing})"
     if not comparison.missing:
         value, low, high = comparison.ratio
-        verdict = "slower" if comparison.is_slower else "faster" if high < 1.0 / SLOWER else ""
-        compared = f"{value:5.2f}   {low:.2f} to {high:.2f}   {comparison.commit:.8}   {verdict}"
+        compared = f"{value:5.2f}   {low:.2f} to {high:.2f}   {comparison.commit:.8}   {comparison.verdict}"
     return f"{comparison.figure:34}{duration(comparison.seconds):>9}   {compared}".rstrip()
 
 
@@ -237,13 +250,18 @@ def compare(comparisons: list[Comparison]) -> int:
     print(f"{'figure':34}{'now':>9}   ratio   interval       against")
     with tempfile.TemporaryDirectory() as folder:
         pour(Path(folder))
-        for commit in dict.fromkeys(comparison.commit for comparison in comparisons):
+        for name in dict.fromkeys(comparison.commit for comparison in comparisons):
+            left = [comparison for comparison in comparisons if comparison.commit == name]
             try:
-                site = install(commit)
+                commit = commit_hash(name)
             except UnknownCommitError as error:
                 print(f"Skipped: {error}")
                 continue
-            left = [comparison for comparison in comparisons if comparison.commit == commit]
+            if not commit.startswith(name):
+                print(f"{name} is commit {commit}.")
+            for comparison in left:
+                comparison.commit = commit
+            site = install(commit)
             for _ in range(GENERATIONS):
                 measure(left, site, Path(folder))
                 left = [comparison for comparison in left if not comparison.is_decided]
@@ -254,7 +272,9 @@ def compare(comparisons: list[Comparison]) -> int:
     slower = [comparison.figure for comparison in measured if comparison.is_slower]
     if not slower:
         compared = sum(bool(comparison.logarithms) for comparison in comparisons)
-        print(f"None of {compared} compared figures is slower than {SLOWER} times.")
+        undecided = sum(not comparison.is_decided for comparison in measured)
+        rest = f"; {undecided} {'is' if undecided == 1 else 'are'} undecided." if undecided else "."
+        print(f"None of {compared} compared figures is certainly slower than {SLOWER} times{rest}")
         return 0
     print(
         f"Slower than {SLOWER} times: {', '.join(slower)}. Make them fast again, or accept them by name in "

@@ -26,7 +26,7 @@ TIMED_SECONDS = 2.0
 SWEEPS = Stop(1e-4, 50)
 """Sweeps of a step; those of a pile do not depend on the number of boxes."""
 
-MOST_FOR_RANK = 1000
+MAX_BOXES_FOR_RANK = 1000
 """Largest number of boxes for which the rank is computed, from all eigenvalues."""
 
 
@@ -60,7 +60,7 @@ def piles(sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS) 
         seconds, detecting = (time.process_time() - began) / count, _detecting[0] / count
         assert last.contacts is not None
         contacts, rows = last.contacts.n_contacts, last.contacts.laws.n_rows
-        redundant = rows - _rank(system, last.contacts) if n_boxes <= MOST_FOR_RANK else f"> {rows - 6 * n_boxes}"
+        redundant = rows - _rank(system, last.contacts) if n_boxes <= MAX_BOXES_FOR_RANK else f"> {rows - 6 * n_boxes}"
         growth = "" if before is None else f"{np.log(seconds / before[1]) / np.log(contacts / before[0]):.2f}"
         before = (contacts, seconds)
         yield {

@@ -1,14 +1,16 @@
 """Figures are compared with what is accepted, and a slower one is found, named and accepted by name."""
 
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from figures import FIGURES, pour, seconds
-from pair import FIGURES_FILE, ROOT, ROUNDS, SLOWER, Comparison, accepted, install, line, main, measure
+from pair import FIGURES_FILE, ROOT, ROUNDS, SLOWER, Comparison, accepted, commit_hash, install, line, main, measure
 from proxbench.bench.errors import BenchError
 
 FIRST, *OTHERS = FIGURES
+HASH = "0123456789abcdef0123456789abcdef01234567"
 ANSWERS = """
 import json, sys
 for line in sys.stdin:
@@ -80,6 +82,14 @@ def test_what_is_neither_slower_nor_surely_not_is_measured_again() -> None:
     comparison = Comparison(FIRST, "a", list(np.log(SLOWER) + 0.1 * np.random.default_rng(0).normal(size=ROUNDS)))
     assert not comparison.is_slower
     assert not comparison.is_decided
+    assert comparison.verdict == "undecided"
+    assert line(comparison).endswith("undecided")
+
+
+@pytest.mark.parametrize(("ratio", "verdict"), [(1.0, ""), (1.1, ""), (1.2, "slower"), (0.5, "faster")])
+def test_the_verdict_is_given_only_where_the_ratio_differs_by_more_than_the_limit(ratio: float, verdict: str) -> None:
+    noise = 0.02 * np.random.default_rng(0).normal(size=2 * ROUNDS)
+    assert Comparison(FIRST, "a", list(np.log(ratio) + noise)).verdict == verdict
 
 
 def test_the_ratio_is_that_of_the_times_of_both_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,19 +119,54 @@ def test_a_commit_that_the_clone_does_not_hold_is_skipped_in_words(capsys: pytes
     assert "None of 0 compared figures" in printed
 
 
+def test_a_branch_is_compared_as_the_commit_that_it_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    words: list[list[str]] = []
+
+    def answer(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        words.append(command)
+        return subprocess.CompletedProcess(command, 0, stdout=f"{HASH}\n")
+
+    monkeypatch.setattr("pair.subprocess.run", answer)
+    assert commit_hash("main") == HASH
+    assert words[0][-1] == "main^{commit}"
+
+
+def measure_as(ratios: dict[str, list[float]], folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Let each pair of processes find these ratios, 1.0 of other figures; return the commits that are installed."""
+    installed: list[str] = []
+
+    def add_pairs(comparisons: list[Comparison], site: Path, folder: Path) -> None:
+        for comparison in comparisons:
+            found = np.resize(ratios.get(comparison.figure, [1.0]), ROUNDS)
+            comparison.logarithms += np.log(found).tolist()
+            comparison.seconds = 1e-3
+
+    monkeypatch.setattr("pair.measure", add_pairs)
+    monkeypatch.setattr("pair.install", lambda commit: installed.append(commit) or folder)
+    monkeypatch.setattr("pair.commit_hash", lambda name: HASH)
+    monkeypatch.setattr("pair.pour", lambda folder: None)
+    return installed
+
+
+def test_figures_that_stay_undecided_are_shown_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed = measure_as({figure: [0.9, 1.5] for figure in OTHERS[:2]}, tmp_path, monkeypatch)
+    assert main(["main"]) == 0
+    printed = capsys.readouterr().out
+    assert installed == [HASH]
+    assert f"main is commit {HASH}." in printed
+    assert printed.count(f"{HASH:.8}   undecided\n") == 2
+    assert f"None of {len(FIGURES)} compared figures is certainly slower than 1.15 times; 2 are undecided." in printed
+
+
 def test_a_slower_figure_is_named_with_what_accepts_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def slow_down(comparisons: list[Comparison], site: Path, folder: Path) -> None:
-        for comparison in comparisons:
-            comparison.logarithms += [np.log(1.3 if comparison.figure == FIRST else 1.0)] * ROUNDS
-            comparison.seconds = 1e-3
-
-    monkeypatch.setattr("pair.measure", slow_down)
-    monkeypatch.setattr("pair.install", lambda commit: tmp_path)
-    monkeypatch.setattr("pair.pour", lambda folder: None)
-    assert main(["abc"]) == 1
+    measure_as({FIRST: [1.3]}, tmp_path, monkeypatch)
+    assert main([HASH[:8]]) == 1
     printed = capsys.readouterr().out
+    assert "is commit" not in printed
     assert f"Slower than 1.15 times: {FIRST}. Make" in printed
     assert f'[accepted."{FIRST}"]\ncommit = ' in printed
 

@@ -114,12 +114,12 @@ class RigidRecorder(SceneRecorder):
             fit.include(points)
 
     @property
-    def _are_wide(self) -> bool:
+    def _is_stacked(self) -> bool:
         beside, above = self._fits
         return above.depth > beside.depth
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
-        camera = self._fits[int(self._are_wide)].camera()
+        camera = self._fits[int(self._is_stacked)].camera()
         joints = [f"/{JOINTS}/**"] if self._joints is not None else []
         forces = [f"/{entity}/**" for entity in (IMPULSES, PATCHES, JOINT_FORCES, OUTLINES, FIXED)]
         return [
