@@ -16,7 +16,7 @@ from ..store.records import Machine, ThreadPool
 
 PACKAGES = (
     *("proxbench", "numpy", "scipy", "numba", "llvmlite", "clarabel", "cvxpy", "osqp", "pandas"),
-    *("mujoco", "pin", "proxsuite", "scs"),
+    *("mujoco", "pin", "proxsuite", "scs", "newton", "warp-lang", "coal"),
 )
 """Packages whose versions are stored, if they are installed."""
 

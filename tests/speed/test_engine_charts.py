@@ -55,6 +55,14 @@ def test_the_page_has_the_best_settings() -> None:
         assert f"| {engine} | {setting} | {step} | {cost} |" in page, row
 
 
+def test_settings_are_compared_by_one_clock_if_a_wall_time_is_unknown() -> None:
+    stack = pd.read_csv(FIGURES).query("scene == 'stack' and engine == 'proxbench'")
+    description = engine_charts.describe("stack")
+    two = stack.head(2).assign(**{description.errors[0]: 0.0, WALL: [float("nan"), 5.0], PROCESSOR: [7.0, 9.0]})
+    (row,) = best_rows(two)
+    assert f"| {two['setting'].iloc[0]} | 2 | *7* |" in row
+
+
 def test_processor_time_stands_for_an_unknown_wall_time() -> None:
     figures = pd.read_csv(FIGURES)
     row = next(iter(best_rows(figures[figures["scene"] == "stack"].assign(**{WALL: float("nan"), PROCESSOR: 12.0}))))

@@ -20,7 +20,12 @@ def engines(
         list[str] | None,
         typer.Option(metavar="NAME", help="mujoco, pybullet, rapier, dart or proxbench; repeatable, all by default."),
     ] = None,
-    rounds: Annotated[int, typer.Option(metavar="NUMBER", min=1, help="How often each setting runs.")] = 1,
+    rounds: Annotated[
+        int | None,
+        typer.Option(
+            metavar="NUMBER", min=1, help="How often each setting runs; as in --resume or once.", show_default=False
+        ),
+    ] = None,
     output: Annotated[
         Path | None, options.output(metavar="FILE", help="Result to write: tables (.md) or data (.json).")
     ] = None,

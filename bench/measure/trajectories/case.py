@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from ....problems.contact.solver import Status
 from ....problems.motion.trajectories.problem import TrajectoryProblem
@@ -42,8 +42,11 @@ class Simulated(TimedRound, frozen=True):
             raise ValueError("a complete simulation has values")
 
 
-Member = tuple[Simulated, Round]
-"""A simulated member of a problem, with its record."""
+class Member(NamedTuple):
+    """A simulated member of a problem, with its record."""
+
+    run: Simulated
+    record: Round
 
 
 class TrajectoryCase(LadderCase[Member]):
@@ -84,27 +87,27 @@ class TrajectoryCase(LadderCase[Member]):
         if simulated.values and not set(self.problem.measure.names) <= set(simulated.values):
             self._fail(no_answer())
             return None
-        return simulated, record
+        return Member(simulated, record)
 
     def needs_round(self, answers: Sequence[Member]) -> bool:
         """Return whether members are left, and the last one ended within the time limit."""
-        return len(answers) < len(self.problem.members) and answers[-1][0].status is not Status.TIME_LIMIT
+        return len(answers) < len(self.problem.members) and answers[-1].run.status is not Status.TIME_LIMIT
 
     def point(self, value: float, answers: list[Member]) -> Point:
         """Compute the error over the members."""
         runs = dict(zip(self.problem.members, answers, strict=False))
-        good = {member: run for member, (run, _) in runs.items() if run.status is Status.SOLVED}
-        failed = [run for run, _ in answers if run.status is not Status.SOLVED]
+        good = {member: one.run for member, one in runs.items() if one.run.status is Status.SOLVED}
+        failed = [one.run for one in answers if one.run.status is not Status.SOLVED]
         errors = self.problem.measure.estimates({member: run.values for member, run in good.items()})
         counted = [one for member, one in runs.items() if not errors or member in good]
-        times = times_from_rounds([record for _, record in counted])
+        times = times_from_rounds([one.record for one in counted])
         worst = max((one.error for one in errors.values()), default=math.inf)
         measured = Measured(
-            iterations=round(median(run.iterations for run, _ in counted)),
+            iterations=round(median(one.run.iterations for one in counted)),
             residual=worst,
             model_residual=worst,
             **{**times, "repeats": len(good)},
-            rounds=[record for _, record in answers],
+            rounds=[one.record for one in answers],
             verdict={},
             impulse_error=None,
             errors=[

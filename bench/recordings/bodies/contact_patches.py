@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from ....problems.arrays import FloatArray, IntArray
-from ....problems.motion.bodies.contact_frame import write_frame
+from ....problems.motion.bodies.contact_frame import contact_frames
 from ..contact_states import ContactState, States
 
 NO_PATCHES = rr.LineStrips3D([])
@@ -35,9 +35,7 @@ def _angles(patch: IntArray, points: FloatArray, normals: FloatArray) -> FloatAr
     counts = np.bincount(patch)
     middles = np.column_stack([np.bincount(patch, points[:, axis]) / counts for axis in range(3)])
     _, firsts = np.unique(patch, return_index=True)
-    frames = np.zeros((len(firsts), 3, 3))
-    for frame, normal in zip(frames, normals[firsts], strict=True):
-        write_frame(normal, 3, frame)
+    frames = contact_frames(normals[firsts])
     arms = np.einsum("cix,cx->ci", frames[patch, 1:], points - middles[patch])
     angles: FloatArray = np.arctan2(arms[:, 1], arms[:, 0])
     return angles

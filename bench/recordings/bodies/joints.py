@@ -73,9 +73,8 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     assert isinstance(directions, sp.csc_array)  # as with all joints
     numbers = contacts.keys - first_key
     owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
-    counts = np.full(len(owners), contacts.width) if contacts.row_counts is None else contacts.row_counts
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))
-    joint = np.repeat(owners, counts)[columns]
+    joint = contacts.for_rows(owners)[columns]
     body, axis = np.divmod(directions.indices, 6)
     bodies = np.array([joint.first for joint in joints.joints])
     is_force = (joint >= 0) & (axis < 3)

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ....problems.arrays import FloatArray
-from ....problems.motion.bodies.contact_frame import write_frame
+from ....problems.motion.bodies.contact_frame import contact_frames
 from ....problems.motion.bodies.rigid.joints import RigidJoints
 from ....problems.motion.bodies.rigid.orientation import rotation_matrices
 from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
@@ -162,9 +162,7 @@ class RigidRecorder(SceneRecorder):
         poses = system.poses(step.state.position)
         found = system.contacts_within(poses, REACH * float(self._radii.min()))
         _, ours, there = np.intersect1d(contacts.keys, system.keys_of(found), return_indices=True)
-        axes = np.zeros((len(there), 3, 3))
-        for frame, normal in zip(axes, found.normal[there], strict=True):
-            write_frame(normal, 3, frame)
+        axes = contact_frames(found.normal[there])
         n_linear = system.linear_rows
         lanes = step.problem.layout.pad(step.impulses)[ours, :n_linear]
         vectors = np.einsum("cl,clx->cx", lanes, axes[:, :n_linear])

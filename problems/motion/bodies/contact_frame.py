@@ -1,6 +1,17 @@
 """The frame N, T1, T2 of a contact from its normal."""
 
+import numpy as np
 from numba import njit
+
+from ...arrays import FloatArray
+
+
+def contact_frames(normals: FloatArray) -> FloatArray:
+    """Return N, T1, T2 of spatial contacts as rows, shape (n, 3, 3), from their unit normals, shape (n, 3)."""
+    frames = np.empty((len(normals), 3, 3))
+    for frame, normal in zip(frames, normals, strict=True):
+        write_frame(normal, 3, frame)
+    return frames
 
 
 @njit(cache=True)

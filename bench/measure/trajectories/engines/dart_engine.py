@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .....problems.arrays import FloatArray
+from .....problems.motion.bodies.contact_frame import contact_frames
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 
@@ -59,15 +59,14 @@ class DartEngine:
             return None
         number = {body.getName(): k for k, body in enumerate(self.bodies)}
         normals = np.array([contact.normal for contact in found])
-        tangents = _tangents(normals)
         forces = np.array([contact.force for contact in found])
-        axes = np.stack([normals, tangents, np.cross(normals, tangents)], axis=1)
+        axes = contact_frames(normals)
         contacts = {
             "body_1": [number.get(_owner(contact.collisionObject2), -1) for contact in found],
             "body_2": [number.get(_owner(contact.collisionObject1), -1) for contact in found],
             "point": [contact.point for contact in found],
             "normal": normals,
-            "tangent": tangents,
+            "tangent": axes[:, 1],
             "distance": [-contact.penetrationDepth for contact in found],
         }
         impulses = self.time_step * np.einsum("kij,kj->ki", axes, forces)
@@ -107,14 +106,6 @@ class DartEngine:
         node.getDynamicsAspect().setFrictionCoeff(self.description.friction)
         node.getDynamicsAspect().setRestitutionCoeff(0.0)
         return node
-
-
-def _tangents(normals: FloatArray) -> FloatArray:
-    """Return a unit tangent of each normal, both of shape (n, 3)."""
-    axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    tangents = np.cross(normals, axes)
-    units: FloatArray = tangents / np.linalg.norm(tangents, axis=1, keepdims=True)
-    return units
 
 
 def _owner(collision_object: Any) -> str:

@@ -98,7 +98,9 @@ class Description:
         errors: names of the errors with their units; the first one decides which setting is best.
         negligible: value of the first error below which settings count as equally accurate.
         measure: makes the errors of a motion, in the order of ``errors``.
-        own_scene: the scene of Proxbench with the same bodies and start; a floor is tilted there, and not gravity.
+        own_scene: name of the scene of Proxbench with the same bodies and start; a floor is tilted there, and not
+            gravity.
+        own_options: options of that scene.
     """
 
     name: str
@@ -112,6 +114,7 @@ class Description:
     negligible: float
     measure: Callable[["Description", Motion], tuple[float, ...]]
     own_scene: str
+    own_options: dict[str, Any]
     panels: tuple[Panel, ...] = ()
     has_floor: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)

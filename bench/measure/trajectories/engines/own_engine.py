@@ -21,7 +21,11 @@ class OwnEngine:
     def __init__(self, description: Description, time_step: float, tolerance: float) -> None:
         duration = description.duration
         plan = make_simulation_plan(
-            description.own_scene, stepper=f"Moreau(step={time_step!r})", duration=duration, tolerance=tolerance
+            description.own_scene,
+            description.own_options,
+            stepper=f"Moreau(step={time_step!r})",
+            duration=duration,
+            tolerance=tolerance,
         )
         self.system, self.state = plan.scene.system, plan.scene.start
         self.axes = axes_of(description)

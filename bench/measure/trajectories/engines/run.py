@@ -22,6 +22,9 @@ from .scenes import SCENES, describe
 RUN_SECONDS = 600.0
 """Time limit of one run [s]."""
 
+DIGEST_LENGTH = 12
+"""Digits of a digest that tell sources apart."""
+
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     """What ``proxbench engines`` measures, as it is stored.
@@ -29,8 +32,8 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         measurements: a run of each setting, with its shortest times.
         versions: of the engines.
-        rounds: how often each setting ran.
-        load: load of the machine over one minute, before and after.
+        rounds: how often each setting ran at least.
+        load: load of the machine over one minute, before and after; the largest one of earlier runs counts as before.
         machine: as runs store it.
         is_interrupted: whether Ctrl-C ended the comparison before its last run.
     """
@@ -71,7 +74,7 @@ Measure = Callable[[str, str, str], Measurement]
 def compare_engines(
     scenes: Sequence[str] = (),
     engines: Sequence[str] = (),
-    rounds: int = 1,
+    rounds: int | None = None,
     on_run: Callable[[Measurement], None] = lambda run: None,
     measure: Measure | None = None,
     earlier: Comparison | None = None,
@@ -84,34 +87,37 @@ def compare_engines(
     Args:
         scenes: names; all if empty.
         engines: names; all if empty.
-        rounds: how often each setting runs; its shortest times count.
+        rounds: how often each setting runs; its shortest times count. The default is that of ``earlier``, or 1.
         on_run: called after each run.
         measure: measures one run, given scene, engine and setting; in a process of its own by default.
         earlier: a comparison whose runs are kept, but for failed ones; settings that have one do not run again.
 
     Raises:
         BenchError: if a name is unknown, an engine is not installed or of an untried version, or ``earlier`` is of
-            another version of an engine or another processor.
+            another version of an engine, another source of Proxbench, another processor or other ``rounds``.
     """
     for scene in scenes:
         if scene not in SCENES:
             raise BenchError(f"unknown scene {scene!r} of engines{suggestion(scene, SCENES)}")
     versions = {engine: version_of(engine) for engine in engines or ENGINES}
-    machine, before, kept = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
+    machine, before, found = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
     if earlier is not None:
         _require_same(earlier, versions, machine)
-        kept = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
-        versions, rounds, before = earlier.versions | versions, min(rounds, earlier.rounds), earlier.load[0]
-    left = [key for key in _settings(scenes or SCENES, engines or ENGINES) if key not in kept]
-    found = dict(kept)
-    is_interrupted = False
+        if rounds not in (None, earlier.rounds):
+            raise BenchError(f"the earlier runs have {earlier.rounds} rounds, not {rounds}; leave the number out.")
+        found = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
+        versions, rounds, before = earlier.versions | versions, earlier.rounds, max(before, *earlier.load)
+    left = [key for key in _settings(scenes or SCENES, engines or ENGINES) if key not in found]
+    finished, rounds, is_interrupted = 0, rounds or 1, False
     try:
-        for _, key in itertools.product(range(rounds), left):
-            run = (measure or _in_own_process)(*key)
-            found[key] = _faster(found.get(key), run)
-            on_run(run)
+        for _ in range(rounds):
+            for key in left:
+                run = (measure or _in_own_process)(*key)
+                found[key] = _faster(found.get(key), run)
+                on_run(run)
+            finished += 1
     except KeyboardInterrupt:
-        is_interrupted = True
+        is_interrupted, rounds = True, max(1, finished)
     return Comparison(
         measurements=tuple(found.values()),
         versions=versions,
@@ -126,6 +132,8 @@ def _require_same(earlier: Comparison, versions: dict[str, str], machine: dict[s
     """Raise ``BenchError`` if new runs would not compare with earlier ones."""
     pairs = [(engine, version, earlier.versions.get(engine, version)) for engine, version in versions.items()]
     pairs.append(("processor", machine["processor"], earlier.machine["processor"]))
+    here, there = (str(one.get("source"))[:DIGEST_LENGTH] for one in (machine, earlier.machine))
+    pairs.append(("the source of Proxbench with the digest", here, there))
     for name, here, there in pairs:
         if here != there:
             raise BenchError(f"the earlier runs are of {name} {there}, not {here}; measure all of them again.")

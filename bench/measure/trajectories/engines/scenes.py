@@ -18,6 +18,7 @@ contact in a cone program, whose velocity lies in the dual cone, throws a cube u
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -42,8 +43,8 @@ def describe(name: str) -> Description:
 def _thrown_cube() -> Description:
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE), (THROW_SPEED, 0.0, 0.0))
     errors = ("lift [mm]", "speed [%]")
-    own = f"thrown_box(speed={THROW_SPEED}, overlap={OVERLAP!r})"
-    return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, _measure_throw, own)
+    options = {"speed": THROW_SPEED}
+    return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, _measure_throw, "thrown_box", options)
 
 
 def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -59,8 +60,8 @@ def _incline(name: str, slope: float) -> Description:
     slides = slope > SLIDING_FRICTION
     errors = ("way [%]" if slides else "drift [mm]", "lift [mm]")
     measure = _measure_slide if slides else _measure_drift
-    own = f"box_on_incline(slope={float(angle)!r}, overlap={OVERLAP!r})"
-    return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, own, gravity)
+    options = {"slope": float(angle)}
+    return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, "box_on_incline", options, gravity=gravity)
 
 
 def _measure_slide(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -79,8 +80,8 @@ def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
 def _stack() -> Description:
     cubes = tuple(Body(True, 0.25, mass, (0.0, 0.0, 0.25 + 0.5 * k)) for k, mass in enumerate((1.0, 10.0, 100.0)))
     errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]")
-    own = f"box_stack(n_boxes={len(cubes)}, ratio=100.0, heavy_on_top=True, overlap={OVERLAP!r})"
-    return _of_cubes("stack", cubes, 0.7, 2.0, errors, _measure_stack, own)
+    options = {"n_boxes": len(cubes), "ratio": 100.0, "heavy_on_top": True}
+    return _of_cubes("stack", cubes, 0.7, 2.0, errors, _measure_stack, "box_stack", options)
 
 
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -120,13 +121,15 @@ def _of_cubes(
     duration: float,
     errors: tuple[str, ...],
     measure: Callable[[Description, Motion], tuple[float, ...]],
-    own: str,
+    own_scene: str,
+    own_options: dict[str, Any],
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY),
 ) -> Description:
-    """Return cubes of one size; ``own`` is the scene of Proxbench, to which size, mass and friction are added."""
+    """Return cubes of one size; overlap, size, mass and friction are added to the options of Proxbench's scene."""
     edge = 2.0 * cubes[0].half
-    own = f"{own[:-1]}, size=({edge}, {edge}, {edge}), mass={cubes[0].mass}, friction={friction})"
-    return Description(name, cubes, friction, duration, 2e-3, 0.02, edge, errors, 0.01, measure, own, gravity=gravity)
+    common = {"overlap": OVERLAP, "size": (edge, edge, edge), "mass": cubes[0].mass, "friction": friction}
+    own = (own_scene, own_options | common)
+    return Description(name, cubes, friction, duration, 2e-3, 0.02, edge, errors, 0.01, measure, *own, gravity=gravity)
 
 
 def _of_balls(
@@ -145,9 +148,9 @@ def _of_balls(
         Body(False, RADIUS, MASS, tuple(map(float, x)), tuple(map(float, v)))  # type: ignore[arg-type]
         for x, v in zip(centres, drop, strict=True)
     )
-    own = f"{name}(balls={count}, restitution=0.0)"
+    own = (name, {"balls": count, "restitution": 0.0})
     return Description(
-        name, balls, 0.3, duration, 1e-3, 0.01, RADIUS, errors, 1e-3, measure, own, _panels(), not outlet
+        name, balls, 0.3, duration, 1e-3, 0.01, RADIUS, errors, 1e-3, measure, *own, _panels(), not outlet
     )
 
 

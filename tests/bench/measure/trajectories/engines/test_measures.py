@@ -8,7 +8,7 @@ from proxbench.bench.measure.trajectories.engines.description import BodyStates,
 from proxbench.bench.measure.trajectories.engines.measurement import measure, motion_of
 from proxbench.bench.measure.trajectories.engines.scenes import FACETS, SCENES, describe
 from proxbench.problems.motion.scenes.funnel import CONE_HEIGHT, RADIUS
-from proxbench.problems.motion.scenes.registry import make_scene, read_scene
+from proxbench.problems.motion.scenes.registry import make_scene
 
 GRAVITY = 9.81
 
@@ -123,7 +123,7 @@ def test_free_fall_gains_no_energy_and_a_lift_gains_its_height() -> None:
 @pytest.mark.parametrize("name", ["pile", "funnel"])
 def test_balls_start_as_those_of_the_scene_of_proxbench(name: str) -> None:
     description = describe(name)
-    start = make_scene(*read_scene(str(description.own_scene))).start
+    start = make_scene(description.own_scene, description.own_options).start
     assert np.array_equal(description.start().positions, start.position.reshape(-1, 3))
     assert np.array_equal(description.start().velocities, start.velocity.reshape(-1, 6)[:, :3])
 

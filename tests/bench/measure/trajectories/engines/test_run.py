@@ -106,13 +106,56 @@ def test_earlier_runs_are_kept_and_only_the_others_run(tmp_path: Path) -> None:
     assert keys == settings[1:3]
     times = {run.setting: run.wall_seconds for run in again.measurements}
     assert times == {name: 1.0 if name in keys else 3.0 for name in settings}
-    assert again.load[0] == first.load[0]
 
 
-@pytest.mark.parametrize(("where", "name"), [("versions", "rapier"), ("machine", "processor")])
-def test_runs_of_another_version_or_processor_are_not_mixed(where: str, name: str) -> None:
+def test_the_largest_load_of_earlier_runs_is_kept() -> None:
     first = compare_engines(["stack"], ["rapier"], measure=measurement)
-    other = msgspec.structs.replace(first, **{where: getattr(first, where) | {name: "0.36.0"}})
+    for load in ((1e3, 0.0), (0.0, 1e3)):
+        loaded = msgspec.structs.replace(first, load=load)
+        assert compare_engines(["stack"], ["rapier"], measure=measurement, earlier=loaded).load[0] == 1e3
+
+
+def test_missing_settings_run_as_often_as_earlier_ones() -> None:
+    first = compare_engines(["stack"], ["rapier"], rounds=3, measure=measurement)
+    left = msgspec.structs.replace(first, measurements=first.measurements[2:])
+    keys: list[str] = []
+
+    def measure(*key: str) -> Measurement:
+        keys.append(key[2])
+        return measurement(key[0], key[1], key[2])
+
+    again = compare_engines(["stack"], ["rapier"], measure=measure, earlier=left)
+    assert keys == 3 * [setting.name for setting in ENGINES["rapier"].settings[:2]]
+    assert again.rounds == 3
+    with pytest.raises(BenchError, match="the earlier runs have 3 rounds, not 2; leave the number out"):
+        compare_engines(["stack"], ["rapier"], rounds=2, measure=measure, earlier=left)
+
+
+@pytest.mark.parametrize(("n_runs", "rounds"), [(3, 1), (7, 1), (12, 2)])
+def test_an_interrupted_comparison_has_the_rounds_that_all_its_settings_have(n_runs: int, rounds: int) -> None:
+    left = iter(range(n_runs))
+
+    def measure(*key: str) -> Measurement:
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        return measurement(key[0], key[1], key[2])
+
+    made = compare_engines(["stack"], ["rapier"], rounds=3, measure=measure)
+    assert made.is_interrupted
+    assert made.rounds == rounds
+
+
+@pytest.mark.parametrize(
+    ("where", "key", "name"),
+    [
+        ("versions", "rapier", "rapier"),
+        ("machine", "processor", "processor"),
+        ("machine", "source", "the source of Proxbench with the digest"),
+    ],
+)
+def test_runs_of_another_version_source_or_processor_are_not_mixed(where: str, key: str, name: str) -> None:
+    first = compare_engines(["stack"], ["rapier"], measure=measurement)
+    other = msgspec.structs.replace(first, **{where: getattr(first, where) | {key: "0.36.0"}})
     with pytest.raises(BenchError, match=rf"the earlier runs are of {name} 0\.36\.0, not .+; measure all of them"):
         compare_engines(["stack"], ["rapier"], measure=measurement, earlier=other)
 
