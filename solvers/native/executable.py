@@ -5,6 +5,7 @@ call costs two messages through pipes.
 """
 
 import os
+import select
 import shlex
 import subprocess
 import time
@@ -50,6 +51,9 @@ MAX_COUNT = 2**62
 _ALL_THREADS = 2
 """Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
 
+START_SECONDS = 30.0
+"""Wall time in which a program must begin to describe itself after its start [s]."""
+
 END_SECONDS = 1.0
 """Wall time in which a program whose output has ended may end itself [s]."""
 
@@ -65,7 +69,8 @@ class Executable(NativeSolver):
         program: the running program.
 
     Raises:
-        SolverError: if the file is missing or cannot be started, ends, or answers in another version of the interface.
+        SolverError: if the file is missing or cannot be started, ends, does not answer, or answers in another version
+            of the interface.
     """
 
     program: "Program" = field(init=False, repr=False, compare=False)
@@ -164,6 +169,12 @@ class Program:
         self._into, self._from = child.stdin.fileno(), child.stdout.fileno()
         weakref.finalize(self, _end, child, self._owner)
         self.send(DESCRIBE, INTERFACE)
+        if not select.select([self._from], [], [], START_SECONDS)[0]:
+            self.discard()
+            raise SolverError(
+                f"{self.source} has not answered within {START_SECONDS:g} s of its start; read messages from standard "
+                "input, and flush standard output after each answer."
+            )
         return read_description(self.source, self.receive((DESCRIBE,), 0))
 
     def _read(self, length: int) -> bytes:

@@ -16,6 +16,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
 from ...problems.errors import ProblemError
+from .elf import elf_length
 from .native_solver import (
     BrokenInterfaceError,
     NativeSolver,
@@ -50,8 +51,8 @@ class Shared(NativeSolver):
         library: the loaded library.
 
     Raises:
-        SolverError: if the file is missing, is no shared library, lacks a function of ``proxbench.h``, or has another
-            version of the interface.
+        SolverError: if the file is missing, cut off or no shared library, lacks a function of ``proxbench.h``, or has
+            another version of the interface.
     """
 
     library: ctypes.CDLL = field(init=False, repr=False, compare=False)
@@ -60,6 +61,7 @@ class Shared(NativeSolver):
     example: ClassVar[str] = "Shared(./libmine.so)"
 
     def _describe(self) -> SolverFacts:
+        self._check_length()
         try:
             library = ctypes.CDLL(str(self.file))
         except OSError as error:
@@ -86,6 +88,15 @@ class Shared(NativeSolver):
             raise SolverError(f"{source} describes itself in {about.size} bytes; set size to sizeof(pb_description).")
         masks = about.forms, about.laws, about.flags
         return SolverFacts.checked(source, text_of(about.name), text_of(about.version), about.model, about.sides, masks)
+
+    def _check_length(self) -> None:
+        """Raise ``SolverError`` if the file is cut off, since loading it would kill this process."""
+        try:
+            length, found = elf_length(self.file), self.file.stat().st_size
+        except OSError as error:
+            raise SolverError(f"cannot read {self.path}: {error.strerror}; correct its permissions.") from None
+        if found < length:
+            raise SolverError(f"shared library {self.path} is cut off after {found} bytes; build or copy it again.")
 
     def prepare(self, problem: ContactProblem) -> Prepared:
         """Copy the arrays that the library asks for, and let it prepare them."""

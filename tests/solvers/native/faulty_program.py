@@ -13,6 +13,8 @@ def send(kind: int, code: int, body: bytes) -> None:
     sys.stdout.buffer.flush()
 
 
+while fault == "sleep":
+    signal.pause()
 if fault == "print":
     print("Welcome to my solver!", flush=True)
 while head := sys.stdin.buffer.read(16):

@@ -101,6 +101,14 @@ def test_files_that_are_no_program_are_refused_with_the_remedy(faulty_program: P
         faulty(faulty_program, "version")
 
 
+def test_a_program_that_does_not_answer_after_its_start_is_ended_with_a_sentence(
+    faulty_program: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("proxbench.solvers.native.executable.START_SECONDS", 0.1)
+    with pytest.raises(SolverError, match=r"has not answered within 0\.1 s of its start; read messages from standard"):
+        faulty(faulty_program, "sleep")
+
+
 def test_the_processor_time_of_the_program_counts_as_that_of_its_case(program: Path) -> None:
     solver = Executable(str(program))
     measurement = Measurement(load("hard-stack-10"), solver)

@@ -1,6 +1,7 @@
 """Shared libraries as solvers: what they are given, what is made of their answers, and what is refused."""
 
 import pickle
+import sys
 import time
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.problems.errors import ProblemError
 from proxbench.solvers import create
 from proxbench.solvers.contract import solution_fault
+from proxbench.solvers.native.elf import elf_length
 from proxbench.solvers.native.native_solver import BrokenInterfaceError
 from proxbench.solvers.native.shared_library import Shared
 
@@ -144,6 +146,20 @@ def test_files_that_are_no_solver_are_refused_with_the_remedy(tmp_path: Path) ->
     for text in ("Shared", "Shared(path=1)"):
         with pytest.raises(SolverError, match="needs the path of a file"):
             create(text)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the headers of ELF files")
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.3, 0.6, 0.8])
+def test_a_library_that_is_cut_off_is_refused_before_it_is_loaded(
+    share: float, faulty_library: Path, tmp_path: Path
+) -> None:
+    content = faulty_library.read_bytes()
+    assert elf_length(faulty_library) <= len(content)
+    cut = tmp_path / "cut.so"
+    cut.write_bytes(content[: int(share * elf_length(faulty_library))])
+    sentence = f"is cut off after {cut.stat().st_size} bytes; build or copy it again"
+    with pytest.raises(SolverError, match=sentence):
+        create(f"Shared({cut})")
 
 
 def test_a_call_costs_little_beside_the_solver(faulty_library: Path) -> None:
