@@ -36,10 +36,19 @@ MOST_ROWS = 5000
 
 
 class AsymmetricError(ProblemError):
-    """A matrix misses symmetry by more than its remedy admits; the arguments are the reason and a better remedy."""
+    """A matrix misses symmetry by more than its remedy admits.
+
+    Attributes:
+        reason: what is wrong, a sentence without its period.
+        remedy: the ``Symmetry`` that reads the matrix.
+    """
+
+    def __init__(self, reason: str, remedy: Symmetry) -> None:
+        super().__init__(reason, remedy)
+        self.reason, self.remedy = reason, remedy
 
     def __str__(self) -> str:
-        return "{}; read it with `symmetry` {}.".format(*self.args)
+        return f"{self.reason}; read it with symmetry={self.remedy!r}."
 
 
 @contextmanager
@@ -56,8 +65,7 @@ def named_in_errors(name: str, file_format: str) -> Iterator[None]:
     except IndefiniteError as error:
         raise ProblemError(f"{name}: {str(error).rstrip('.')}; {command} --indefinite project") from None
     except AsymmetricError as error:
-        reason, remedy = error.args
-        raise ProblemError(f"{name}: {reason}; {command} --symmetry {remedy}") from None
+        raise ProblemError(f"{name}: {error.reason}; {command} --symmetry {error.remedy}") from None
     except ProblemError as error:
         raise ProblemError(f"{name}: {error}") from None
 
@@ -140,7 +148,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
         return matrix, {}
     misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
     if how == "refuse" or (how == "mean" and not off <= LARGEST_ASYMMETRY):
-        raise AsymmetricError(f"{misses}{_triangle(matrix)}", _remedy(matrix, off))
+        raise _asymmetric(misses, matrix, off)
     repaired, remedy = matrix, "is kept so"
     if how == "mean":
         repaired, remedy = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
@@ -178,17 +186,12 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     return sp.csr_array(kept @ kept.T), {"least_eigenvalue": least, "eigenvalues": remedy}
 
 
-def _triangle(matrix: sp.csr_array[Any]) -> str:
-    """Say so where only one triangle has entries."""
+def _asymmetric(misses: str, matrix: sp.csr_array[Any], off: float) -> AsymmetricError:
+    """Return the error with the remedy that suits the entries of a matrix."""
     if not sp.triu(matrix, 1).count_nonzero():
-        return ", and only its lower triangle has entries"
-    return "" if sp.tril(matrix, -1).count_nonzero() else ", and only its upper triangle has entries"
-
-
-def _remedy(matrix: sp.csr_array[Any], off: float) -> str:
-    found = _triangle(matrix)
-    if found:
-        return "lower" if "lower" in found else "upper"
+        return AsymmetricError(f"{misses}, and only its lower triangle has entries", "lower")
+    if not sp.tril(matrix, -1).count_nonzero():
+        return AsymmetricError(f"{misses}, and only its upper triangle has entries", "upper")
     if off <= LARGEST_ASYMMETRY:
-        return "mean"
-    return "lower (or upper, if that triangle is right; or keep, for W)"
+        return AsymmetricError(misses, "mean")
+    return AsymmetricError(f"{misses}, and either its lower or its upper triangle is wrong", "lower")

@@ -83,7 +83,7 @@ def _check_diagonal(matrix: sp.csr_array[Any]) -> None:
     diagonal = diagonal_of(matrix)
     if (diagonal < 0).any():
         row = int(np.argmax(diagonal < 0))
-        raise IndefiniteError(f"G[{row}, {row}] = {diagonal[row]} must not be negative: G is positive semidefinite.")
+        raise IndefiniteError(f"G is not positive semidefinite: its diagonal entry G[{row}, {row}] is {diagonal[row]}.")
 
 
 def _check_symmetry(matrix: sp.csr_array[Any], tolerance: float) -> None:

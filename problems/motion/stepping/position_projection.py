@@ -87,8 +87,9 @@ def _closed(
         if joints.are_closed and overlaps.gap.min(initial=0.0) >= -(1.0 + ACCURACY) * depth:
             break
         position = system.move(position, _joint_displacement(overlaps, joints, depth), 1.0)
-        overlaps = system.overlaps(position, depth) or overlaps
-        joints = overlaps.joints
+        found = system.overlaps(position, depth)
+        assert found is not None  # there are joints
+        overlaps, joints = found, found.joints
     assert joints is not None
     opening = np.abs(joints.residual).max(initial=0.0)
     if opening > MAX_OPENING:

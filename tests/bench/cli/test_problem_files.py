@@ -115,7 +115,7 @@ def test_a_file_that_calls_its_problem_like_a_path_is_exported_under_its_own_nam
         ("import fclib {folder}/text.h5", "text.h5 is damaged or no FCLIB file"),
         ("import fclib {folder} --output all.npz", "is one file for 4 problems"),
         ("import fclib {folder}/local-rows.hdf5 {folder}/other/local-rows.hdf5", "would both be written to"),
-        ("import fclib {folder}/crooked.hdf5", "--symmetry lower (or upper, if"),
+        ("import fclib {folder}/crooked.hdf5", "crooked.hdf5 --symmetry lower"),
         ("import fclib {folder}/local-rows.hdf5 --symmetry twist", "--symmetry 'twist' is unknown"),
         ("import fclib {folder}/local-rows.hdf5 --output taken.npz", "taken.npz exists already"),
         ("export fclib no-such-problem", "'no-such-problem'"),

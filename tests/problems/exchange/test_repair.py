@@ -1,5 +1,6 @@
 """Matrices of files that miss symmetry or definiteness: each remedy does what it is named for, and says so."""
 
+import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError, judge, read_fclib, write_fclib
 from proxbench.problems.exchange.fclib import conversion
-from proxbench.problems.exchange.repair import LARGEST_ASYMMETRY, LARGEST_NEGATIVE, asymmetry, semidefinite, symmetric
+from proxbench.problems.exchange.repair import (
+    LARGEST_ASYMMETRY,
+    LARGEST_NEGATIVE,
+    AsymmetricError,
+    asymmetry,
+    semidefinite,
+    symmetric,
+)
 
 COUPLED = M + 0.25 * (np.eye(6, k=3) + np.eye(6, k=-3))
 """A mass matrix of three blocks, as of a body whose centre of mass is off its origin."""
@@ -70,7 +78,17 @@ def test_an_asymmetry_beyond_the_remedy_is_refused_with_its_size_and_a_remedy(
     data = crooked(by) if form == "W" else with_mass(matrix)
     with pytest.raises(ProblemError, match=rf"{form} misses symmetry by \d\.\de-0\d of its largest entry") as caught:
         read_fclib(write_data(tmp_path / "p.hdf5", data), symmetry)
-    assert ("--symmetry lower (or upper" if by > LARGEST_ASYMMETRY else "--symmetry mean") in str(caught.value)
+    assert str(caught.value).endswith(f"--symmetry {'lower' if by > LARGEST_ASYMMETRY else 'mean'}")
+
+
+def test_a_refused_matrix_is_named_with_the_argument_of_python_that_reads_it() -> None:
+    far = sp.csr_array(np.array([[1.0, 0.5], [0.1, 1.0]]))
+    with pytest.raises(AsymmetricError) as caught:
+        symmetric(far, "W", "mean")
+    reason = "W misses symmetry by 4.0e-01 of its largest entry, and either its lower or its upper triangle is wrong"
+    assert str(caught.value) == f"{reason}; read it with symmetry='lower'."
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (again.reason, again.remedy) == (reason, "lower")
 
 
 def test_an_asymmetry_of_rounding_is_left_as_it_is(tmp_path: Path) -> None:
