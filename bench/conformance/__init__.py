@@ -9,6 +9,6 @@
 
 from .checks import Check, NotApplicable, Violation
 from .problem_checks import PROBLEM_CHECKS
-from .solver_checks import SOLVER_CHECKS
+from .solver_checks import BRIEF_CHECKS, SOLVER_CHECKS
 
-__all__ = ["PROBLEM_CHECKS", "SOLVER_CHECKS", "Check", "NotApplicable", "Violation"]
+__all__ = ["BRIEF_CHECKS", "PROBLEM_CHECKS", "SOLVER_CHECKS", "Check", "NotApplicable", "Violation"]

@@ -264,7 +264,7 @@ def is_silent(solver: Solver) -> None:
         raise Violation(f"it printed {printed.splitlines()[0][:100]!r}; report it in Solution.message.")
 
 
-SOLVER_CHECKS: tuple[Check[Solver], ...] = (
+BRIEF_CHECKS: tuple[Check[Solver], ...] = (
     *checks(
         interface=conforms_to_interface,
         pickling=can_be_pickled,
@@ -286,8 +286,10 @@ SOLVER_CHECKS: tuple[Check[Solver], ...] = (
         silent=is_silent,
     ),
     *INVARIANCE_CHECKS,
-    *HARD_CHECKS,
 )
+"""The tests of a solver on small problems alone."""
+
+SOLVER_CHECKS: tuple[Check[Solver], ...] = (*BRIEF_CHECKS, *HARD_CHECKS)
 """All tests of a solver, in the order in which they run.
 
 Side effects on the process are checked early: a later test could not detect a setting that an earlier one changed.

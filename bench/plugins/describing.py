@@ -28,6 +28,9 @@ from ..store.outcome import Outcome
 from .native_files import use_native_files
 from .solver_specs import SolverSpec, built_in, pickle_solver
 
+_PACKAGE = f"{__name__.partition('.')[0]}."
+"""Beginning of the names of modules of this package, whose solvers may have its names."""
+
 
 def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
     """Return the specification of a solver, given by its name or as an object.
@@ -44,7 +47,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
         return solver
     if isinstance(solver, type):
         raise BenchError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
-    if type(solver).__module__.startswith(f"{registry.__package__}."):
+    if _is_of_package(solver):
         return solver_spec(solver.name)
     return _describe_spec("", pickle_solver(solver), BenchError)
 
@@ -108,7 +111,7 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be created", error, "solver", name, pickled)
     if not name:
-        require_own_name(answer["name"])
+        _require_free_name(answer["name"])
     elif _plain_names(answer["name"]) != _plain_names(name):
         raise error(f"{what} calls itself {answer['name']!r:.200}; its name must always be the one that creates it.")
     model, source = Model.from_text(answer["model"]), answer["source"]
@@ -116,12 +119,21 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     return SolverSpec(answer["name"], model, answer["shows"], source, pickled, answer["random"], files)
 
 
-def require_own_name(name: str) -> None:
-    """Check that a solver object of the caller does not have the name of a built-in solver.
+def require_own_name(solver: Solver) -> None:
+    """Check that a solver object does not have the name of a built-in solver, unless its class is of this package.
 
     Raises:
         BenchError: if it is the name of a solver of Proxbench.
     """
+    if not _is_of_package(solver):
+        _require_free_name(solver.name)
+
+
+def _is_of_package(solver: Solver) -> bool:
+    return type(solver).__module__.startswith(_PACKAGE)
+
+
+def _require_free_name(name: str) -> None:
     plain = name.partition("(")[0].strip()
     if registry.is_own(plain):
         raise BenchError(f"the solver object calls itself {name!r:.200}, a name that Proxbench itself uses; rename it.")

@@ -44,9 +44,6 @@ _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
 _EVENT_DRIVEN = _Default("Enumeration", 1e-12, 100_000)
 """The laws at events are solved exactly."""
 
-_PACKAGE = f"{__name__.partition('.')[0]}."
-"""Beginning of the names of modules of this package, whose solvers may have its names."""
-
 REPLACEABLE = ("stepper", "solver", "tolerance", "max_iterations", "start", "step_seconds")
 """Settings that a resumed simulation may change: those of stepper and solver, not of the scene."""
 
@@ -158,8 +155,8 @@ def make_simulation_plan(
     taken = (make_stepper(named) if isinstance(named, str) else named).with_defaults_of(made)
     default = _default(made, taken)
     chosen = default.solver if solver is None else solver
-    if not isinstance(chosen, str) and not type(chosen).__module__.startswith(_PACKAGE):
-        require_own_name(chosen.name)
+    if not isinstance(chosen, str):
+        require_own_name(chosen)
     plan = SimulationPlan(
         made,
         taken,

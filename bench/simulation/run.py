@@ -38,7 +38,8 @@ class Hooks(TypedDict, total=False):
         on_progress: called after every step, to show the progress.
         should_stop: called after every step; the simulation ends early if it returns True.
         checkpoint_seconds: wall time between two writes of the result file [s].
-        watch_steps: wraps the steps as they are taken; by default, it subtracts compilation from their wall times.
+        watch_steps: wraps the steps as they are taken; by default, it subtracts compilation from their wall times. It
+            is not used for scenes of plugins, whose steps are taken in another process.
     """
 
     on_step: Sequence[OnStep]

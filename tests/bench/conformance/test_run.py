@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.conformance import SOLVER_CHECKS
-from proxbench.bench.conformance.hard_checks import HARD_CHECKS
+from proxbench.bench.conformance import BRIEF_CHECKS, SOLVER_CHECKS
 from proxbench.bench.conformance.run import run_checks
 from proxbench.problems import PluginError
 from proxbench.problems.exchange.plugins.offers import registered
@@ -53,10 +52,6 @@ def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
     assert registered() == []
 
 
-SHORT = tuple(check for check in SOLVER_CHECKS if check not in HARD_CHECKS)
-"""The checks of small problems, some of which follow on that of the time limit."""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "seconds", "words"),
@@ -71,7 +66,7 @@ SHORT = tuple(check for check in SOLVER_CHECKS if check not in HARD_CHECKS)
 def test_a_fault_fails_its_own_check_and_the_others_go_on(
     fault: str, seconds: float, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": SHORT})
+    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
     (subject,) = run_checks(plugin(tmp_path, fault), seconds=seconds)
     results = {row["check"]: row for row in subject["checks"]}
     assert words in results.pop("time limit")["sentence"]
