@@ -237,9 +237,12 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
 
 
 def unit_exponent(values: FloatArray) -> int:
-    """Return the power of ten, a multiple of 3 from −9 to 0, in whose unit small values are drawn."""
+    """Return the power of ten, a multiple of 3, in whose unit values between 1e-9 and 1e-3 are drawn; 0 for others.
+
+    Values below that are zero but for rounding.
+    """
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
-    return 0 if largest >= 1e-3 else max(-9, 3 * math.floor(math.log10(max(largest, 1e-9)) / 3.0))
+    return 3 * math.floor(math.log10(largest) / 3.0) if MIN_OBSERVED <= largest < 1e-3 else 0
 
 
 def scaled_label(label: str, exponent: int) -> str:

@@ -110,7 +110,7 @@ def _about(frames: RunFrames) -> dict[str, Any]:
 
 
 def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
-    """Return tables of names and values: the machines, versions, the protocol, sessions and plugins."""
+    """Return tables of names and values: machines, versions, environment, protocol, sessions and plugins."""
     info, factor = frames.info, drift(frames)
     plan, limits = info.plan, info.plan.limits
     machines = {one.host: one.machine for one in info.sessions if one.machine is not None} or {"": info.machine}
@@ -118,7 +118,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     tables: dict[str, dict[str, Any]] = {
         "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
     }
-    tables["Versions"] = info.machine.versions | info.machine.settings
+    tables["Versions"], tables["Environment"] = info.machine.versions, info.machine.settings
     tables["Protocol"] = {
         "passes": plan.passes,
         "seed": plan.seed,

@@ -85,6 +85,16 @@ def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
                 )
 
 
+def test_variables_of_the_environment_are_in_a_table_apart_from_versions() -> None:
+    frames = load(REFERENCE)
+    for settings, expected in (({"NUMBA_OPT": "1"}, [("NUMBA_OPT", "1")]), ({}, None)):
+        machine = msgspec.structs.replace(frames.info.machine, settings=settings)
+        document = page_document(replace(frames, info=msgspec.structs.replace(frames.info, machine=machine)), "NSGS")
+        tables = document["machine"]
+        assert tables.get("Environment") == expected
+        assert dict(tables["Versions"]) == machine.versions
+
+
 def test_the_page_opens_a_problem_with_something_to_draw() -> None:
     frames = load(REFERENCE)
     first = frames.info.plan.problems[0]
