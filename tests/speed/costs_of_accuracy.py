@@ -9,6 +9,7 @@
 ``cube``     how far a cube that slides along the ground lifts and sinks
 ``chain``    error of the energy of a chain
 ``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
+``joints``   how far joints open and what energy they keep, with and without closing them at each step
 ``free``     energy and momentum of free bodies over 10⁵ steps
 ``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
 
@@ -29,6 +30,7 @@ from typing import Any
 import altair as alt
 import pandas as pd
 from convergence_orders import free, orders
+from joint_errors import joints
 from pile_costs import piles
 from proxbench.bench.report.charts.drawing import heading, stacked, write_drawing
 from proxbench.bench.report.charts.palette import Look, looks
@@ -238,7 +240,7 @@ def chain() -> Iterator[dict[str, Any]]:
 
 
 TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
-    made.__name__: made for made in (arch, sizes, sweeps, creep, stack, drift, cube, chain, orders, free, piles)
+    made.__name__: made for made in (arch, sizes, sweeps, creep, stack, drift, cube, chain, orders, joints, free, piles)
 }
 
 

@@ -7,8 +7,10 @@ import costs_of_accuracy
 import pandas as pd
 import pytest
 from costs_of_accuracy import FALLEN, least_thickness, main, simulate, thickness_ratio, to_tolerance
+from joint_errors import joint_errors
 from pile_costs import piles
 from proxbench.problems.motion.scenes.rigid.arch import Arch
+from proxbench.problems.motion.scenes.rigid.linkages import DEPTH
 
 
 def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
@@ -40,6 +42,13 @@ def test_a_table_that_is_measured_again_replaces_the_last_one(tmp_path: Path, mo
         main()
     kept = pd.read_csv(tmp_path / "costs.csv")
     assert dict(zip(kept["table"], kept["ratio"], strict=True)) == {"arch": 3.0, "cube": 2.0}
+
+
+def test_projection_closes_joints_at_the_cost_of_energy() -> None:
+    without, closed = (joint_errors("pendulum", 0.02, 0.5, depth) for depth in (None, DEPTH))
+    assert without["opening"] > 1e-5 > 1e-9 > closed["opening"]
+    assert closed["|Wᵀu|"] < 1e-12 < without["|Wᵀu|"]
+    assert without["energy"] < 1e-9 < closed["energy"]
 
 
 def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:

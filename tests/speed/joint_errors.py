@@ -1,0 +1,56 @@
+"""Measure how far joints open, and how much energy they keep, with and without closing them at the end of each step.
+
+``costs_of_accuracy.py --tables joints`` prints the table.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from proxbench.problems.motion.bodies.rigid.joints import RigidJoints
+from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.rigid.linkages import DEPTH
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.solvers import Stop, create
+
+SCENES = ("pendulum", "chain", "four_bar")
+STEPS = (20e-3, 10e-3)
+"""Δt [s]."""
+
+SECONDS = 10.0
+"""Simulated time [s]."""
+
+STOP = Stop(1e-10, 100_000)
+
+
+def joints(seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
+    """Yield the largest errors of each scene for each step, without and with projection."""
+    for name in SCENES:
+        for step in STEPS:
+            without, closed = (joint_errors(name, step, seconds, depth) for depth in (None, DEPTH))
+            row: dict[str, Any] = {"scene": name, "step": step}
+            for error in without:
+                row |= {f"{error}, without": without[error], f"{error}, with": closed[error]}
+            yield row
+
+
+def joint_errors(name: str, step: float, seconds: float, depth: float | None) -> dict[str, float]:
+    """Return the largest opening [m or rad], |Wᵀu| [m/s or rad/s], and error of the energy over the kinetic one."""
+    scene = make_scene(name)
+    system = scene.system
+    assert isinstance(system, RigidBodies)
+    assert isinstance(system.joints, RigidJoints)
+    assert scene.potential_energy is not None
+    opening = speed = error = kinetic = 0.0
+    begin = scene.kinetic_energy(scene.start.velocity) + scene.potential_energy(scene.start.position)
+    for taken in MidpointRule(system, create("Robust"), STOP, step, depth=depth).steps(
+        scene.start, round(seconds / step)
+    ):
+        poses, velocity = system.poses(taken.state.position), taken.state.velocity
+        opening = max(opening, float(np.abs(system.joints.residual(poses)).max()))
+        speed = max(speed, float(np.abs(system.joints.jacobian(poses).T @ velocity).max()))
+        moving = scene.kinetic_energy(velocity)
+        error = max(error, abs(moving + scene.potential_energy(taken.state.position) - begin))
+        kinetic = max(kinetic, moving)
+    return {"opening": opening, "|Wᵀu|": speed, "energy": error / kinetic}
