@@ -48,7 +48,7 @@ class AsymmetricError(ProblemError):
         self.reason, self.remedy = reason, remedy
 
     def __str__(self) -> str:
-        return f"{self.reason}; read it with symmetry={self.remedy!r}."
+        return f"{self.reason}; read it with `symmetry` {self.remedy!r}."
 
 
 @contextmanager

@@ -45,7 +45,7 @@ def test_a_table_that_is_measured_again_replaces_the_last_one(tmp_path: Path, mo
 
 
 def test_projection_closes_joints_at_the_cost_of_energy() -> None:
-    without, closed = (joint_errors("pendulum", 0.02, 0.5, depth) for depth in (None, DEPTH))
+    without, closed = (joint_errors("pendulum", 0.02, 2.0, depth) for depth in (None, DEPTH))
     assert without["opening"] > 1e-5 > 1e-9 > closed["opening"]
     assert closed["|Wᵀu|"] < 1e-12 < without["|Wᵀu|"]
     assert without["energy"] < 1e-9 < closed["energy"]

@@ -86,7 +86,7 @@ def test_a_refused_matrix_is_named_with_the_argument_of_python_that_reads_it() -
     with pytest.raises(AsymmetricError) as caught:
         symmetric(far, "W", "mean")
     reason = "W misses symmetry by 4.0e-01 of its largest entry, and either its lower or its upper triangle is wrong"
-    assert str(caught.value) == f"{reason}; read it with symmetry='lower'."
+    assert str(caught.value) == f"{reason}; read it with `symmetry` 'lower'."
     again = pickle.loads(pickle.dumps(caught.value))
     assert (again.reason, again.remedy) == (reason, "lower")
 
