@@ -8,10 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from ...errors import PluginError, ProblemError, first_line, suggestion
-from ...motion.bodies.rigid.rigid_bodies import RigidBodies
-from ...motion.bodies.rigid.starts import check_start
 from ...motion.scenes.registry import SCENES, read_scene
-from ...motion.scenes.scene import Scene, bare_scene
+from ...motion.scenes.scene import Scene, bare_scene, completed
 from ...motion.state import State
 from ...names import check_options
 from .offers import Offer, offers
@@ -65,7 +63,7 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
         raise
     except (Exception, SystemExit) as error:
         raise PluginError(f"{head} cannot be built: {first_line(error)}.") from error
-    return _completed(name, {**defaults, **given}, made, head)
+    return _scene(name, {**defaults, **given}, made, head)
 
 
 def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
@@ -81,11 +79,9 @@ def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
     return {one.name: one.default for one in parameters}
 
 
-def _completed(name: str, options: Mapping[str, Any], made: Any, head: str) -> Scene:
+def _scene(name: str, options: Mapping[str, Any], made: Any, head: str) -> Scene:
     if isinstance(made, Scene):
-        if isinstance(made.system, RigidBodies):
-            check_start(made.system, made.start)
-        return replace(made, name=name, options=options)
+        return completed(replace(made, name=name, options=options))
     if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], State)):
         raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(made).__name__}.")
     return bare_scene(name, options, *made)

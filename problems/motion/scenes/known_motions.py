@@ -11,14 +11,13 @@ from typing import Any
 from ...arrays import FloatArray
 from ..bodies.balls import BallSystem
 from ..bodies.rigid.rigid_bodies import RigidBodies
-from ..bodies.rigid.starts import check_start
 from .bouncing import BouncingBall
 from .effects import Gravity
 from .impacts import NewtonsCradle, ObliqueImpact
 from .inclines import BlockOnIncline, SlidingSphere, SphereOnIncline
 from .options import Option
 from .resting import Stack, VGroove
-from .scene import ClosedFormScene, Scene, SceneKind, bounded, kinetic_energy
+from .scene import ClosedFormScene, Scene, SceneKind, completed, kinetic_energy
 
 STEP_SIZE = 1e-3
 """Δt [s] of a fixed step."""
@@ -50,28 +49,28 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
     if balls is not None:
         potential_energy = partial(_weight, balls, weight)
     elif isinstance(system, RigidBodies):
-        check_start(system, start)
         potential_energy = system.potential_energy
     else:
         potential_energy = motion.potential_energy
-    scene = Scene(
-        name,
-        options,
-        system,
-        start,
-        length=getattr(motion, "radius", LENGTH),
-        step_size=getattr(motion, "step_size", STEP_SIZE),
-        duration=duration,
-        kinetic_energy=kinetic_energy(system, start),
-        potential_energy=potential_energy,
-        n_balls=balls.n_balls if balls else 0,
-        depth=getattr(motion, "depth", None),
-        has_few_contacts=has_few_contacts,
-        exact=motion.exact if isinstance(motion, ClosedFormScene) else None,
-        observables=getattr(motion, "observables", ()),
-        ending=getattr(motion, "ending", None),
+    return completed(
+        Scene(
+            name,
+            options,
+            system,
+            start,
+            length=getattr(motion, "radius", LENGTH),
+            step_size=getattr(motion, "step_size", STEP_SIZE),
+            duration=duration,
+            kinetic_energy=kinetic_energy(system, start),
+            potential_energy=potential_energy,
+            n_balls=balls.n_balls if balls else 0,
+            depth=getattr(motion, "depth", None),
+            has_few_contacts=has_few_contacts,
+            exact=motion.exact if isinstance(motion, ClosedFormScene) else None,
+            observables=getattr(motion, "observables", ()),
+            ending=getattr(motion, "ending", None),
+        )
     )
-    return bounded(scene, system) if isinstance(system, RigidBodies) else scene
 
 
 def _weight(balls: BallSystem, weight: Gravity, position: FloatArray) -> float:

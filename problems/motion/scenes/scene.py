@@ -174,32 +174,48 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
     Raises:
         ProblemError: if rigid bodies cannot start so, see ``check_start``.
     """
-    if isinstance(system, RigidBodies):
-        check_start(system, start)
     balls = system if isinstance(system, BallSystem) else None
-    scene = Scene(
-        name,
-        options,
-        system,
-        start,
-        length=LENGTH if balls is None else float(balls.radii.max()),
-        step_size=STEP_SIZE,
-        duration=1.0,
-        kinetic_energy=kinetic_energy(system, start),
-        potential_energy=system.potential_energy if isinstance(system, BallSystem | RigidBodies) else None,
-        n_balls=0 if balls is None else balls.n_balls,
+    return completed(
+        Scene(
+            name,
+            options,
+            system,
+            start,
+            length=LENGTH if balls is None else float(balls.radii.max()),
+            step_size=STEP_SIZE,
+            duration=1.0,
+            kinetic_energy=kinetic_energy(system, start),
+            potential_energy=system.potential_energy if isinstance(system, BallSystem | RigidBodies) else None,
+            n_balls=0 if balls is None else balls.n_balls,
+        )
     )
-    return bounded(scene, system) if isinstance(system, RigidBodies) else scene
 
 
 WORLD_RADIUS = 1e4
 """Distance [m] from the origin beyond which a body has left the world."""
 
 
+def completed(scene: Scene) -> Scene:
+    """Check the start of a scene of rigid bodies and bound its world; return other scenes as they are.
+
+    Raises:
+        ProblemError: if rigid bodies cannot start so, see ``check_start``.
+    """
+    bodies = scene.system
+    if not isinstance(bodies, RigidBodies):
+        return scene
+    check_start(bodies, scene.start)
+    return bounded(scene, bodies)
+
+
+FARTHEST = "farthest"
+"""Name of the observable that records the largest distance of a body from the origin [m]."""
+
+
 def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> Scene:
     """Return a scene of rigid bodies that ends when one of them is farther than ``radius`` [m] from the origin.
 
-    The observable ``farthest`` records the largest distance.
+    The observable ``FARTHEST`` records the largest distance.
     """
     own = scene.ending
 
@@ -207,18 +223,18 @@ def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> 
         return float(np.linalg.norm(bodies.centres(state.position), axis=1).max(initial=0.0))
 
     def find(steps: NDArray[np.void]) -> SceneEnding | None:
-        time, distance = float(steps["time"][-1]), float(steps["farthest"][-1])
+        time, distance = float(steps["time"][-1]), float(steps[FARTHEST][-1])
         if distance > radius:
             sentence = (
-                f"ended at {time:.4g} s: a body has left the world, {distance:.4g} m from the origin and beyond "
-                f"{radius:g} m; everything up to there is kept"
+                f"ended at {time:.4g} s: a body has left the world, {distance:.4g} m from the origin, beyond the limit "
+                f"of {radius:g} m; earlier steps are kept"
             )
             return SceneEnding("left-world", sentence, False)
         return None if own is None else own.find(steps)
 
-    observables = (*scene.observables, Observable("farthest", farthest))
+    observables = [observable for observable in scene.observables if observable.name != FARTHEST]
     ending = EndingRule(0.0 if own is None else own.seconds, find)
-    return replace(scene, observables=observables, ending=ending)
+    return replace(scene, observables=(*observables, Observable(FARTHEST, farthest)), ending=ending)
 
 
 OVERLAP = 1e-9

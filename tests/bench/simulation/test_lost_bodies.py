@@ -1,4 +1,4 @@
-"""A body that leaves the world ends a simulation, and everything up to there is kept."""
+"""A body that leaves the world ends a simulation, and earlier steps are kept."""
 
 from pathlib import Path
 

@@ -1,11 +1,14 @@
-"""A scene of rigid bodies ends when a body leaves the world."""
+"""A scene of rigid bodies starts without errors and ends when a body leaves the world."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.scenes.registry import SCENES, make_scene
 from proxbench.problems.motion.scenes.rigid.boxes import BoxStack
-from proxbench.problems.motion.scenes.scene import WORLD_RADIUS, EndingRule, SceneEnding, bare_scene, bounded
+from proxbench.problems.motion.scenes.scene import WORLD_RADIUS, EndingRule, SceneEnding, bare_scene, bounded, completed
 from proxbench.problems.motion.state import State
 
 
@@ -26,8 +29,8 @@ def test_a_body_beyond_the_world_ends_the_scene_with_one_sentence() -> None:
     assert ending is not None
     assert (ending.name, ending.is_success) == ("left-world", False)
     assert ending.sentence == (
-        "ended at 0.2 s: a body has left the world, 50.5 m from the origin and beyond 50 m; everything up to there is "
-        "kept"
+        "ended at 0.2 s: a body has left the world, 50.5 m from the origin, beyond the limit of 50 m; earlier steps "
+        "are kept"
     )
 
 
@@ -52,6 +55,33 @@ def test_a_scene_keeps_its_own_ending_in_the_world() -> None:
     left = rule.find(rows([0.2], [1.1 * WORLD_RADIUS]))
     assert left is not None
     assert left.name == "left-world"
+
+
+def test_a_completed_scene_ends_in_the_world_whatever_was_replaced_in_it() -> None:
+    system, start = stack()
+    scene = bare_scene("stack", {}, system, start)
+    for changed in (replace(scene, ending=None), replace(scene, observables=()), scene):
+        made = completed(changed)
+        assert [one.name for one in made.observables] == ["farthest"]
+        assert made.ending is not None
+        ending = made.ending.find(rows([0.1], [1.1 * WORLD_RADIUS]))
+        assert ending is not None
+        assert ending.name == "left-world"
+
+
+def test_a_completed_scene_has_a_start_that_is_checked() -> None:
+    system, start = stack()
+    scene = bare_scene("stack", {}, system, start)
+    sunk = replace(start, position=start.position - np.tile([0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0], 3))
+    with pytest.raises(ProblemError, match=r"penetrate by 0\.05 m at the start"):
+        completed(replace(scene, start=sunk))
+    with pytest.raises(ProblemError, match=r"penetrate by 0\.05 m at the start"):
+        bare_scene("stack", {}, system, sunk)
+
+
+def test_a_scene_without_rigid_bodies_is_complete() -> None:
+    scene = make_scene("bouncing_ball")
+    assert completed(scene) is scene
 
 
 @pytest.mark.parametrize("name", SCENES)
