@@ -15,6 +15,7 @@ act on the coordinate s of the joint, the angle of a revolute joint or the displ
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, isfinite, pi, remainder
 from typing import Any, Literal
 
@@ -25,7 +26,7 @@ from ....arrays import FloatArray, IntArray
 from ....contact.laws import LawKind, Laws
 from ....errors import ProblemError
 from .joint_rows import JointPair, JointRow, perpendicular_axes
-from .orientation import IDENTITY, rotation_matrices
+from .orientation import IDENTITY, check_orientation, rotation_matrices
 from .rigid_bodies import JointRows
 
 WORLD = -1
@@ -70,8 +71,8 @@ class Joint:
         motor_bound: largest moment [N m] or force [N] of the motor; 0 for no motor.
 
     Raises:
-        ProblemError: for an unknown kind, an axis or a length that vanishes, a number out of range, or friction, limits
-            or a motor where there is no axis.
+        ProblemError: for an unknown kind, a point that is not finite, an axis or a length that vanishes, a rotation
+            that is not a unit quaternion, a number out of range, or friction, limits or a motor where there is no axis.
     """
 
     kind: Kind
@@ -91,8 +92,13 @@ class Joint:
     def __post_init__(self) -> None:
         if self.kind not in _ROWS:
             raise ProblemError(f"there is no joint {self.kind!r}; choose one of {', '.join(_ROWS)}.")
-        if not 0.0 < np.linalg.norm(self.axis) < inf:
-            raise ProblemError(f"the axis of a joint must be finite and not vanish, got {self.axis}.")
+        for name in ("first_point", "second_point"):
+            point = getattr(self, name)
+            if len(point) != 3 or not np.isfinite(point).all():
+                raise ProblemError(f"{name} of a joint must be three finite numbers, got {point}.")
+        check_orientation("rotation of a joint", self.rotation)
+        if len(self.axis) != 3 or not 0.0 < np.linalg.norm(self.axis) < inf:
+            raise ProblemError(f"axis of a joint must be three finite numbers that are not all 0, got {self.axis}.")
         if self.kind in ("distance", "rope") and not 0.0 < self.length < inf:
             raise ProblemError(f"the length of a {self.kind} joint must be positive, got {self.length}.")
         for name in ("friction", "motor_bound"):
@@ -116,6 +122,17 @@ class Joint:
     def n_rows(self) -> int:
         """Number of scalars that the joint holds at zero."""
         return sum(_ROWS[self.kind])
+
+    @cached_property
+    def axes(self) -> FloatArray:
+        """Three perpendicular unit vectors in the second body, shape (3, 3), the first one along ``axis``."""
+        return perpendicular_axes(np.array(self.axis))
+
+    @cached_property
+    def closing_rotation(self) -> FloatArray:
+        """The matrix of ``rotation``, shape (3, 3)."""
+        matrix: FloatArray = rotation_matrices(np.array([self.rotation]))[0]
+        return matrix
 
 
 @dataclass(frozen=True)
@@ -290,11 +307,11 @@ def _held(joint: Joint, pair: JointPair) -> list[JointRow]:
             raise ProblemError("the points of a distance joint coincide; move them apart.")
         row = pair.length()
         return [JointRow(row.value - joint.length, row.first, row.second)]
-    axes = perpendicular_axes(np.array(joint.axis))
-    rows = [pair.along_axis(axis) for axis in (axes[1:] if joint.kind == "prismatic" else np.eye(3))]
-    in_first = rotation_matrices(np.array([joint.rotation]))[0].T
+    held = joint.axes[1:] if joint.kind == "prismatic" else np.eye(3)
+    rows = [pair.along_axis(axis) for axis in held]
+    in_first = joint.closing_rotation.T
     if joint.kind == "revolute":
-        rows += [pair.cosine(in_first @ axes[0], axis) for axis in axes[1:]]
+        rows += [pair.cosine(in_first @ joint.axes[0], axis) for axis in joint.axes[1:]]
     elif joint.kind in ("prismatic", "fixed"):
         rows += [pair.cosine(in_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
     return rows
@@ -302,10 +319,9 @@ def _held(joint: Joint, pair: JointPair) -> list[JointRow]:
 
 def _coordinate(joint: Joint, pair: JointPair) -> JointRow:
     """Return the angle of a revolute joint or the displacement of a prismatic one."""
-    axes = perpendicular_axes(np.array(joint.axis))
     if joint.kind == "prismatic":
-        return pair.along_axis(axes[0])
-    return pair.angle(axes, rotation_matrices(np.array([joint.rotation]))[0])
+        return pair.along_axis(joint.axes[0])
+    return pair.angle(joint.axes, joint.closing_rotation)
 
 
 def _gaps(joint: Joint, pair: JointPair) -> list[JointRow]:

@@ -19,11 +19,10 @@ UNIT = 1e-6
 
 
 def check_orientation(what: str, quaternion: Sequence[float]) -> None:
-    """Raise ``ProblemError`` unless the orientation of ``what`` is a quaternion of unit length, to 1e-6."""
+    """Raise ``ProblemError``, which names ``what``, unless it is a quaternion of unit length, to 1e-6."""
     if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT:
         raise ProblemError(
-            f"orientation of {what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its "
-            "length."
+            f"{what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its length."
         )
 
 

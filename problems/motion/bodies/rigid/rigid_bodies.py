@@ -50,7 +50,7 @@ class FixedBody:
     def __post_init__(self) -> None:
         if not np.isfinite(self.centre).all():
             raise ProblemError(f"centre of a fixed body must be finite, got {self.centre}.")
-        check_orientation("a fixed body", self.orientation)
+        check_orientation("orientation of a fixed body", self.orientation)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ def check_start(bodies: RigidBodies, start: State) -> None:
             raise ProblemError(f"{name} of body {worst} is not finite at the start; correct it.")
     poses = bodies.poses(start.position)
     for body, pose in enumerate(poses.tolist()):
-        check_orientation(f"body {body} at the start", pose[3:])
+        check_orientation(f"orientation of body {body} at the start", pose[3:])
     if bodies.joints is not None:
         bodies.joints.check_start(poses)
     found = bodies.contacts_within(poses, 0.0)
