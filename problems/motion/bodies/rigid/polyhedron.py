@@ -50,10 +50,7 @@ class Polyhedron:
             raise ProblemError(f"volume and inertia of a polyhedron must be positive; {remedy}.")
         slack = FLATNESS * np.ptp(self.vertices, axis=0).max()
         for number, face in enumerate(self.faces):
-            corners = self.vertices[list(face)]
-            area = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-            normal = area / np.linalg.norm(area) if area.any() else np.full(3, np.nan)
-            height = float(corners.mean(axis=0) @ normal)
+            normal, height = self._plane(face)
             if not height > slack:
                 raise ProblemError(
                     f"face {number} of a polyhedron is flat or inside out: its corners must run counter-clockwise seen "
@@ -66,6 +63,18 @@ class Polyhedron:
     def bounding_radius(self) -> float:
         """Radius of the sphere about the centre of mass that holds the shape [m]."""
         return float(np.linalg.norm(self.vertices, axis=1).max())
+
+    @cached_property
+    def thickness(self) -> float:
+        """Diameter of the largest sphere about the centre of mass inside the shape [m]."""
+        return 2.0 * min(self._plane(face)[1] for face in self.faces)
+
+    def _plane(self, face: tuple[int, ...]) -> tuple[FloatArray, float]:
+        """Return the unit normal of a face, NaN if it is flat, and its height above the centre of mass [m]."""
+        corners = self.vertices[list(face)]
+        area = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+        normal = area / np.linalg.norm(area) if area.any() else np.full(3, np.nan)
+        return normal, float(corners.mean(axis=0) @ normal)
 
 
 def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:

@@ -228,6 +228,11 @@ class RigidBodies:
         return np.array([shape.bounding_radius for shape in self._all_shapes])
 
     @cached_property
+    def thicknesses(self) -> FloatArray:
+        """Diameters [m] of the largest spheres inside all bodies, fixed ones after the others."""
+        return np.array([shape.thickness for shape in self._all_shapes])
+
+    @cached_property
     def _keys(self) -> ContactKeys:
         return ContactKeys(len(self._all_shapes), MAX_FEATURES)
 

@@ -40,6 +40,11 @@ class Sphere:
         """Radius of the sphere about the centre of mass that holds the shape [m]."""
         return self.radius
 
+    @property
+    def thickness(self) -> float:
+        """Diameter of the largest sphere about the centre of mass inside the shape [m]."""
+        return 2.0 * self.radius
+
 
 @dataclass(frozen=True)
 class Capsule:
@@ -79,6 +84,11 @@ class Capsule:
         """Radius of the sphere about the centre of mass that holds the shape [m]."""
         return self.radius + 0.5 * self.length
 
+    @property
+    def thickness(self) -> float:
+        """Diameter of the largest sphere about the centre of mass inside the shape [m]."""
+        return 2.0 * self.radius
+
 
 @dataclass(frozen=True)
 class Cylinder:
@@ -113,6 +123,11 @@ class Cylinder:
     def bounding_radius(self) -> float:
         """Radius of the sphere about the centre of mass that holds the shape [m]."""
         return hypot(self.radius, 0.5 * self.length)
+
+    @property
+    def thickness(self) -> float:
+        """Diameter of the largest sphere about the centre of mass inside the shape [m]."""
+        return min(2.0 * self.radius, self.length)
 
 
 def require_lengths(shape: str, **lengths: float) -> None:

@@ -48,6 +48,11 @@ class Box:
         """Radius of the sphere about the centre of mass that holds the shape [m]."""
         return 0.5 * hypot(*self.size)
 
+    @property
+    def thickness(self) -> float:
+        """Diameter of the largest sphere about the centre of mass inside the shape [m]."""
+        return min(self.size)
+
     @cached_property
     def vertices(self) -> FloatArray:
         """Corners in body axes [m], shape (8, 3)."""
@@ -63,6 +68,7 @@ class HalfSpace:
     volume = inf
     inertia = (inf, inf, inf)
     bounding_radius = inf
+    thickness = inf
 
 
 Shape = Box | HalfSpace | Polyhedron | Sphere | Capsule | Cylinder

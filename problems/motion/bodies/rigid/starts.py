@@ -8,7 +8,7 @@ from .orientation import check_orientation
 from .rigid_bodies import RigidBodies
 
 MAX_START_DEPTH = 0.05
-"""Deepest penetration at the start of a motion over the bounding radius of the smaller body."""
+"""Deepest penetration at the start of a motion over the thickness of the thinner body."""
 
 
 def check_start(bodies: RigidBodies, start: State) -> None:
@@ -16,7 +16,8 @@ def check_start(bodies: RigidBodies, start: State) -> None:
 
     Raises:
         ProblemError: for a vector of another length or with NaN, a quaternion not of unit length, the joint that
-            misses by most, or the deepest contact, if it is deeper than ``MAX_START_DEPTH`` of the smaller body.
+            misses by most, or the deepest contact, if it is deeper than ``MAX_START_DEPTH`` times the thickness
+            of the thinner body.
     """
     for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):
         shape = (count * bodies.n_bodies,)
@@ -33,7 +34,7 @@ def check_start(bodies: RigidBodies, start: State) -> None:
     if bodies.joints is not None:
         bodies.joints.check_start(poses)
     found = bodies.contacts_within(poses, 0.0)
-    depth = -found.gap / np.minimum(bodies.radii[found.first], bodies.radii[found.second])
+    depth = -found.gap / np.minimum(bodies.thicknesses[found.first], bodies.thicknesses[found.second])
     if depth.max(initial=0.0) > MAX_START_DEPTH:
         worst = int(depth.argmax())
         one, other = (
@@ -42,5 +43,5 @@ def check_start(bodies: RigidBodies, start: State) -> None:
         )
         raise ProblemError(
             f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart, to less than "
-            f"{MAX_START_DEPTH:g} of the smaller one's radius."
+            f"{MAX_START_DEPTH:g} of the thickness of the thinner one."
         )

@@ -24,6 +24,7 @@ def test_a_box_given_by_its_corners_has_the_mass_properties_of_a_box(seed: int) 
     assert np.sort(shape.inertia) == pytest.approx(np.sort(box.inertia), rel=1e-12)
     assert pose[:3] == pytest.approx(centre, rel=1e-12)
     assert shape.bounding_radius == pytest.approx(box.bounding_radius, rel=1e-12)
+    assert shape.thickness == pytest.approx(box.thickness, rel=1e-12)
     assert sorted(map(len, shape.faces)) == [4] * 6
 
 

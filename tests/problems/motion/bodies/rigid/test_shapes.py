@@ -31,6 +31,16 @@ def test_volume_and_inertia_of_bodies_of_revolution_are_integrals_over_discs(sha
     assert shape.inertia == pytest.approx(np.array([across.sum(), across.sum(), along.sum()]) * step, rel=1e-7)
 
 
+@pytest.mark.parametrize(
+    "shape", [Sphere(0.7), Capsule(0.3, 1.1), Capsule(1.2, 0.2), Cylinder(0.4, 0.9), Cylinder(0.4, 0.1)]
+)
+def test_a_sphere_of_the_thickness_of_a_body_of_revolution_reaches_its_surface(shape: Shape) -> None:
+    top = shape.length / 2 if isinstance(shape, Cylinder) else shape.bounding_radius
+    z = np.linspace(-top, top, 20_001)
+    nearest = min(np.hypot(z, profile(shape, z)).min(), top)
+    assert shape.thickness == pytest.approx(2.0 * nearest, rel=1e-7)
+
+
 @given(radius=length)
 def test_a_capsule_without_length_is_a_sphere(radius: float) -> None:
     short = Capsule(radius, 1e-12 * radius)

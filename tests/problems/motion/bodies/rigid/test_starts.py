@@ -1,5 +1,6 @@
 """A motion of rigid bodies that cannot start so is refused with one sentence and its remedy."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -50,6 +51,15 @@ def test_boxes_that_touch_may_start() -> None:
 def test_a_state_in_which_bodies_cannot_start_is_refused(state: State, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         check_start(bodies(), state)
+
+
+@pytest.mark.parametrize(("depth", "is_refused"), [(0.9e-5, False), (1.1e-5, True), (0.9e-3, True)])
+def test_a_thin_body_may_penetrate_by_a_part_of_its_thickness(depth: float, is_refused: bool) -> None:
+    """A card of 0.2 mm is as wide as a hand: its bounding radius would let it pass through the ground."""
+    cards = RigidBodies([Box((0.1, 0.1, 2e-4))], np.ones(1), [FixedBody(HalfSpace())])
+    lying = State(0.0, np.array([0.0, 0.0, 1e-4 - depth, 1.0, 0.0, 0.0, 0.0]), np.zeros(6))
+    with pytest.raises(ProblemError, match=r"less than 0\.05 of the thickness") if is_refused else nullcontext():
+        check_start(cards, lying)
 
 
 def test_a_joint_that_is_open_at_the_start_is_refused() -> None:
