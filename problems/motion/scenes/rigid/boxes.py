@@ -42,9 +42,15 @@ def downhill(slope: float) -> FloatArray:
     return np.array([cos(slope), 0.0, -sin(slope)])
 
 
+def upright(centres: FloatArray) -> FloatArray:
+    """Return the poses of bodies whose axes are those of the world, at centres [m] of shape (n, 3), shape (n, 7)."""
+    poses = np.zeros((len(centres), 7))
+    poses[:, :3], poses[:, 3] = centres, 1.0
+    return poses
+
+
 def _check_box(size: Size, slope: float, overlap: float) -> None:
-    if len(size) != 3 or not all(0.0 < edge < inf for edge in size):
-        raise ProblemError(f"size of a box must be three positive numbers, got {size}.")
+    Box(size)
     if not 0.0 <= overlap < size[2]:
         raise ProblemError(f"overlap must be from 0 to below the height of a box, got {overlap}.")
     if not 0.0 <= slope < 0.5 * np.pi:
@@ -306,10 +312,9 @@ class BoxStack(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: it stays as it is."""
-        poses = np.zeros((self.n_boxes, 7))
-        poses[:, 2] = (np.arange(self.n_boxes) + 0.5) * self.size[2] - (np.arange(self.n_boxes) + 1) * self.overlap
-        poses[:, 3] = 1.0
-        return State(time, poses.ravel(), np.zeros(6 * self.n_boxes))
+        centres, below = np.zeros((self.n_boxes, 3)), np.arange(self.n_boxes)
+        centres[:, 2] = (below + 0.5) * self.size[2] - (below + 1) * self.overlap
+        return State(time, upright(centres).ravel(), np.zeros(6 * self.n_boxes))
 
     def drift(self, state: State) -> float:
         """Return the largest distance of a centre from its place at the start [m]."""

@@ -133,8 +133,38 @@ def lattice(
     return poses
 
 
+class BoxContainer:
+    """A container of equal boxes between end walls without friction; subclasses are frozen dataclasses."""
+
+    n_boxes: int
+    friction: float
+    edge: float
+    layers: int
+    density: float
+
+    @property
+    def width(self) -> float:
+        """Distance w of the end walls [m], which has room for ``layers`` boxes."""
+        return PITCH * self.edge * self.layers
+
+    @property
+    def box(self) -> Box:
+        """One of the boxes."""
+        return Box((self.edge, self.edge, self.edge))
+
+    def box_friction(self, n_parts: int, n_fixed: int) -> Friction:
+        """Return friction of boxes on each other and on ``n_parts`` parts; the last two of all bodies are end walls.
+
+        Args:
+            n_parts: bodies after the boxes and before the end walls, whether they move or not.
+            n_fixed: bodies without degrees of freedom, with the end walls.
+        """
+        materials = (*["box"] * (self.n_boxes + n_parts), "end", "end")
+        return Friction(MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=n_fixed))
+
+
 @dataclass(frozen=True)
-class RotatingDrum:
+class RotatingDrum(BoxContainer):
     """Boxes in a drum that turns about the y axis.
 
     Attributes:
@@ -171,24 +201,19 @@ class RotatingDrum:
             raise ProblemError(f"boxes stick to a drum that turns with {self.speed} rad/s; lower its speed or radius.")
 
     @property
-    def width(self) -> float:
-        """Depth of the drum along its axis [m]."""
-        return PITCH * self.edge * self.layers
-
-    @property
     def _stave(self) -> Box:
         length = 2.0 * self.radius * (tan(pi / STAVES) - GAP)
         return Box((length, (1.0 - 2.0 * GAP) * self.width, 0.2 * self.radius))
 
     def system(self) -> RigidBodies:
         """Return the boxes, the staves, and the end walls."""
-        box = Box((self.edge, self.edge, self.edge))
-        mass = self.density * box.volume
+        mass = self.density * self.box.volume
         masses = np.array([mass] * self.n_boxes + [HEAVY * mass] * STAVES)
-        materials = ("box",) * (self.n_boxes + STAVES) + ("end",) * 2
-        friction = MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=2)
-        effects: list[BodyEffect] = [DrivenRing(self.n_boxes, self.gravity, self.speed), Friction(friction)]
-        shapes = [box] * self.n_boxes + [self._stave] * STAVES
+        effects: list[BodyEffect] = [
+            DrivenRing(self.n_boxes, self.gravity, self.speed),
+            self.box_friction(STAVES, n_fixed=2),
+        ]
+        shapes = [self.box] * self.n_boxes + [self._stave] * STAVES
         return rigid_bodies(shapes, masses, end_walls(self.width), effects)
 
     def start(self) -> State:
@@ -224,7 +249,7 @@ class RotatingDrum:
 
 
 @dataclass(frozen=True)
-class Hopper:
+class Hopper(BoxContainer):
     """Boxes that flow out of a wedge of 45° through a slot along y.
 
     Attributes:
@@ -257,11 +282,6 @@ class Hopper:
         check_positive(self, "a hopper", "n_boxes", "outlet", "edge", "layers", "density", "gravity")
 
     @property
-    def width(self) -> float:
-        """Length w of the slot [m]."""
-        return PITCH * self.edge * self.layers
-
-    @property
     def height(self) -> float:
         """Height of the wedge [m]."""
         return 6.0 * self.edge
@@ -287,11 +307,9 @@ class Hopper:
             wall = tuple(about(ACROSS, -0.5 * side * pi))
             fixed.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall))
         fixed += end_walls(self.width)
-        box = Box((self.edge, self.edge, self.edge))
-        materials = ("box",) * (self.n_boxes + 4) + ("end",) * 2
-        friction = MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=6)
-        masses = np.full(self.n_boxes, self.density * box.volume)
-        return rigid_bodies([box] * self.n_boxes, masses, fixed, [Gravity(self.gravity), Friction(friction)])
+        masses = np.full(self.n_boxes, self.density * self.box.volume)
+        effects: list[BodyEffect] = [Gravity(self.gravity), self.box_friction(4, n_fixed=6)]
+        return rigid_bodies([self.box] * self.n_boxes, masses, fixed, effects)
 
     def start(self) -> State:
         """Return the boxes at rest above the outlet."""

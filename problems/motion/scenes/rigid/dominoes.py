@@ -8,7 +8,7 @@ apart, and do not slip on the ground, lean by angles with
 
 so that the train moves with one degree of freedom. Without friction between dominoes it keeps its energy between two
 impacts. At an impact, contact forces do no work on the motion of the longer train, Σ w_j (ω_j⁺ − ω_j⁻) = 0 with
-w_j = ω_j/ω_n. The speed of the wave tends to a limit, which depends on the push no more. Friction slows the wave (J. M.
+w_j = ω_j/ω_n. The speed of the wave tends to a limit that is independent of the push. Friction slows the wave (J. M.
 J. van Leeuwen, *The domino effect*, Am. J. Phys. 78, 721, 2010, arXiv:physics/0401018). For thin dominoes, speeds scale
 with (g h)^½ at equal p/h (McLachlan, Beaupre, Cox & Gore, *Falling dominoes*, SIAM Review 25, 403, 1983).
 """
@@ -28,7 +28,7 @@ from ...bodies.rigid.shapes import Box
 from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import Observable, check_positive
-from .boxes import Size, incline
+from .boxes import Size, incline, upright
 from .effects import rigid_bodies
 
 RESTING_DEPTH = 1e-6
@@ -71,8 +71,7 @@ class Dominoes:
 
     def __post_init__(self) -> None:
         check_positive(self, "a row of dominoes", "n_dominoes", "spacing", "push", "mass", "gravity")
-        if len(self.size) != 3 or not all(0.0 < edge < inf for edge in self.size):
-            raise ProblemError(f"size of a domino must be three positive numbers, got {self.size}.")
+        Box(self.size)
         if self.spacing >= self.size[2]:
             raise ProblemError(
                 f"spacing of dominoes must be less than their height {self.size[2]:g}, got {self.spacing}."
@@ -112,11 +111,11 @@ class Dominoes:
     def start(self) -> State:
         """Return the upright dominoes, the first one in motion."""
         thickness, _, height = self.size
-        poses, twists = np.zeros((self.n_dominoes, 7)), np.zeros((self.n_dominoes, 6))
-        poses[:, 0] = self.pitch * np.arange(self.n_dominoes)
-        poses[:, 2], poses[:, 3] = 0.5 * height - RESTING_DEPTH, 1.0
+        centres, twists = np.zeros((self.n_dominoes, 3)), np.zeros((self.n_dominoes, 6))
+        centres[:, 0] = self.pitch * np.arange(self.n_dominoes)
+        centres[:, 2] = 0.5 * height - RESTING_DEPTH
         twists[0] = 0.5 * self.push * np.array([height, 0.0, thickness, 0.0, 2.0, 0.0])
-        return State(0.0, poses.ravel(), twists.ravel())
+        return State(0.0, upright(centres).ravel(), twists.ravel())
 
     def angles(self, state: State) -> FloatArray:
         """Return the angles by which dominoes have turned [rad], shape (n_dominoes,)."""
@@ -136,34 +135,36 @@ class Dominoes:
     @cached_property
     def frictionless_speed(self) -> float:
         """Limit of the speed of the wave [m/s] without friction between dominoes, and without slip on the ground."""
-        head = np.linspace(0.0, self.hitting_angle, ANGLES)
-        trains = [self._train(angle) for angle in head.tolist()]
-        leaning, rates = (np.array([train[part] for train in trains]) for part in (0, 1))
+        heads = np.linspace(0.0, self.hitting_angle, ANGLES)
+        angles, rates = self._train(heads)
         thickness, _, height = self.size
         moment = (height**2 + thickness**2) / 3.0
-        potential = 0.5 * self.gravity * (height * np.cos(leaning) + thickness * np.sin(leaning))
-        speeds, seconds = np.zeros(TRAIN), inf
-        speeds[0] = self.push
+        potential = 0.5 * self.gravity * (height * np.cos(angles) + thickness * np.sin(angles))
+        head_speed, seconds = self.push, inf  # of the head after an impact; time from it to the next one
         for n in range(1, TRAIN):
-            # n dominoes move; the potential is of the energy over the mass
-            inertia = moment * (rates[:, :n] ** 2).sum(axis=1)
-            energy = 0.5 * inertia[0] * speeds[0] ** 2 + potential[0, :n].sum()
-            squared = 2.0 * (energy - potential[:, :n].sum(axis=1)) / inertia
+            # n dominoes move; inertia and energies are over the mass
+            inertia = moment * (rates[:n] ** 2).sum(axis=0)
+            released = (potential[:n, :1] - potential[:n]).sum(axis=0)
+            squared = (inertia[0] * head_speed**2 + 2.0 * released) / inertia
             if not (squared > 0.0).all():
                 raise ProblemError("the wave stops, for the push of the first domino is too weak; raise it.")
-            turning = np.sqrt(squared)
-            seconds = float(np.trapezoid(1.0 / turning, head))
-            before = rates[-1, :n] * turning[-1]
-            speeds[0] = rates[0, 1 : n + 1] @ before / (rates[0, : n + 1] @ rates[0, : n + 1])
+            head_speeds = np.sqrt(squared)
+            seconds = float(np.trapezoid(1.0 / head_speeds, heads))
+            before, after = rates[:n, -1] * head_speeds[-1], rates[: n + 1, 0]
+            head_speed = float(after[1:] @ before / (after @ after))
         return self.pitch / seconds
 
-    def _train(self, head: float) -> tuple[FloatArray, FloatArray]:
-        """Return angles [rad] and rates w of a train, shape (TRAIN + 1,) each, whose head leans by ``head`` [rad]."""
+    def _train(self, heads: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the angles [rad] and the rates w of a train where its head leans by ``heads`` [rad].
+
+        Returns:
+            From the head backwards, shape (TRAIN + 1, len(heads)) each.
+        """
         thickness, _, height = self.size
-        angles, rates = [head], [1.0]
+        angles, rates = [heads], [np.ones(len(heads))]
         for _ in range(TRAIN):
-            overlap = (self.pitch * np.cos(angles[-1]) - thickness) / height
-            slope = self.pitch * np.sin(angles[-1]) / height / np.sqrt(1.0 - overlap * overlap)
-            angles.append(angles[-1] + float(np.arcsin(overlap)))
-            rates.append(rates[-1] * float(1.0 - slope))
+            sine = (self.pitch * np.cos(angles[-1]) - thickness) / height
+            slope = self.pitch * np.sin(angles[-1]) / height / np.sqrt(1.0 - sine * sine)
+            angles.append(angles[-1] + np.arcsin(sine))
+            rates.append(rates[-1] * (1.0 - slope))
         return np.array(angles), np.array(rates)

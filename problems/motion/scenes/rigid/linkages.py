@@ -313,6 +313,8 @@ class FourBar(ClosedFormScene):
     speed: float = 3.0
     density: float = 1.0
 
+    depth: ClassVar[float] = DEPTH
+
     def __post_init__(self) -> None:
         check_positive(self, "a four-bar linkage", "crank", "coupler", "rocker", "base", "density")
         farthest, nearest = self.base + self.crank, abs(self.base - self.crank)
@@ -347,8 +349,6 @@ class FourBar(ClosedFormScene):
         rocker = speed * self.crank * sin(b - a) / (self.rocker * sin(b - c))
         return np.array([speed, coupler, rocker])
 
-    depth: ClassVar[float] = DEPTH
-
     def system(self) -> RigidBodies:
         """Return crank, coupler and rocker, whose rods lead along their x axes."""
         a, b, c = (0.5 * length for length in self.lengths)
@@ -376,11 +376,16 @@ class FourBar(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s], to a relative 1e-12: by integration of θ̇ over one angle."""
-        kinetic_energy = self.system().kinetic_energy
-        inertia = 2.0 * kinetic_energy(self.state(self.angle, 1.0).velocity)
+        system = self.system()
+
+        def energy(angle: float) -> float:
+            """Return ½ I(θ)."""
+            return system.kinetic_energy(self.state(angle, 1.0).velocity)
+
+        energy_at_start = energy(self.angle)
 
         def speed(angle: float) -> float:
-            return self.speed * sqrt(0.5 * inertia / kinetic_energy(self.state(angle, 1.0).velocity))
+            return self.speed * sqrt(energy_at_start / energy(angle))
 
         if time == 0.0:
             return self.state(self.angle, self.speed)

@@ -18,7 +18,7 @@ from ...bodies.rigid.shapes import Box, Shape
 from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import Observable, check_positive
-from .boxes import Size, incline
+from .boxes import Size, incline, upright
 from .effects import BodyEffect, rigid_bodies
 
 JOINT = 1e-3
@@ -58,8 +58,7 @@ class BrickWall:
 
     def __post_init__(self) -> None:
         check_positive(self, "a wall", "rows", "columns", "radius", "density", "ball_density", "gravity")
-        if len(self.size) != 3 or not all(0.0 < edge < inf for edge in self.size):
-            raise ProblemError(f"size of a brick must be three positive numbers, got {self.size}.")
+        Box(self.size)
         if not 0.0 <= self.speed < inf:
             raise ProblemError(f"speed of the ball must not be negative, got {self.speed}; 0 leaves it out.")
         if not 0.0 <= self.overlap < 0.1 * self.size[2]:
@@ -98,14 +97,13 @@ class BrickWall:
         """Return the wall at rest, and the ball a hundredth of its radius in front of it."""
         bricks = np.array(list(self._bricks()))
         n_bodies = len(bricks) + (1 if self.speed else 0)
-        poses, twists = np.zeros((n_bodies, 7)), np.zeros((n_bodies, 6))
-        poses[:, 3] = 1.0
-        poses[: len(bricks), 0] = self.size[0] * bricks[:, 1]
-        poses[: len(bricks), 2] = (bricks[:, 0] + 0.5) * self.size[2] - (bricks[:, 0] + 1.0) * self.overlap
+        centres, twists = np.zeros((n_bodies, 3)), np.zeros((n_bodies, 6))
+        centres[: len(bricks), 0] = self.size[0] * bricks[:, 1]
+        centres[: len(bricks), 2] = (bricks[:, 0] + 0.5) * self.size[2] - (bricks[:, 0] + 1.0) * self.overlap
         if self.speed:
-            poses[-1, :3] = 0.0, -0.5 * self.size[1] - 1.01 * self.radius, self.middle
+            centres[-1] = 0.0, -0.5 * self.size[1] - 1.01 * self.radius, self.middle
             twists[-1, 1] = self.speed
-        return State(0.0, poses.ravel(), twists.ravel())
+        return State(0.0, upright(centres).ravel(), twists.ravel())
 
     def moved(self, state: State) -> float:
         """Return the largest displacement of a brick from the start [m]."""

@@ -158,7 +158,7 @@ def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top
     ("text", "words"),
     [
         ("box_on_incline(slope=2.0)", "slope of an incline"),
-        ("box_on_incline(size=(0.1, 0.2))", "three positive numbers"),
+        ("box_on_incline(size=(0.1, 0.2))", "size of a box must be three edge lengths"),
         ("box_on_incline(size=(0.1, 0.1, 0.5))", "simulate a tipping_box"),
         ("thrown_box(size=(0.1, 0.1, 0.3))", "tips when friction of 0.5"),
         ("thrown_box(mass=0.0)", "mass of a box must be positive"),

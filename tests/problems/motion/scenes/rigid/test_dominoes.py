@@ -33,13 +33,13 @@ def energies(row: Dominoes, states: list[State]) -> FloatArray:
 def test_dominoes_of_a_train_lean_on_each_other_and_its_rates_are_the_derivatives_of_its_angles() -> None:
     row = Dominoes()
     head, step = 0.3, 1e-6
-    angles, rates = row._train(head)
+    (angles, after, before), (rates, *_) = (part.T for part in row._train(head + np.array([0.0, step, -step])))
     thickness, _, height = row.size
     corners = height * np.array([np.sin(angles[1:]), np.cos(angles[1:])])  # about the lower edge of each domino
     faces = np.array([-np.cos(angles[:-1]), np.sin(angles[:-1])])
     distances = ((corners - np.array([[row.pitch], [0.0]])) * faces).sum(axis=0)
     assert distances == pytest.approx(thickness, abs=1e-15)
-    derivatives = (row._train(head + step)[0] - row._train(head - step)[0]) / (2.0 * step)
+    derivatives = (after - before) / (2.0 * step)
     assert rates == pytest.approx(derivatives, abs=1e-8)
     assert angles[-1] == pytest.approx(np.arccos(thickness / row.pitch), abs=1e-6)
 
@@ -85,7 +85,7 @@ def test_a_domino_topples_if_its_push_lifts_it_over_its_edge(factor: float, topp
     [
         ("push=1.0", "to topple it"),
         ("spacing=0.05", "less than their height"),
-        ("size=(0.1, 0.2)", "three positive numbers"),
+        ("size=(0.1, 0.2)", "size of a box must be three edge lengths"),
         ("n_dominoes=0", "n_dominoes of a row of dominoes"),
     ],
 )
