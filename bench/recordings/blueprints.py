@@ -18,13 +18,13 @@ BODIES = "bodies"
 """Entity of the bodies that all solvers share."""
 
 FIELD_OF_VIEW = np.radians(55.0)
-"""Angle between the lower and the upper side of a spatial view, the viewer's own."""
+"""Vertical field of view of a spatial view [rad], the default of the viewer."""
 
 FILLED_SHARE = 0.88
 """Share of the width or height of a view that its content fills."""
 
 BESIDE, ABOVE = 0.55, 2.2
-"""Width over height of two spatial views that stand side by side, or one above the other, in a still."""
+"""Aspect ratio of each of two spatial views in a still, side by side or one above the other."""
 
 SOLVERS_IN_A_ROW = 4
 SECONDS_TO_PLAY = 12.0
@@ -60,7 +60,7 @@ class CameraFit:
     therefore depends on the least x · n of all points alone.
 
     Args:
-        direction: the camera is in this direction of what it faces, shape (3,).
+        direction: from the points to the camera, shape (3,).
         aspect: width of the view over its height.
     """
 
@@ -83,7 +83,7 @@ class CameraFit:
 
     @property
     def depth(self) -> float:
-        """Place of the camera along its line of sight [m]; larger is closer."""
+        """Position of the camera along its line of sight [m]; larger is closer."""
         return float((self._least.reshape(2, 2).sum(axis=1) / (2.0 * self._slopes)).min())
 
     def camera(self) -> Camera:
@@ -126,7 +126,7 @@ def set_axis_range(view: rrb.TimeSeriesView, heights: tuple[float, float]) -> No
 def solves_blueprint(
     solvers: Sequence[str], n_iterations: int, camera: Camera, heights: tuple[float, float] | None
 ) -> rrb.Blueprint:
-    """Return solvers side by side, each with the states of its contacts, above the curves of all solvers.
+    """Return the layout of solves: solvers side by side with their contact states, above the curves of all solvers.
 
     Args:
         solvers: their names; the entities of solver k are ``/solvers/k`` and ``/states/k``.
@@ -160,7 +160,7 @@ def solves_blueprint(
 def simulation_blueprint(
     views: Sequence[rrb.Spatial3DView], plots: Sequence[rrb.TimeSeriesView], every: int, is_stacked: bool = False
 ) -> rrb.Blueprint:
-    """Return spatial views with curves and an explanation to their right.
+    """Return the layout of a simulation: spatial views, with curves and an explanation to their right.
 
     One of ``every`` steps is drawn; sixty drawn steps are played per second. Views are side by side, or one above the
     other if ``is_stacked``.

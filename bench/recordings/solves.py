@@ -49,7 +49,7 @@ LINES = (150, 170, 200)
 """Colour of other bodies."""
 
 TOLERANCE = 1e-8
-"""Tolerance of recorded solvers; most reach the finest of a run only slowly."""
+"""Tolerance of recorded solvers; most need too many iterations for the finest one of a run."""
 
 MAX_ITERATIONS = 1000
 

@@ -91,7 +91,7 @@ class _Watcher:
             self._add_frame()
 
     def finish(self) -> None:
-        """Keep the last iterate in any case."""
+        """Keep the last iterate, which may not have been selected."""
         if self._trace.iterations[-1] != self._iteration:
             self._add_point()
         if self._trace.shown[-1] != self._iteration:

@@ -9,8 +9,8 @@ from ....problems.arrays import FloatArray
 from ..contact_states import States
 
 SHARE, RADII, MAX_RATIO = 0.9, 0.6, 4.0
-"""The force that this share of all forces does not exceed has an arrow of so many bounding radii of its body. Arrows
-grow with the root of a force, up to this multiple of it, so that impacts do not cover everything."""
+"""The ``SHARE`` quantile of all forces has an arrow of ``RADII`` bounding radii of its body. Lengths grow with the root
+of the force, up to ``MAX_RATIO`` times this length, so that the arrows of impacts do not cover everything."""
 
 NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.uint16))
 """Arguments of ``ForceArrows.add`` for a step without forces."""

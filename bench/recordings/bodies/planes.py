@@ -12,7 +12,7 @@ from ....problems.motion.bodies.rigid.shapes import HalfSpace
 from .meshes import Mesh
 
 LEVEL = 0.7
-"""Height of the unit normal of a plane above which it is ground and no wall."""
+"""Vertical component of the unit normal above which a plane is ground, not a wall."""
 
 LINES = 5
 """Least number of lines from the middle of the ground to its edge."""
@@ -87,7 +87,7 @@ def is_ground(body: FixedBody) -> bool:
 
 
 def faces(body: FixedBody, direction: Sequence[float]) -> bool:
-    """Return whether the outside of a half-space is seen from a direction, shape (3,)."""
+    """Return whether a half-space shows its outside to a camera in a direction, shape (3,)."""
     return bool(_normal(body) @ np.array(direction) > 0.0)
 
 

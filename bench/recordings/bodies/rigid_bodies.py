@@ -40,7 +40,7 @@ GRID = (150, 170, 200, 90)
 OUTLINES, FIXED, PATCHES, JOINT_FORCES = "scene/outlines", "scene/fixed", "scene/patches", "scene/joint_forces"
 
 DIRECTION = (0.35, -0.86, 0.37)
-"""The camera is in this direction."""
+"""Direction from the bodies to the camera."""
 
 REACH = 0.2
 """Greatest gap at the end of a step over the smallest bounding radius, of contacts whose forces are drawn."""

@@ -53,7 +53,7 @@ def lightened(colour: tuple[int, int, int]) -> tuple[int, int, int]:
 
 
 def _hull(points: FloatArray) -> FloatArray:
-    """Return the triangles of a convex hull, shape (n, 3, 3), in the order that turns about the outward normal."""
+    """Return the triangles of a convex hull, shape (n, 3, 3), counter-clockwise seen from outside."""
     hull = ConvexHull(points)
     corners: FloatArray = points[hull.simplices]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
