@@ -24,6 +24,7 @@ from ...errors import ProblemError
 from ..detection.broad_phase import NearPairs
 from ..detection.contact_keys import ContactKeys
 from .contact_frame import write_frame
+from .rigid.materials import MaterialPairs
 from .surfaces import Surface
 from .system import ActiveContacts, Overlaps, StepAssembly
 
@@ -69,7 +70,8 @@ class BallSystem:
         inertia_factor: J/(m r²).
 
     Raises:
-        ProblemError: if a radius or a mass is not positive, or a coefficient is out of range.
+        ProblemError: if a radius or a mass is not positive, a coefficient is out of range, or materials are not one a
+            body.
     """
 
     radii: FloatArray
@@ -93,6 +95,10 @@ class BallSystem:
             raise ProblemError(f"dimension must be 2 or 3, got {self.dimension}.")
         if not (self.friction is None or callable(self.friction) or 0.0 <= self.friction < np.inf):
             raise ProblemError(f"friction must be finite and not negative, got {self.friction}.")
+        for name in ("friction", "restitution_normal"):
+            value = getattr(self, name)
+            if isinstance(value, MaterialPairs):
+                value.check_count(name, len(self.radii) + len(self.surfaces))
         for name in ("restitution_normal", "restitution_tangential"):
             value = getattr(self, name)
             if not (callable(value) and name == "restitution_normal") and not 0.0 <= value <= 1.0:

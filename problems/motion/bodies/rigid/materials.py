@@ -39,6 +39,18 @@ class MaterialPairs:
                 if not {(one, other), (other, one)} & self.coefficients.keys():
                     raise ProblemError(f"the coefficient of {one} on {other} is missing; add ({one!r}, {other!r}).")
 
+    def check_count(self, name: str, n_bodies: int) -> None:
+        """Check the number of materials of the coefficient ``name`` of a system.
+
+        Raises:
+            ProblemError: if it is not ``n_bodies``, the number of all bodies, fixed ones included.
+        """
+        if len(self.materials) != n_bodies:
+            raise ProblemError(
+                f"{name} names the materials of {len(self.materials)} bodies, but there are {n_bodies}; give one "
+                "material a body, those of fixed bodies last."
+            )
+
     @cached_property
     def _names(self) -> list[str]:
         return sorted(set(self.materials))

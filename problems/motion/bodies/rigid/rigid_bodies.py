@@ -127,7 +127,7 @@ class RigidBodies:
 
     Raises:
         ProblemError: if arrays are of unequal length, a body that moves is unbounded, a mass or a moment of inertia is
-            not positive, no body has such moments, or a coefficient is out of range.
+            not positive, no body has such moments, a coefficient is out of range, or materials are not one a body.
     """
 
     shapes: Sequence[Shape]
@@ -154,6 +154,10 @@ class RigidBodies:
             if shape.bounding_radius == np.inf:
                 raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
         self._check_inertias()
+        for name in ("friction", "restitution_normal"):
+            value = getattr(self, name)
+            if isinstance(value, MaterialPairs):
+                value.check_count(name, len(self.shapes) + len(self.fixed))
         for name in ("friction", "rolling_friction"):
             value = getattr(self, name)
             if not (value is None or callable(value) or 0.0 <= value < np.inf):

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.rigid.materials import MaterialPairs
+from proxbench.problems.motion.bodies.rigid.rigid_bodies import FixedBody
+from proxbench.problems.motion.bodies.rigid.round_shapes import Sphere
+from proxbench.problems.motion.bodies.rigid.shapes import HalfSpace
 from proxbench.problems.motion.scenes.effects import Friction, Restitution, ball_system
+from proxbench.problems.motion.scenes.rigid.effects import rigid_bodies
 from proxbench.problems.motion.scenes.scene import GROUND
 
 COEFFICIENTS = {("steel", "steel"): 0.15, ("wood", "steel"): 0.4, ("wood", "rubber"): 0.9, ("steel", "rubber"): 0.8}
@@ -32,6 +36,18 @@ def test_balls_take_them_as_friction_and_restitution_too() -> None:
     assert contacts is not None
     assert contacts.laws.friction_coefficient[1::2].tolist() == [0.8, 0.9]
     assert contacts.restitution[::3].tolist() == [0.3, 0.9]
+
+
+def test_materials_of_other_bodies_are_refused() -> None:
+    pairs, words = MaterialPairs(("steel",) * 3, COEFFICIENTS), "of 3 bodies, but there are 2; give one material a body"
+    with pytest.raises(ProblemError, match=f"friction names the materials {words}"):
+        ball_system(np.ones(1), np.ones(1), [GROUND], [Friction(pairs)])
+    with pytest.raises(ProblemError, match=f"restitution_normal names the materials {words}"):
+        ball_system(np.ones(1), np.ones(1), [GROUND], [Restitution(pairs)])
+    with pytest.raises(ProblemError, match=f"friction names the materials {words}"):
+        rigid_bodies([Sphere(1.0)], np.ones(1), [FixedBody(HalfSpace())], [Friction(pairs)])
+    with pytest.raises(ProblemError, match=f"restitution_normal names the materials {words}"):
+        rigid_bodies([Sphere(1.0)], np.ones(1), [FixedBody(HalfSpace())], [Restitution(pairs)])
 
 
 @pytest.mark.parametrize("value", [-0.1, float("inf"), float("nan")])
