@@ -33,10 +33,10 @@ def components(problem: ContactProblem) -> IntArray:
     if problem.factors is None:
         matrix = problem.delassus()
         pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
-        found = _components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
+        found = components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
     else:
         pieces = problem.factor_pieces()
-        found = _components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
+        found = components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
     return found
 
 
@@ -114,7 +114,7 @@ def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
 
 @interpretable
 @njit(cache=True)
-def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
+def components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact if only G is known."""
     starts, bodies = _coupled_contacts(indptr, indices, data, np.sqrt(diagonal), contact_of_row)
     return _components(partner, len(partner), starts, bodies, contact_of_row)
@@ -122,7 +122,7 @@ def _components_over_matrix(indptr, indices, data, diagonal, contact_of_row, par
 
 @interpretable
 @njit(cache=True)
-def _components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
+def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact if the factors are known."""
     starts, bodies = _touched_rows(first, chunks, values, n_chunks)
     return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))

@@ -92,7 +92,7 @@ class Residual:
     def largest_held(self, impulses: FloatArray) -> float:
         """Return the largest G_hh |Λ_h| over all rows h, each times ratio and length of its law [m/s]."""
         _, row_count, first_row = self._rows
-        return float(_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
+        return float(find_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
 
     def rounding(self, impulses: FloatArray) -> float:
         """Return an estimate of the residual that plain arithmetic cannot distinguish from zero at Λ [N s], (n_rows,).
@@ -129,7 +129,7 @@ class Residual:
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
         arguments = *self._rows, *self._bounds, self._partner, self._numbers, impulses, velocity
-        return ratio(_write_squared_violations(*arguments), self._scale)
+        return ratio(write_squared_violations(*arguments), self._scale)
 
     def of_laws(self, impulses: FloatArray, velocity: FloatArray, weight: float = 1.0) -> FloatArray:
         """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under Coulomb friction, shape (n_laws,).
@@ -142,7 +142,7 @@ class Residual:
         mu, fixed = self._bounds
         if weight != 1.0:
             mu, fixed = weight * mu, weight * fixed
-        _write_squared_violations(*self._rows, mu, fixed, self._partner, self._numbers, impulses, velocity)
+        write_squared_violations(*self._rows, mu, fixed, self._partner, self._numbers, impulses, velocity)
         return np.sqrt(self._squares)
 
 
@@ -172,7 +172,7 @@ def _unit(scale: float) -> float:
 
 @interpretable
 @njit(cache=True)
-def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
+def find_largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
     """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if any is."""
     largest = 0.0
     for law in range(len(row_count)):
@@ -184,7 +184,7 @@ def _largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  #
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def _write_squared_violations(  # type: ignore[no-untyped-def]
+def write_squared_violations(  # type: ignore[no-untyped-def]
     sets, row_count, first_row, mu, fixed, partner, numbers, impulses, velocity
 ):
     """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest root times ratio [m/s], or NaN.

@@ -89,15 +89,19 @@ def density(problem: ContactProblem) -> float:
         return UNCOUPLED
     if problem.matrix is not None:
         matrix = problem.matrix
-        return 1.0 if _couples(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row) else UNCOUPLED
+        return (
+            1.0
+            if couples_contacts(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row)
+            else UNCOUPLED
+        )
     pieces = problem.factor_pieces()
-    most, pairs = _count_shared_chunks(pieces.chunks, pieces.n_chunks)
+    most, pairs = count_shared_chunks(pieces.chunks, pieces.n_chunks)
     return UNCOUPLED if most <= 1 else pieces.width**2 * pairs / max(2.0 * pieces.values.size, 1.0)
 
 
 @interpretable
 @njit(cache=True)
-def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
+def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
     """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
     for row in range(len(contact_of_row)):
         for place in range(starts[row], starts[row + 1]):
@@ -108,7 +112,7 @@ def _couples(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, co
 
 @interpretable
 @njit(cache=True)
-def _count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
+def count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
     """Return the largest number of pieces on a chunk, and the number of pairs of pieces that share one."""
     counts = np.zeros(n_chunks + 1)
     for chunk in chunks:

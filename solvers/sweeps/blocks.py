@@ -72,15 +72,15 @@ class BlockIterates(DelassusState):
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; the exact kernel ends each sweep in which a contact is not in a usual state."""
-        if self._kernel is not _sweep_usual_spatial:
+        if self._kernel is not solve_usual_spatial_blocks:
             self._kernel(count, *self._arguments)
             return
         n_blocks = max(self.layout.n_blocks, 1)
         while count > 0:
-            visited = _sweep_usual_spatial(count, *self._arguments)
+            visited = solve_usual_spatial_blocks(count, *self._arguments)
             count -= visited // n_blocks + 1
             if count >= 0:
-                _end_sweep_spatial(visited % n_blocks, *self._arguments)
+                solve_other_spatial_blocks(visited % n_blocks, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set ω of each block to this fraction of its initial value, shape (n_blocks,)."""
@@ -91,7 +91,11 @@ def _kernel_of(layout: BlockLayout) -> Callable[..., Any]:
     """Return the kernel that sweeps over blocks of these laws."""
     if not layout.has_contacts_only:
         return _sweep_any
-    kernels: tuple[Callable[..., Any], ...] = (_sweep_frictionless, _sweep_planar, _sweep_usual_spatial)
+    kernels: tuple[Callable[..., Any], ...] = (
+        solve_frictionless_blocks,
+        solve_planar_blocks,
+        solve_usual_spatial_blocks,
+    )
     return kernels[layout.width - 1]
 
 
@@ -105,9 +109,10 @@ def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _sweep_frictionless(  # type: ignore[no-untyped-def]
+def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
+    """Solve each contact without friction, ``count`` times."""
     one = uint64(1)
     for _ in range(count):
         for i in range(uint64(len(friction))):
@@ -119,9 +124,10 @@ def _sweep_frictionless(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _sweep_planar(  # type: ignore[no-untyped-def]
+def solve_planar_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
+    """Solve each planar contact, ``count`` times."""
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
     for _ in range(count):
         for i in range(uint64(len(friction))):
@@ -139,7 +145,7 @@ def _sweep_planar(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _sweep_usual_spatial(  # type: ignore[no-untyped-def]
+def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
     """Sweep until a contact is not in a usual state; return the number of contacts visited before it."""
@@ -159,7 +165,7 @@ def _sweep_usual_spatial(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _end_sweep_spatial(  # type: ignore[no-untyped-def]
+def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
     begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
     """Do the end of a sweep from contact ``begin`` on."""

@@ -96,7 +96,7 @@ class DelassusState:
     def __init__(self, delassus: FlatDelassus, start: FloatArray) -> None:
         self.layout, self.padded = delassus.layout, delassus.layout.pad(start).reshape(-1)
         self._delassus, self._velocity = delassus, np.empty(len(self.padded))
-        product = _product_spatial if self.layout.width == 3 else partial(_product, self.layout.width)
+        product = write_spatial_velocity if self.layout.width == 3 else partial(write_velocity, self.layout.width)
         self._write_velocity = partial(product, *delassus.arrays, self.padded, self._velocity)
 
     def impulses(self) -> FloatArray:
@@ -140,7 +140,7 @@ class DelassusIterates(DelassusState):
         super().__init__(sweep.delassus, start)
         self._kernel: Callable[..., None] = sweep_delassus
         if self.layout.has_contacts_only:
-            self._kernel = (_sweep_frictionless, _sweep_planar, _sweep_spatial)[self.layout.width - 1]
+            self._kernel = (sweep_frictionless, sweep_planar, sweep_spatial)[self.layout.width - 1]
         self._laws = sweep.laws
         self._arguments = (*sweep.delassus.arrays, *sweep.laws, self.padded)
 
@@ -191,7 +191,8 @@ def spatial_velocity(i, first, starts, lanes, values, free, impulses):  # type: 
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+def write_velocity(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+    """Write ξ = GΛ + c of blocks of any width."""
     one, width = uint64(1), uint64(width)
     for i in range(uint64(len(starts) - 1)):
         for lane in range(width):
@@ -204,7 +205,8 @@ def _product(width, starts, lanes, values, free, impulses, velocity):  # type: i
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial(starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+def write_spatial_velocity(starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+    """Write ξ = GΛ + c of spatial contacts."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     for i in range(uint64(len(starts) - 1)):
         normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
@@ -212,9 +214,10 @@ def _product_spatial(starts, lanes, values, free, impulses, velocity):  # type: 
 
 
 @njit(cache=True, fastmath={"contract"})
-def _sweep_frictionless(  # type: ignore[no-untyped-def]
+def sweep_frictionless(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
+    """Sweep ``count`` times over contacts without friction."""
     one, two = uint64(1), uint64(2)
     for _ in range(count):
         for i in range(uint64(len(friction))):
@@ -225,9 +228,10 @@ def _sweep_frictionless(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _sweep_planar(  # type: ignore[no-untyped-def]
+def sweep_planar(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
+    """Sweep ``count`` times over planar contacts."""
     one, two, four = uint64(1), uint64(2), uint64(4)
     for _ in range(count):
         for i in range(uint64(len(friction))):
@@ -242,9 +246,10 @@ def _sweep_planar(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _sweep_spatial(  # type: ignore[no-untyped-def]
+def sweep_spatial(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
+    """Sweep ``count`` times over spatial contacts."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     for _ in range(count):
         for i in range(uint64(len(friction))):

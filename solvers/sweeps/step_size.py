@@ -61,7 +61,7 @@ def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> 
         parts = np.split(layout.pad(of_row), [1, 1 + layout.sliding], axis=1)
         return inverse(np.column_stack([part.max(axis=1, initial=0.0) for part in parts]), relaxation)
     sizes = np.zeros((layout.n_blocks, 2))
-    _write_sizes(layout.slot, layout.width, of_row, relaxation, sizes)
+    write_step_sizes(layout.slot, layout.width, of_row, relaxation, sizes)
     return sizes
 
 
@@ -107,7 +107,7 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 
 @interpretable
 @njit(cache=True)
-def _write_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
+def write_step_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
     """Write ω over the largest number of the rows of each law, 0 where that is 0."""
     for row in range(len(slot)):
         block, lane = slot[row] // width, min(slot[row] % width, 1)

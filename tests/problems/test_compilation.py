@@ -75,7 +75,7 @@ def test_interpreted_kernels_do_not_change_a_bit_of_a_solution_or_a_verdict() ->
     code = """
 from proxbench import judge, load, solve
 from proxbench.problems import compilation
-from proxbench.problems.contact.residual import _write_squared_violations
+from proxbench.problems.contact.residual import write_squared_violations
 
 def results():
     for name in {names}:
@@ -86,10 +86,10 @@ def results():
 
 compilation.MAX_INTERPRETED_SECONDS = compilation.MAX_INTERPRETED_NUMBERS = float("inf")
 interpreted = list(results())
-assert not _write_squared_violations.overloads
+assert not write_squared_violations.overloads
 compilation.MAX_INTERPRETED_SECONDS = 0.0
 compiled = list(results())
-assert _write_squared_violations.overloads
+assert write_squared_violations.overloads
 print(*(name for name, one, other in zip({names}, interpreted, compiled) if repr(one) == repr(other)))
 """
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "0"}

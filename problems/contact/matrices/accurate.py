@@ -40,7 +40,7 @@ def accurate_over_matrix(
 ) -> tuple[FloatArray, FloatArray]:
     """Return ξ = GΛ + c and its rounding error bound, both of shape (n_rows,), for G in CSR."""
     velocity, rounding = np.empty((2, len(free_velocity)))
-    _over_matrix(matrix.indptr, matrix.indices, matrix.data, free_velocity, impulses, velocity, rounding)
+    write_accurate_over_matrix(matrix.indptr, matrix.indices, matrix.data, free_velocity, impulses, velocity, rounding)
     return velocity, rounding
 
 
@@ -51,7 +51,7 @@ def accurate_over_factors(
     velocity, rounding = np.empty((2, len(free_velocity)))
     given = directions.indptr, directions.indices, directions.data
     inverse = inverse_mass.indptr, inverse_mass.indices, inverse_mass.data
-    _over_factors(*given, *inverse, free_velocity, impulses, velocity, rounding)
+    write_accurate_over_factors(*given, *inverse, free_velocity, impulses, velocity, rounding)
     return velocity, rounding
 
 
@@ -94,7 +94,8 @@ def _underflow(a, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _over_matrix(indptr, indices, data, free_velocity, impulses, velocity, rounding):  # type: ignore[no-untyped-def]
+def write_accurate_over_matrix(indptr, indices, data, free_velocity, impulses, velocity, rounding):  # type: ignore[no-untyped-def]
+    """Write ξ and its rounding error bound for G in CSR."""
     most = 0
     for row in range(len(free_velocity)):
         most = max(most, indptr[row + 1] - indptr[row])
@@ -111,9 +112,10 @@ def _over_matrix(indptr, indices, data, free_velocity, impulses, velocity, round
 
 
 @njit(cache=True)
-def _over_factors(  # type: ignore[no-untyped-def]
+def write_accurate_over_factors(  # type: ignore[no-untyped-def]
     indptr, indices, data, mass_indptr, mass_indices, mass_data, free_velocity, impulses, velocity, rounding
 ):
+    """Write the same for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
     one, n_dofs, n_rows = uint64(1), len(mass_indptr) - 1, len(free_velocity)
     moved, in_column, in_mass = np.zeros((n_dofs, 4)), 0, 0  # both numbers, the sizes in the second, the underflow
     for row in range(uint64(n_rows)):

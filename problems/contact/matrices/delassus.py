@@ -47,14 +47,16 @@ def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlo
         starts, columns = np.arange(2), np.zeros(1, dtype=np.int32)
         values = matrix.data.reshape(1, width, width).copy()
     else:
-        starts, columns, values = _gather(matrix.indptr, matrix.indices, layout.slot, n_blocks, width, matrix.data)
+        starts, columns, values = gather_blocks(
+            matrix.indptr, matrix.indices, layout.slot, n_blocks, width, matrix.data
+        )
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
 
 def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
     """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃."""
-    starts, columns, values = _multiply(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    starts, columns, values = multiply_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
@@ -62,13 +64,14 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
 def diagonal_of(matrix: sp.csr_array) -> FloatArray:
     """Return the diagonal of G, a fresh array of shape (n_rows,)."""
     diagonal = np.zeros(matrix.shape[0])
-    _write_diagonal(matrix.indptr, matrix.indices, matrix.data, diagonal)
+    write_diagonal(matrix.indptr, matrix.indices, matrix.data, diagonal)
     return diagonal
 
 
 @interpretable
 @njit(cache=True)
-def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-def]
+def write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-def]
+    """Add the diagonal of a matrix in CSR to ``diagonal``."""
     for row in range(len(diagonal)):
         for p in range(indptr[row], indptr[row + 1]):
             if indices[p] == row:
@@ -77,7 +80,7 @@ def _write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped
 
 @interpretable
 @njit(cache=True)
-def _gather(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
+def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
     """Return starts, columns and values: find and sort the columns of each block row, then fill the blocks.
 
     The rows of a block are adjacent. ``place`` holds the position of each block column of the current row.
@@ -139,7 +142,7 @@ def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
 
 
 def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
-    """Return the number of products that ``_multiply`` sums."""
+    """Return the number of products that ``multiply_pieces`` sums."""
     _, width, length = pieces.shape
     pairs = np.square(np.bincount(chunks, minlength=n_chunks)[:n_chunks]).sum()
     return int(pairs) * width * width * length
@@ -147,7 +150,7 @@ def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
 
 @partial(interpretable, count=_count_products)
 @njit(cache=True)
-def _multiply(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
+def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
     """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, twice: to count the blocks, then to fill them."""
     n_blocks = len(starts) - 1
     _, width, length = pieces.shape

@@ -122,7 +122,7 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
     contacts of a problem are similar.
     """
     pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
-    starts, chunks, values, n_chunks = _cut(*pattern, columns.data, root)
+    starts, chunks, values, n_chunks = cut_columns(*pattern, columns.data, root)
     return Pieces(starts, chunks, values, n_chunks)
 
 
@@ -226,7 +226,7 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # 
 
 @interpretable
 @njit(cache=True)
-def _cut(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
+def cut_columns(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
     """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.
 
     They come in pairs if a block has two pieces and none has more.
