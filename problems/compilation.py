@@ -7,7 +7,7 @@ correctly rounded operations, and neither powers nor ``fastmath``.
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, wraps
@@ -128,6 +128,31 @@ def compiled_kernels() -> Iterator[None]:
         yield
     finally:
         _INTERPRETS.reset(token)
+
+
+class DeferredKernels:
+    """Kernels that replace others, which give the same results in more time and are already compiled.
+
+    Where a function ``interprets_kernels``, they are used once they are loaded: after a few uses of the others if they
+    are in the cache, else after as many as take the time of a compilation.
+
+    Args:
+        kernels: the kernels.
+        uses_before_loading: uses of the others that take about as long as loading the kernels from the cache.
+        uses_before_compiling: uses of the others that take about as long as compiling the kernels.
+    """
+
+    def __init__(self, kernels: Sequence[Any], uses_before_loading: int, uses_before_compiling: int) -> None:
+        self._kernels, self._limits, self._uses = kernels, (uses_before_loading, uses_before_compiling), 0
+        self._are_due = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
+
+    def are_due(self) -> bool:
+        """Whether to use the kernels now; otherwise one use of the others is counted."""
+        if not self._are_due:
+            self._uses += 1
+            is_loaded = self._uses == self._limits[0] and all([_load_overloads(one) for one in self._kernels])
+            self._are_due = not _INTERPRETS.get() or is_loaded or self._uses > self._limits[1]
+        return self._are_due
 
 
 def count_numbers(*arguments: Any) -> int:

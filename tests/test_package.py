@@ -46,6 +46,7 @@ def test_the_version_comes_from_tags_and_is_that_of_the_installation() -> None:
         ("load", "proxbench.problems.exchange.catalog"),
         ("run", "proxbench.bench.runs"),
         ("solve", "proxbench.solvers.registry"),
+        ("solve_many", "proxbench.solvers.composite.small.many"),
     ],
 )
 def test_the_package_offers_a_name_as_its_module_defines_it(name: str, place: str) -> None:
@@ -53,7 +54,7 @@ def test_the_package_offers_a_name_as_its_module_defines_it(name: str, place: st
 
 
 def test_dir_shows_the_names_and_subpackages_of_the_package() -> None:
-    names = {"ContactProblem", "__version__", "judge", "load", "run", "solve"}
+    names = {"ContactProblem", "__version__", "judge", "load", "run", "solve", "solve_many"}
     assert set(proxbench.__all__) == names
     assert set(dir(proxbench)) == names | {"bench", "problems", "solvers"}
     assert all(hasattr(proxbench, name) for name in dir(proxbench))

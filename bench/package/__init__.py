@@ -5,6 +5,8 @@ This folder is the package ``proxbench`` itself. Its names are imported at their
 
 ``solve``
     Solve a problem: ``proxbench.solve("funnel-100")``.
+``solve_many``
+    Solve and judge many small problems, over several threads.
 ``judge``
     Measure how far impulses are from solving a problem.
 ``load``
@@ -23,11 +25,12 @@ if TYPE_CHECKING:
     from .problems.contact.judge import judge
     from .problems.contact.problem import ContactProblem
     from .problems.exchange.catalog import load
+    from .solvers.composite.small.many import solve_many
     from .solvers.registry import solve
 
     __version__: str
 
-__all__ = ["ContactProblem", "__version__", "judge", "load", "run", "solve"]
+__all__ = ["ContactProblem", "__version__", "judge", "load", "run", "solve", "solve_many"]
 
 _MODULES = {
     "ContactProblem": ".problems.contact.problem",
@@ -35,6 +38,7 @@ _MODULES = {
     "load": ".problems.exchange.catalog",
     "run": ".bench.runs",
     "solve": ".solvers.registry",
+    "solve_many": ".solvers.composite.small.many",
 }
 """Module that defines each name."""
 

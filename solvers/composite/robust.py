@@ -36,6 +36,7 @@ from ..newton.steps import LINE_SEARCH, NewtonRunner
 from ..prox.accelerated_sorprox import AndersonSORprox
 from .interior_newton import run_sequence
 from .sequence import SolverSequence
+from .small.prepared import prepare_small
 from .sweeping import can_accelerate, select_sweeps, sweeps_between_checks
 from .windows import Window, longest_window, window_lengths
 
@@ -57,10 +58,15 @@ class Robust(Method):
     runs.
     """
 
-    def prepare(self, problem: ContactProblem) -> "PreparedRobust":
+    def prepare(self, problem: ContactProblem) -> Prepared:
         """Prepare the sweeps; other parts are prepared when they first run."""
-        sweeps = select_sweeps(problem)
-        return PreparedRobust(problem, sweeps.name, sweeps.prepare(problem), sweeps_between_checks(problem, sweeps))
+        return prepare_small(problem, prepare_by_parts) or prepare_by_parts(problem)
+
+
+def prepare_by_parts(problem: ContactProblem) -> "PreparedRobust":
+    """Prepare the sweeps of a problem of any size."""
+    sweeps = select_sweeps(problem)
+    return PreparedRobust(problem, sweeps.name, sweeps.prepare(problem), sweeps_between_checks(problem, sweeps))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -10,7 +11,13 @@ import pytest
 import scipy.sparse as sp
 from numba import config, njit
 from proxbench.problems import compilation, load
-from proxbench.problems.compilation import NOTICE, compiled_kernels, interpretable, interprets_kernels
+from proxbench.problems.compilation import (
+    NOTICE,
+    DeferredKernels,
+    compiled_kernels,
+    interpretable,
+    interprets_kernels,
+)
 from proxbench.problems.contact.matrices import delassus, factors
 
 COMPILE_THREE = """
@@ -120,6 +127,44 @@ def test_a_kernel_is_interpreted_only_where_allowed_for_few_numbers_and_a_short_
     assert not is_interpreted(compilation.MAX_INTERPRETED_NUMBERS + 1)
     monkeypatch.setattr(compilation, "MAX_INTERPRETED_SECONDS", 1e-9)
     assert not is_interpreted(3)
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
+def test_deferred_kernels_are_used_where_nothing_is_interpreted_and_else_after_many_uses_of_the_others() -> None:
+    kernels = DeferredKernels([], uses_before_loading=10**9, uses_before_compiling=3)
+    are_due = interprets_kernels(kernels.are_due)
+    assert [are_due() for _ in range(5)] == [False, False, False, True, True]
+    with compiled_kernels():
+        assert DeferredKernels([], 10**9, 10**9).are_due()
+    others = DeferredKernels([], 10**9, 10**9)
+    assert others.are_due()
+    assert interprets_kernels(others.are_due)()  # they are compiled by now
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
+def test_deferred_kernels_are_loaded_early_if_they_are_in_the_cache(tmp_path: Path) -> None:
+    (tmp_path / "doubling.py").write_text(
+        "from numba import njit\n\n\n@njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
+    )
+    code = """
+from doubling import double
+from proxbench.problems.compilation import DeferredKernels, interprets_kernels
+are_due = interprets_kernels(DeferredKernels([double], 2, 10**9).are_due)
+print(*(int(are_due()) for _ in range(3)), len(double.overloads))
+double(1.0)
+"""
+    environment = {
+        **os.environ,
+        "NUMBA_DISABLE_JIT": "0",
+        "NUMBA_CACHE_DIR": f"{tmp_path}",
+        "PYTHONPATH": f"{tmp_path}",
+    }
+    first, second = (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+        for _ in range(2)
+    )
+    assert first.stdout.split() == ["0", "0", "0", "0"]
+    assert second.stdout.split() == ["0", "1", "1", "1"]
 
 
 def test_the_products_of_kernels_over_pairs_are_counted() -> None:

@@ -165,6 +165,11 @@ class Factors:
         return int(self.inverse_mass.matrix.shape[0])
 
     @property
+    def has_plain_columns(self) -> bool:
+        """Whether W is given by its columns and M⁻¹ is diagonal."""
+        return self.inverse_mass.is_diagonal and not isinstance(self.directions, Pieces)
+
+    @property
     def n_rows(self) -> int:
         """Number of rows of the problem."""
         given = self.directions

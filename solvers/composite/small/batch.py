@@ -1,0 +1,157 @@
+"""Many small problems in one kernel: each is prepared, swept and judged.
+
+The arrays of all problems are joined. Problem k has the rows r_k … r_{k+1} and the entries e_k … e_{k+1} of the matrix
+that gives it; the starts of its matrix begin at r_k + k, since each has one more than the matrix has rows (or columns).
+Laws that problems share are joined once.
+"""
+
+import numpy as np
+from numba import njit
+
+from ....problems.contact.matrices.accurate import write_accurate_over_factors, write_accurate_over_matrix
+from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED, write_squared_violations
+from ...iteration.stopping import MAX_CHECK_INTERVAL
+from ..sweeping import ROWS_PER_CHECK
+from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
+from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
+
+NOT_SOLVED = 0
+"""Outcome of a problem that sweeps alone do not solve; for the others it is the kind of their coupling."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_over_matrices(  # type: ignore[no-untyped-def]
+    first,
+    last,
+    laws,
+    law_of_problem,
+    rows,
+    entries,
+    indptr,
+    indices,
+    data,
+    free_velocity,
+    tolerance,
+    max_iterations,
+    impulses,
+    outcomes,
+    iterations,
+    residuals,
+):
+    """Solve the problems ``first`` to ``last`` − 1, given by G in CSR; write the results of each."""
+    for k in range(first, last):
+        begin, end = rows[k], rows[k + 1]
+        starts = indptr[begin + k : end + k + 1]
+        columns, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
+        free, held = free_velocity[begin:end], impulses[begin:end]
+        preparation, sweeps = _laws_of(laws, law_of_problem[k])
+        prepared = prepare_over_matrix(starts, columns, values, free, *preparation)
+        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, held)
+        if outcomes[k] != NOT_SOLVED:
+            velocity, rounding = np.empty(len(free)), np.empty(len(free))
+            write_accurate_over_matrix(starts, columns, values, free, held, velocity, rounding)
+            residuals[k] = _judge(prepared, sweeps, held, velocity, rounding)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_over_columns(  # type: ignore[no-untyped-def]
+    first,
+    last,
+    laws,
+    law_of_problem,
+    rows,
+    entries,
+    indptr,
+    indices,
+    data,
+    dofs,
+    mass_indptr,
+    mass_indices,
+    mass_data,
+    root,
+    free_velocity,
+    tolerance,
+    max_iterations,
+    impulses,
+    outcomes,
+    iterations,
+    residuals,
+):
+    """Do the same for problems given by W in CSC and a diagonal M⁻¹, whose root has the entries d_k … d_{k+1}."""
+    for k in range(first, last):
+        begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
+        starts = indptr[begin + k : end + k + 1]
+        lines, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
+        free, held = free_velocity[begin:end], impulses[begin:end]
+        preparation, sweeps = _laws_of(laws, law_of_problem[k])
+        prepared = prepare_over_columns(starts, lines, values, root[dof:last_dof], free, *preparation)
+        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, held)
+        if outcomes[k] != NOT_SOLVED:
+            mass = mass_indptr[dof + k : last_dof + k + 1], mass_indices[dof:last_dof], mass_data[dof:last_dof]
+            velocity, rounding = np.empty(len(free)), np.empty(len(free))
+            write_accurate_over_factors(starts, lines, values, *mass, free, held, velocity, rounding)
+            residuals[k] = _judge(prepared, sweeps, held, velocity, rounding)
+
+
+@njit(cache=True)
+def _laws_of(laws, k):  # type: ignore[no-untyped-def]
+    """Return the arguments of preparation and sweeps for the laws ``k``."""
+    (
+        of_law,
+        of_row,
+        of_block,
+        sets,
+        row_count,
+        is_rolling,
+        first_row,
+        partner_law,
+        slot,
+        contacts,
+        partner,
+        friction,
+        fixed,
+        partner_lanes,
+        mu,
+        bounds,
+    ) = laws
+    a, b = of_law[k], of_law[k + 1]
+    c, d = of_row[k], of_row[k + 1]
+    e, f = of_block[k], of_block[k + 1]
+    kinds, counts, firsts, partners = sets[a:b], row_count[a:b], first_row[a:b], partner_law[a:b]
+    preparation = (kinds, counts, is_rolling[a:b], firsts, partners, slot[c:d], contacts[c:d], partner[e:f])
+    of_blocks = (friction[e:f], fixed[e:f], partner_lanes[e:f])
+    return preparation, (*of_blocks, kinds, counts, firsts, mu[a:b], bounds[a:b], partners)
+
+
+@njit(cache=True, error_model="numpy")
+def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
+    """Sweep from zero; return the outcome and the sweeps."""
+    coupling, stuck, scale, starts, lanes, store = prepared
+    if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:
+        return NOT_SOLVED, 0
+    if coupling == COUPLED:
+        between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free)))
+        is_solved, count = sweep_coupled(
+            starts, lanes, store, scale, free, *laws, tolerance, max_iterations, between_checks, impulses
+        )
+    else:
+        is_solved, count = sweep_uncoupled(
+            starts, lanes, store, scale, free, *laws, tolerance, max_iterations, 1, impulses
+        )
+    return (coupling if is_solved else NOT_SOLVED), count
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(prepared, laws, impulses, velocity, rounding):  # type: ignore[no-untyped-def]
+    """Return the judge's residual from ξ in twice the working precision and the error bound of its rows."""
+    _, _, scale, _, lanes, store = prepared
+    friction, _, _, sets, row_count, first_row, mu, bounds, partner_law = laws
+    width = len(impulses) // len(friction)
+    _, _, _, numbers, _ = cut_store(store, len(lanes) * width * width, len(impulses), len(friction), len(sets))
+    largest = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
+    for law in range(len(sets)):
+        hidden = 0.0
+        for row in range(first_row[law], first_row[law] + row_count[law]):
+            hidden += rounding[row]
+        largest = max(largest, numbers[3, law] * numbers[1, law] * hidden)
+    return largest / scale

@@ -1,0 +1,189 @@
+"""Many small problems in one call, over several threads.
+
+The arrays of all small problems are joined, and each thread runs one kernel over a range of them, without Python. No
+problem affects another, so that the number of threads changes no bit of a solution.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....problems.arrays import FloatArray
+from ....problems.contact.judge import judge
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.solver import Solution, SolverError, Status, Stop
+from ..robust import Robust
+from ..sweeping import FEW_ROWS
+from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
+from .preparation import COUPLED
+from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE, LawArguments, law_arguments
+
+PARTS_PER_THREAD = 4
+"""Ranges of problems for each thread, since some take longer than others."""
+
+
+class SolvedProblems(NamedTuple):
+    """The solutions of many problems.
+
+    Attributes:
+        solutions: one for each problem, in their order.
+        residuals: the judge's residual of each, shape (n_problems,).
+    """
+
+    solutions: list[Solution]
+    residuals: FloatArray
+
+
+def solve_many(
+    problems: Sequence[ContactProblem], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
+) -> SolvedProblems:
+    """Solve many problems by ``Robust``, with the same results as one by one, and judge each answer.
+
+    It pays for problems of up to 150 rows. Larger ones, and those that need more than sweeps, are solved one by one.
+
+    Args:
+        problems: the contact problems.
+        tolerance: the judge's residual to reach.
+        threads: threads that work at the same time; their number changes no bit of a solution.
+        limits: max_iterations, max_seconds of each problem.
+
+    Raises:
+        SolverError: if something is not a problem, for an option out of range, or for more threads than cores.
+    """
+    stop = Stop(tolerance, **limits)
+    _check_threads(threads)
+    for at, problem in enumerate(problems):
+        if not isinstance(problem, ContactProblem):
+            raise SolverError(f"problems[{at}] must be a ContactProblem, not {type(problem).__name__}.")
+    found: list[Solution | None] = [None] * len(problems)
+    residuals = np.full(len(problems), np.inf)
+    for batch in _batches(problems) if stop.max_seconds >= MIN_SECONDS else ():
+        for at, solution, residual in batch.solve(stop, threads):
+            found[at], residuals[at] = solution, residual
+    robust, solutions = Robust(), []
+    for at, solution in enumerate(found):
+        if solution is None:
+            solution = robust.prepare(problems[at]).solve(stop)
+            residuals[at] = judge(problems[at], solution.impulses).residual
+        solutions.append(solution)
+    return SolvedProblems(solutions, residuals)
+
+
+def _check_threads(threads: int) -> None:
+    n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not isinstance(threads, int) or not 1 <= threads <= n_cores:
+        raise SolverError(f"threads must be a number from 1 to {n_cores}, the cores of this process, got {threads!r}.")
+
+
+class Batch(NamedTuple):
+    """Small problems that are given in the same form.
+
+    Attributes:
+        kernel: the function of ``batch`` for this form.
+        places: the place of each problem among all.
+        rows: the first row of each problem, and the number of all rows.
+        arguments: the arguments of the kernel between the range of problems and the tolerance.
+    """
+
+    kernel: Callable[..., None]
+    places: list[int]
+    rows: list[int]
+    arguments: tuple[Any, ...]
+
+    def solve(self, stop: Stop, threads: int) -> Iterator[tuple[int, Solution, float]]:
+        """Yield the place, solution and residual of each problem that sweeps solve."""
+        n_problems = len(self.places)
+        impulses, residuals = np.zeros(self.rows[-1]), np.empty(n_problems)
+        outcomes, iterations = np.empty((2, n_problems), dtype=np.int64)
+        limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS)
+
+        def solve_range(part: tuple[int, int]) -> None:
+            self.kernel(*part, *self.arguments, *limits, impulses, outcomes, iterations, residuals)
+
+        if threads == 1:
+            solve_range((0, n_problems))
+        else:
+            solve_range((0, 1))  # compiles
+            parts = np.linspace(0, n_problems, PARTS_PER_THREAD * threads + 1).astype(int).tolist()
+            with ThreadPoolExecutor(threads) as pool:
+                list(pool.map(solve_range, pairwise(parts)))
+        messages = {outcome: COUPLED_MESSAGE if outcome == COUPLED else UNCOUPLED_MESSAGE for outcome in range(3)}
+        numbers = zip(self.places, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
+        for (at, outcome, count, residual), (begin, end) in zip(numbers, pairwise(self.rows), strict=True):
+            if outcome != NOT_SOLVED:
+                yield at, Solution(impulses[begin:end].copy(), Status.SOLVED, count, messages[outcome]), residual
+
+
+def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
+    """Yield the small problems given by G, and those given by W and a diagonal M⁻¹."""
+    over_matrices, over_columns = _Members(), _Members()
+    for at, problem in enumerate(problems):
+        laws = law_arguments(problem) if 0 < problem.n_rows <= FEW_ROWS else None
+        if laws is None:
+            continue
+        if problem.matrix is not None:
+            over_matrices.add(at, problem, laws)
+        elif problem.factors is not None and problem.factors.has_plain_columns:
+            over_columns.add(at, problem, laws)
+    if over_matrices.places:
+        matrices = [problem.matrix for problem in over_matrices.problems]
+        yield over_matrices.batch(solve_over_matrices, matrices, ())
+    if over_columns.places:
+        factors: list[Any] = [problem.factors for problem in over_columns.problems]
+        masses = [one.inverse_mass.matrix for one in factors]
+        dofs = np.array([0, *accumulate(len(one.data) for one in masses)])
+        roots = _joined([one.inverse_mass.root_diagonal for one in factors])
+        mass = (dofs, *_joined_matrices(masses), roots)
+        yield over_columns.batch(solve_over_columns, [one.directions for one in factors], mass)
+
+
+class _Members:
+    """The small problems of one batch, and their laws, each different ones once."""
+
+    def __init__(self) -> None:
+        self.places: list[int] = []
+        self.problems: list[ContactProblem] = []
+        self._laws: dict[int, LawArguments] = {}
+        self._law_of_problem: list[int] = []
+        self._numbers: dict[int, int] = {}
+
+    def add(self, at: int, problem: ContactProblem, laws: LawArguments) -> None:
+        """Add the problem at this place."""
+        number = self._numbers.setdefault(id(laws), len(self._numbers))
+        self._laws[number] = laws
+        self.places.append(at)
+        self.problems.append(problem)
+        self._law_of_problem.append(number)
+
+    def batch(self, kernel: Callable[..., None], matrices: list[Any], more: tuple[Any, ...]) -> Batch:
+        """Return the batch; ``matrices`` give the problems, and the kernel takes ``more`` arguments after them."""
+        rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
+        entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
+        free = _joined([problem.free_velocity for problem in self.problems])
+        joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries
+        return Batch(kernel, self.places, rows, (*joined, *_joined_matrices(matrices), *more, free))
+
+    def _joined_laws(self) -> tuple[Any, ...]:
+        """Return the laws as kernels of ``batch`` take them."""
+        laws = list(self._laws.values())
+        columns = [*zip(*(one.preparation for one in laws), strict=True)]
+        bounds = [*zip(*(one.sweeps for one in laws), strict=True)]
+        starts = [np.array([0, *map(int, accumulate(map(len, columns[k])))]) for k in (0, 5, 7)]
+        joined = [_joined(column) for column in (*columns, *bounds[:3], bounds[6], bounds[7])]
+        return (*starts, *joined)
+
+
+def _joined(arrays: Sequence[Any]) -> Any:
+    """Return arrays one after the other, read-only if they are."""
+    whole = np.concatenate(arrays)
+    whole.setflags(write=arrays[0].flags.writeable)
+    return whole
+
+
+def _joined_matrices(matrices: list[Any]) -> tuple[Any, Any, Any]:
+    """Return starts, indices and entries of compressed matrices, one after the other."""
+    return tuple(_joined([getattr(one, name) for one in matrices]) for name in ("indptr", "indices", "data"))

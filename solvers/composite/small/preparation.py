@@ -1,0 +1,141 @@
+"""What sweeps need of a small problem, computed from its arrays by one kernel.
+
+Each function calls the kernels that prepare large problems one by one, so that the numbers are the same. The problem
+has contacts with or without sliding friction alone, all with the same number of rows.
+"""
+
+import numpy as np
+from numba import njit
+
+from ....problems.contact.coupling import components_over_matrix, components_over_pieces, write_scales_and_ratios
+from ....problems.contact.matrices.delassus import gather_blocks, multiply_pieces, write_diagonal
+from ....problems.contact.matrices.pieces import cut_columns
+from ...sweeps.step_size import write_step_sizes
+from ..sweeping import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
+
+OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
+"""Whether other sweeps are faster, or no contacts affect each other, or some do."""
+
+ROWS_OF_NUMBERS = 5
+"""Rows of the numbers of the residual, as in ``Residual``."""
+
+N_WORK = 6
+"""Rows of the memory that the sweeps need."""
+
+
+@njit(cache=True)
+def prepare_over_matrix(  # type: ignore[no-untyped-def]
+    indptr, indices, data, free_velocity, sets, row_count, is_rolling, first_row, partner_law, slot, contacts, partner
+):
+    """Return ``_finish`` of a problem given by G in CSR; ``contacts`` holds the contact of each row."""
+    diagonal = np.zeros(len(free_velocity))
+    write_diagonal(indptr, indices, data, diagonal)
+    coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
+    if len(partner) > 1:
+        component = components_over_matrix(indptr, indices, data, diagonal, contacts, partner)
+        if couples_contacts(indptr, indices, data, contacts):
+            coupling = COUPLED
+    width = len(free_velocity) // len(partner)
+    blocks = gather_blocks(indptr, indices, slot, len(partner), width, data)
+    laws = (sets, row_count, is_rolling, first_row, partner_law)
+    return _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot)
+
+
+@njit(cache=True)
+def prepare_over_columns(  # type: ignore[no-untyped-def]
+    indptr,
+    indices,
+    data,
+    root,
+    free_velocity,
+    sets,
+    row_count,
+    is_rolling,
+    first_row,
+    partner_law,
+    slot,
+    contacts,
+    partner,
+):
+    """Return ``_finish`` of a problem given by W in CSC and the root of the diagonal of M⁻¹."""
+    width = len(free_velocity) // len(partner)
+    starts, chunks, values, n_chunks = cut_columns(indptr, indices, slot, len(partner), width, data, root)
+    laws = (sets, row_count, is_rolling, first_row, partner_law)
+    return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
+
+
+@njit(cache=True)
+def prepare_over_pieces(  # type: ignore[no-untyped-def]
+    starts,
+    chunks,
+    values,
+    n_chunks,
+    free_velocity,
+    sets,
+    row_count,
+    is_rolling,
+    first_row,
+    partner_law,
+    slot,
+    contacts,
+    partner,
+):
+    """Return ``_finish`` of a problem given by the pieces of W̃ = Sᵀ W."""
+    laws = (sets, row_count, is_rolling, first_row, partner_law)
+    return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
+
+
+@njit(cache=True)
+def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
+    coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
+    if len(partner) > 1:
+        component = components_over_pieces(starts, chunks, values, n_chunks, partner)
+        most, pairs = count_shared_chunks(chunks, n_chunks)
+        if most > 1:
+            density = values.shape[1] ** 2 * pairs / max(2.0 * values.size, 1.0)
+            coupling = COUPLED if density <= FACTORS_DENSITY_ON_FEW_ROWS else OTHER_SWEEPS
+    diagonal = np.zeros(len(free_velocity))
+    _add_square_sums(starts, values, diagonal)
+    blocks = multiply_pieces(starts, chunks, values, n_chunks)
+    return _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _add_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
+    """Add the squared norm of each column, as ``Pieces.square_sums`` does."""
+    _, width, length = values.shape
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            for lane in range(width):
+                for k in range(length):
+                    entry = values[p, lane, k]
+                    sums[width * i + lane] += entry * entry
+
+
+@njit(cache=True)
+def _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot):  # type: ignore[no-untyped-def]
+    """Return what the sweeps need.
+
+    Returns:
+        The kind of the coupling, a law that no impulse satisfies or −1, the scale of the residual, first stored block
+        of each block row, first lane of each stored block, and all numbers in one array: the blocks, the step sizes,
+        the diagonal of G, the numbers of the residual, and memory for the sweeps.
+    """
+    starts, columns, values = blocks
+    sets, row_count, is_rolling, first_row, partner_law = laws
+    n_rows, n_blocks, n_laws = len(free_velocity), len(component), len(sets)
+    width = n_rows // n_blocks
+    n_values, n_sizes, n_numbers = values.size, 2 * n_blocks, ROWS_OF_NUMBERS * n_laws
+    store = np.empty(n_values + n_sizes + n_rows + n_numbers + N_WORK * n_rows)
+    store[:n_values] = values.reshape(-1)
+    at = n_values
+    sizes = store[at : at + n_sizes].reshape(n_blocks, 2)
+    sizes[:] = 0.0
+    write_step_sizes(slot, width, diagonal, RELAXATION if coupling == COUPLED else 1.0, sizes)
+    at += n_sizes
+    store[at : at + n_rows] = diagonal
+    at += n_rows
+    numbers = store[at : at + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)
+    given = (sets, row_count, is_rolling, first_row, partner_law)
+    stuck, scale = write_scales_and_ratios(*given, diagonal, free_velocity, component, slot, width, numbers)
+    return coupling, stuck, scale, starts.view(np.uint64), (width * columns).astype(np.uint32), store

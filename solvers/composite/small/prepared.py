@@ -1,0 +1,137 @@
+"""Robust on a small problem: one call prepares the sweeps, and one call does them.
+
+The parts of ``Robust`` are Python between kernels, which on ten contacts takes ten times as long as the kernels. Here
+the whole of an ordinary solve is one kernel. It does the same in the same order, so that impulses, iterations and
+message are the same. Where the kernel meets anything unusual, the parts of ``Robust`` solve the problem from the start:
+that costs less than a tenth of their time.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ....problems.arrays import FloatArray
+from ....problems.compilation import DeferredKernels
+from ....problems.contact.blocks import BlockLayout
+from ....problems.contact.laws import Laws
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED
+from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
+from ..sweeping import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
+from .sweeps import sweep_coupled, sweep_uncoupled
+
+MIN_SECONDS = 0.01
+"""Least time limit [s]: a call of the kernel, which does not read the clock, takes less."""
+
+MAX_SWEEPS = 10**9
+"""Iteration limit of a call of the kernel, as a number of 64 bits."""
+
+COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
+    f"{sweeps.name}: {Status.SOLVED}" for sweeps in (SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS)
+)
+
+_KERNELS = DeferredKernels(
+    (prepare_over_matrix, prepare_over_columns, sweep_coupled, sweep_uncoupled),
+    uses_before_loading=300,
+    uses_before_compiling=20_000,
+)
+"""They take about 0.1 s to load and 10 s to compile."""
+
+
+class LawArguments(NamedTuple):
+    """Arguments of kernels that depend on the laws alone.
+
+    Attributes:
+        preparation: those of the functions in ``preparation``, after G or its factors and c.
+        sweeps: those of the functions in ``sweeps``, after c.
+    """
+
+    preparation: tuple[Any, ...]
+    sweeps: tuple[Any, ...]
+
+    @staticmethod
+    def of(laws: Laws, layout: BlockLayout) -> "LawArguments | None":
+        """Return the arguments, or None if the laws are not contacts with equal numbers of rows."""
+        if not (layout.has_contacts_only and layout.is_dense):
+            return None
+        of_rows = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
+        of_blocks = layout.slot, layout.contact_of_row, layout.partner
+        partner_lanes = (layout.width * layout.partner).view(np.uint64)
+        bounds = layout.friction_coefficient, layout.fixed_bound, partner_lanes
+        residual = laws.sets, laws.row_count, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner
+        return LawArguments((*of_rows, *of_blocks), (*bounds, *residual))
+
+
+_ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
+
+
+def law_arguments(problem: ContactProblem) -> LawArguments | None:
+    """Return the arguments for the laws of ``problem``, the same ones at each call."""
+    laws = problem.laws
+    if laws not in _ARGUMENTS:
+        _ARGUMENTS[laws] = LawArguments.of(laws, problem.layout)
+    return _ARGUMENTS[laws]
+
+
+class PreparedSmall:
+    """The sweeps of one small problem, prepared."""
+
+    __slots__ = ("_arguments", "_by_parts", "_kernel", "_message", "_min_sweeps", "_prepare_by_parts", "problem")
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        is_coupled: bool,
+        arguments: tuple[Any, ...],
+        prepare_by_parts: Callable[[ContactProblem], Prepared],
+    ) -> None:
+        self.problem, self._arguments = problem, arguments
+        self._kernel, self._message = sweep_uncoupled, UNCOUPLED_MESSAGE
+        sweeps: Any = UNCOUPLED_SWEEPS
+        if is_coupled:
+            self._kernel, self._message, sweeps = sweep_coupled, COUPLED_MESSAGE, SAFEGUARDED_SWEEPS
+        self._min_sweeps = sweeps_between_checks(problem, sweeps)
+        self._prepare_by_parts, self._by_parts = prepare_by_parts, None
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Sweep; where anything is unusual, solve by the parts of ``Robust``; see ``Prepared.solve``."""
+        n_rows = len(self.problem.free_velocity)
+        impulses = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
+        if observe is None and stop.max_seconds >= MIN_SECONDS and impulses.shape == (n_rows,):
+            limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS), self._min_sweeps
+            is_solved, iterations = self._kernel(*self._arguments, *limits, impulses)
+            if is_solved:
+                return Solution(impulses, Status.SOLVED, iterations, self._message)
+        if self._by_parts is None:
+            self._by_parts = self._prepare_by_parts(self.problem)
+        return self._by_parts.solve(stop, start, observe)
+
+
+def prepare_small(
+    problem: ContactProblem, prepare_by_parts: Callable[[ContactProblem], Prepared]
+) -> PreparedSmall | None:
+    """Return the prepared sweeps of a small problem, or None where ``Robust`` does not begin with these sweeps."""
+    free = problem.free_velocity
+    laws = law_arguments(problem) if 0 < len(free) <= FEW_ROWS else None
+    if laws is None or not _KERNELS.are_due():
+        return None
+    coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
+    if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:
+        return None
+    return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free, *laws.sweeps), prepare_by_parts)
+
+
+def _prepare(problem: ContactProblem, free: FloatArray, laws: tuple[Any, ...]) -> Any:
+    matrix, factors = problem.matrix, problem.factors
+    if matrix is not None:
+        return prepare_over_matrix(matrix.indptr, matrix.indices, matrix.data, free, *laws)
+    assert factors is not None
+    if factors.has_plain_columns:
+        columns: Any = factors.directions
+        root = factors.inverse_mass.root_diagonal
+        return prepare_over_columns(columns.indptr, columns.indices, columns.data, root, free, *laws)
+    pieces = problem.factor_pieces()
+    return prepare_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, free, *laws)

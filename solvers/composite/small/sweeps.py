@@ -1,0 +1,218 @@
+"""Sweeps of a small problem from the first impulses to the outcome, in one kernel.
+
+Both kernels do what ``Robust`` does while nothing unusual happens: they sweep, check the residual after as many sweeps,
+and end when it reaches the tolerance. They stop without an outcome where ``Robust`` would do something else: where a
+window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may hide the
+residual.
+"""
+
+import numpy as np
+from numba import njit
+
+from ....problems.contact.residual import RESOLUTION, find_largest_held, write_squared_violations
+from ...iteration.stopping import (
+    CYCLE_PATIENCE,
+    DIVERGENCE_GROWTH,
+    MARK,
+    MAX_CHECK_INTERVAL,
+    MIN_PLATEAU_SWEEPS,
+)
+from ...sweeps.blocks import solve_frictionless_blocks, solve_planar_blocks, solve_usual_spatial_blocks
+from ...sweeps.delassus import (
+    sweep_frictionless,
+    sweep_planar,
+    sweep_spatial,
+    write_spatial_velocity,
+    write_velocity,
+)
+from ...sweeps.safeguarded import INTERVALS, cut_where_opposed
+from ..windows import SHORT_WINDOW
+from .preparation import N_WORK, ROWS_OF_NUMBERS
+
+FIRST_INTERVAL, LAST_INTERVAL = INTERVALS[0], len(INTERVALS) - 1
+
+IS_OVER, CONTINUES, IS_UNUSUAL = 1, 0, -1
+"""Whether a check ends the sweeps, with an answer or without one."""
+
+
+@njit(cache=True)
+def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
+    """Return the parts of the numbers that ``preparation`` packs: blocks, step sizes, diagonal, residual, memory."""
+    a = n_values + 2 * n_blocks
+    b = a + n_rows
+    c = b + ROWS_OF_NUMBERS * n_laws
+    numbers = store[b:c].reshape(ROWS_OF_NUMBERS, n_laws)
+    return store[:n_values], store[n_values:a], store[a:b], numbers, store[c:].reshape(N_WORK, n_rows)
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_coupled(  # type: ignore[no-untyped-def]
+    starts,
+    lanes,
+    store,
+    scale,
+    free,
+    friction,
+    fixed,
+    partner,
+    sets,
+    row_count,
+    first_row,
+    mu,
+    bounds,
+    partner_law,
+    tolerance,
+    max_iterations,
+    between_checks,
+    impulses,
+):
+    """Sweep as ``SafeguardedSORprox`` does; return whether the residual reached the tolerance, and the sweeps."""
+    n_rows, n_blocks = len(free), len(friction)
+    width = n_rows // n_blocks
+    n_values = len(lanes) * width * width
+    values, sizes, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    velocity, before, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
+    scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
+    fraction[:] = 1.0
+    scaled[:] = sizes
+    since_check, checks_since_cut, interval = 0, 0, FIRST_INTERVAL
+    progress, iteration = _begin_progress(), 0
+    while True:
+        _write_velocity(width, starts, lanes, values, free, impulses, velocity)
+        laws = (sets, row_count, first_row, mu, bounds, partner_law)
+        state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
+        if state != CONTINUES or iteration >= max_iterations:
+            return state == IS_OVER, iteration
+        count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
+        iteration += count
+        while count > 0:
+            left = interval - since_check
+            if left == 2:
+                before[:] = impulses
+            elif left == 1:
+                previous[:] = impulses
+            step = min(count, left - 2 if left > 2 else 1)
+            _sweep(width, step, starts, lanes, values, free, scaled, friction, fixed, partner, impulses)
+            since_check += step
+            count -= step
+            if step == left:
+                since_check, checks_since_cut = 0, checks_since_cut + 1
+                if cut_where_opposed(width, width - 1, 2, before, previous, impulses, sizes, fraction):
+                    checks_since_cut = 0
+                    for i in range(n_blocks):
+                        scaled[2 * i] = sizes[2 * i] * fraction[i]
+                        scaled[2 * i + 1] = sizes[2 * i + 1] * fraction[i]
+                interval = INTERVALS[min(checks_since_cut, LAST_INTERVAL)]
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_uncoupled(  # type: ignore[no-untyped-def]
+    starts,
+    lanes,
+    store,
+    scale,
+    free,
+    friction,
+    fixed,
+    partner,
+    sets,
+    row_count,
+    first_row,
+    mu,
+    bounds,
+    partner_law,
+    tolerance,
+    max_iterations,
+    between_checks,
+    impulses,
+):
+    """Sweep as ``NSGS`` does, whose first sweep is nearly exact; see ``sweep_coupled``."""
+    n_rows, n_blocks = len(free), len(friction)
+    width = n_rows // n_blocks
+    n_values = len(lanes) * width * width
+    values, _, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    velocity, relaxation = work[0], work[1, :n_blocks]
+    relaxation[:] = 1.0
+    progress, iteration = _begin_progress(), 0
+    while True:
+        _write_velocity(width, starts, lanes, values, free, impulses, velocity)
+        laws = (sets, row_count, first_row, mu, bounds, partner_law)
+        state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
+        if state != CONTINUES or iteration >= max_iterations:
+            return state == IS_OVER, iteration
+        count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
+        iteration += count
+        if iteration >= FIRST_INTERVAL:  # the safeguard would compare increments
+            return False, iteration
+        if not _solve_blocks(width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses):
+            return False, iteration
+
+
+@njit(cache=True)
+def _begin_progress():  # type: ignore[no-untyped-def]
+    """Return the best residual, the first one, checks without progress, and begin and residual of the window."""
+    return np.inf, np.inf, 0, 0, np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
+    """Return whether the sweeps are over, as ``Monitor`` and ``Window`` tell, and the progress so far."""
+    best, first, unimproved, begin, before = progress
+    sets, row_count, first_row, mu, bounds, partner_law = laws
+    value = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
+    found = 0.0 if value == 0.0 else value / scale
+    if not found < np.inf:
+        return IS_UNUSUAL, progress
+    if found <= tolerance:
+        held = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
+        return (IS_OVER if RESOLUTION * held / scale <= tolerance else IS_UNUSUAL), progress
+    if iteration == 0:
+        first, before = max(found, 1.0), found
+    unimproved += 1
+    if found < best:
+        if found < MARK * best:
+            unimproved = 0
+        best = found
+    is_unusual = not found < DIVERGENCE_GROWTH * first
+    is_unusual |= unimproved >= CYCLE_PATIENCE or iteration >= MIN_PLATEAU_SWEEPS
+    if iteration - begin >= SHORT_WINDOW:
+        is_unusual |= best > 0.1 * before
+        begin, before = iteration, best
+    return (IS_UNUSUAL if is_unusual else CONTINUES), (best, first, unimproved, begin, before)
+
+
+@njit(cache=True)
+def _write_velocity(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+    if width == 3:
+        write_spatial_velocity(starts, lanes, values, free, impulses, velocity)
+    else:
+        write_velocity(width, starts, lanes, values, free, impulses, velocity)
+
+
+@njit(cache=True)
+def _sweep(  # type: ignore[no-untyped-def]
+    width, count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+):
+    if width == 3:
+        sweep_spatial(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
+    elif width == 2:
+        sweep_planar(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
+    else:
+        sweep_frictionless(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
+
+
+@njit(cache=True)
+def _solve_blocks(  # type: ignore[no-untyped-def]
+    width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+):
+    """Solve each contact ``count`` times; return whether all were in usual states."""
+    if width == 3:
+        visited = solve_usual_spatial_blocks(
+            count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+        )
+        return visited == count * len(friction)
+    if width == 2:
+        solve_planar_blocks(count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses)
+    else:
+        solve_frictionless_blocks(count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses)
+    return True

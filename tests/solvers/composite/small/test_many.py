@@ -1,0 +1,65 @@
+"""Many problems are solved as one by one, on any number of threads, and each answer is judged."""
+
+import os
+from typing import Any
+
+import numpy as np
+import pytest
+from proxbench import solve_many
+from proxbench.problems import ContactProblem, judge, load
+from proxbench.solvers import SolverError, Status, Stop, create
+from small_problems import FORMS, SWEPT, random_problem
+
+N_CORES = len(os.sched_getaffinity(0))
+
+UNUSUAL = ["hard-mixed-laws", "hard-stack-10-top-heavy", "hard-counterexample"]
+
+
+def mixture() -> list[ContactProblem]:
+    """Return problems of one to twelve contacts in all forms, and some that sweeps alone do not solve."""
+    rng = np.random.default_rng(1)
+    sizes = [(int(rng.integers(1, 13)), dim, form) for dim in (1, 2, 3) for form in FORMS for _ in range(3)]
+    return [load(name) for name in (*SWEPT, *UNUSUAL)] + [random_problem(rng, *size) for size in sizes]
+
+
+@pytest.mark.parametrize("threads", sorted({1, min(2, N_CORES), N_CORES}))
+def test_many_problems_get_the_bits_of_one_by_one_in_their_order(threads: int) -> None:
+    problems, robust = mixture(), create("Robust")
+    many = solve_many(problems, 1e-7, threads=threads)
+    for problem, solution in zip(problems, many.solutions, strict=True):
+        alone = robust.prepare(problem).solve(Stop(1e-7))
+        assert solution.impulses.tobytes() == alone.impulses.tobytes()
+        facts = solution.status, solution.iterations, solution.message
+        assert facts == (alone.status, alone.iterations, alone.message)
+
+
+def test_the_residuals_are_those_of_the_judge() -> None:
+    problems = mixture()
+    many = solve_many(problems, 1e-6)
+    judged = [judge(*pair).residual for pair in zip(problems, (one.impulses for one in many.solutions), strict=True)]
+    assert many.residuals == pytest.approx(judged, rel=1e-12)
+    assert all(one.status is not Status.SOLVED or residual <= 1e-6 for one, residual in zip(*many, strict=True))
+
+
+def test_limits_are_those_of_each_problem() -> None:
+    many = solve_many([load("hard-stack-10")] * 3, 1e-8, max_iterations=30)
+    assert [one.status for one in many.solutions] == [Status.ITERATION_LIMIT] * 3
+    assert [one.iterations for one in many.solutions] == [30] * 3
+
+
+def test_no_problems_have_no_solutions() -> None:
+    many = solve_many([])
+    assert many.solutions == []
+    assert many.residuals.shape == (0,)
+
+
+@pytest.mark.parametrize("threads", [0, -1, N_CORES + 1, 1.0, "2"])
+def test_only_as_many_threads_as_cores_are_granted(threads: Any) -> None:
+    with pytest.raises(SolverError, match=rf"threads must be a number from 1 to {N_CORES}, .* got"):
+        solve_many([load("hard-tower-3")], threads=threads)
+
+
+def test_what_is_no_problem_is_named_by_its_place() -> None:
+    some: Any = [load("hard-tower-3"), "hard-tower-3"]
+    with pytest.raises(SolverError, match=r"problems\[1\] must be a ContactProblem, not str"):
+        solve_many(some)

@@ -1,0 +1,106 @@
+"""One kernel gives what the parts of Robust give, to the last bit, and leaves the unusual to them.
+
+Bits are compared, not rounding: an observed solve goes by parts, and must show the iterates of a timed one.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from proxbench.problems import ContactProblem, Laws, load
+from proxbench.solvers import Status, Stop, create
+from proxbench.solvers.composite.robust import prepare_by_parts
+from proxbench.solvers.composite.small.prepared import MIN_SECONDS, PreparedSmall, prepare_small
+from small_problems import FORMS, SWEPT, random_problem
+
+ROBUST = create("Robust")
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n_contacts=st.integers(1, 12),
+    dim=st.integers(1, 3),
+    form=st.sampled_from(FORMS),
+    digits=st.integers(1, 11),
+    is_started=st.booleans(),
+)
+def test_the_kernel_and_the_parts_give_the_same_bits(
+    seed: int, n_contacts: int, dim: int, form: str, digits: int, is_started: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    problem = random_problem(rng, n_contacts, dim, form)
+    start = rng.normal(size=problem.n_rows) if is_started else None
+    limits = Stop(10.0**-digits, max_iterations=1000)
+    one, other = (prepare(problem).solve(limits, start) for prepare in (ROBUST.prepare, prepare_by_parts))
+    assert (one.status, one.iterations, one.message) == (other.status, other.iterations, other.message)
+    assert one.impulses.tobytes() == other.impulses.tobytes()
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-8])
+@pytest.mark.parametrize("name", SWEPT)
+def test_the_kernel_alone_solves_what_sweeps_solve(name: str, tolerance: float) -> None:
+    problem = load(name)
+    solution = without_parts(problem).solve(Stop(tolerance))
+    assert solution.status is Status.SOLVED
+    by_parts = prepare_by_parts(problem).solve(Stop(tolerance))
+    assert solution.impulses.tobytes() == by_parts.impulses.tobytes()
+    assert (solution.iterations, solution.message) == (by_parts.iterations, by_parts.message)
+
+
+def test_a_prepared_problem_is_solved_again_with_the_same_bits() -> None:
+    prepared = without_parts(load("hard-stack-10"))
+    first, second = (prepared.solve(Stop(1e-8)) for _ in range(2))
+    assert first.impulses.tobytes() == second.impulses.tobytes()
+    assert not np.shares_memory(first.impulses, second.impulses)
+
+
+def test_observed_solves_and_short_time_limits_go_by_parts() -> None:
+    prepared = without_parts(load("hard-tower-3"))
+    with pytest.raises(PartsError):
+        prepared.solve(Stop(1e-8), observe=lambda iteration, impulses: None)
+    with pytest.raises(PartsError):
+        prepared.solve(Stop(1e-8, max_seconds=0.5 * MIN_SECONDS))
+
+
+@pytest.mark.parametrize(
+    "stop", [Stop(1e-8, max_iterations=7), Stop(1e-300)], ids=["iteration limit", "beyond rounding"]
+)
+def test_a_solve_that_sweeps_do_not_end_goes_by_parts(stop: Stop) -> None:
+    with pytest.raises(PartsError):
+        without_parts(load("hard-tower-3")).solve(stop)
+
+
+ROD, SINGULAR = np.array([[2.0, 1.0], [1.0, 2.0]]), np.diag([0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        ContactProblem.from_delassus(ROD, [0.0, 0.0], 0.3, dim=2),
+        ContactProblem.from_delassus(ROD, [-1e-200, 0.0], 0.3, dim=2),
+        ContactProblem.from_delassus(SINGULAR, [-1.0, 0.0], 0.3, dim=2),
+        ContactProblem.from_delassus(ROD, [-1.0, 1.0], laws=Laws.joints(2)),
+        load("hard-mixed-laws"),
+        load("funnel-100"),
+    ],
+    ids=["at rest", "tiny velocities", "infeasible", "joints", "mixed laws", "many rows"],
+)
+def test_other_problems_go_by_parts(problem: ContactProblem) -> None:
+    assert prepare_small(problem, prepare_by_parts) is None
+
+
+class PartsError(Exception):
+    """The kernel has left a solve to the parts."""
+
+
+def without_parts(problem: ContactProblem) -> PreparedSmall:
+    """Return the prepared kernel, whose solves raise where they would go by parts."""
+
+    def refuse(problem: ContactProblem) -> Any:
+        raise PartsError
+
+    prepared = prepare_small(problem, refuse)
+    assert prepared is not None
+    return prepared

@@ -1,0 +1,148 @@
+"""Time of problems of one to ten contacts by Robust, outside solvers and the C example, interleaved in one process.
+
+``python tests/speed/small_problem_table.py`` prints a table in Markdown: median microseconds to prepare and solve to
+1e-8, from the arrays of a problem that was made before, and the judged residual. With ``--many N`` it also prints the
+time per problem of ``solve_many`` over N problems, by threads.
+"""
+
+import argparse
+import gc
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from proxbench import solve_many
+from proxbench.problems import ContactProblem, ProxbenchError, judge, load
+from proxbench.solvers import Solution, Solver, Stop, create
+from proxbench.solvers.composite.robust import prepare_by_parts
+from proxbench.solvers.native.structures import include_folder
+from threadpoolctl import threadpool_limits
+
+PROBLEMS = ("woodpecker-lower-impact", "hard-sliding-block", "hard-sticking-box", "hard-stack-10")
+"""One planar contact, four planar and four spatial ones, and ten without friction."""
+
+SOLVERS = ("ClarabelCoulomb", "Lemke", "PinocchioADMM", "PinocchioPGS")
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "plugins" / "pgs.c"
+
+TOLERANCE = 1e-8
+
+Call = Callable[[ContactProblem], Solution]
+"""Prepares and solves a problem."""
+
+
+def calls(folder: Path) -> dict[str, Call]:
+    """Return what is compared, by name; solvers whose libraries are missing are left out."""
+    stop, found = Stop(TOLERANCE, max_seconds=1.0), {}
+    robust = create("Robust")
+    found["Robust"] = lambda problem: robust.prepare(problem).solve(stop)
+    found["Robust by parts"] = lambda problem: prepare_by_parts(problem).solve(stop)
+    library = folder / "libpgs.so"
+    command = f'cc -O2 -shared -fPIC -I"{include_folder()}" "{EXAMPLE}" -o "{library}" -lm'
+    names = [*SOLVERS, f"Shared({library}, options='relaxation=1.5')"] if os.system(command) == 0 else [*SOLVERS]
+    for entry in names:
+        try:
+            found[entry.replace(f"{library}", "pgs.c")] = _call(create(entry), stop)
+        except ProxbenchError as error:
+            print(f"{entry} is left out: {error}")
+    return found
+
+
+def _call(solver: Solver, stop: Stop) -> Call:
+    return lambda problem: solver.prepare(problem).solve(stop)
+
+
+def maker(name: str, form: str) -> Callable[[], ContactProblem]:
+    """Return what makes a new problem, given by G or by W and M⁻¹, with laws that other problems share."""
+    problem = load(name)
+    c, laws, factors = problem.free_velocity, problem.laws, problem.factors
+    if form == "G":
+        matrix = problem.delassus()
+        return lambda: ContactProblem.from_delassus(matrix, c, laws=laws)
+    assert factors is not None
+    directions, inverse_mass = factors.force_directions, factors.inverse_mass.matrix
+    return lambda: ContactProblem.from_factors(directions, inverse_mass, c, laws=laws)
+
+
+def measure(call: Call, make: Callable[[], ContactProblem]) -> tuple[float, Solution]:
+    """Return the microseconds of one call, and its solution."""
+    problem = make()
+    began = time.perf_counter()
+    solution = call(problem)
+    return 1e6 * (time.perf_counter() - began), solution
+
+
+def print_table(rounds: int) -> None:
+    """Print a row for each problem and form, and a column for each solver."""
+    with tempfile.TemporaryDirectory() as folder:
+        compared = calls(Path(folder))
+        print(f"| problem | contacts | given by | {' | '.join(compared)} |")
+        print(f"|---|---:|---|{'---:|' * len(compared)}")
+        rows = [(name, form, maker(name, form)) for name in PROBLEMS for form in ("G", "W, M⁻¹")]
+        times: dict[tuple[int, str], list[float]] = {}
+        residuals: dict[tuple[int, str], float] = {}
+        for turn in range(rounds + 1):
+            for row, (_, _, make) in enumerate(rows):
+                for label, call in compared.items():
+                    if turn > 3 and np.median(times[row, label]) > 2e4 and turn % 20:
+                        continue  # a slow one is measured in every twentieth round
+                    problem = make()
+                    if turn == 0 and label in SOLVERS and create(label).supports(problem):
+                        continue
+                    if turn and (row, label) not in residuals:
+                        continue
+                    taken, solution = measure(call, make)
+                    if turn == 0:
+                        residuals[row, label] = judge(problem, solution.impulses).residual
+                        times[row, label] = []
+                    else:
+                        times[row, label].append(taken)
+        for row, (name, form, make) in enumerate(rows):
+            cells = [_cell(times.get((row, label)), residuals.get((row, label))) for label in compared]
+            print(f"| `{name}` | {make().n_contacts} | {form} | {' | '.join(cells)} |")
+
+
+def _cell(times: list[float] | None, residual: float | None) -> str:
+    if times is None or residual is None:
+        return "–"
+    reached = "" if residual <= TOLERANCE else f" ({residual:.0e})"
+    return f"{np.median(times):.0f}{reached}"
+
+
+def print_many(count: int, rounds: int) -> None:
+    """Print the microseconds per problem of ``solve_many``."""
+    cores = len(os.sched_getaffinity(0))
+    print("\n| problems | threads | µs per problem |\n|---|---:|---:|")
+    for name in PROBLEMS:
+        problems = [maker(name, "G")() for _ in range(count)]
+        times: dict[int, list[float]] = {threads: [] for threads in range(1, cores + 1)}
+        for turn in range(rounds + 1):
+            for threads, of_threads in times.items():
+                began = time.perf_counter()
+                many = solve_many(problems, TOLERANCE, threads=threads)
+                if turn:
+                    of_threads.append(1e6 * (time.perf_counter() - began) / count)
+        assert many.residuals.max() <= TOLERANCE
+        for threads, of_threads in times.items():
+            print(f"| {count} × `{name}` | {threads} | {np.median(of_threads):.1f} |")
+
+
+def main() -> None:
+    """Read the options and print the tables."""
+    parser: Any = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=200, help="rounds of the table")
+    parser.add_argument("--many", type=int, default=0, metavar="N", help="problems of solve_many")
+    options = parser.parse_args()
+    gc.disable()
+    with threadpool_limits(1):
+        print_table(options.rounds)
+        if options.many:
+            print_many(options.many, max(3, options.rounds // 20))
+
+
+if __name__ == "__main__":
+    main()
