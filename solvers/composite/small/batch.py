@@ -44,6 +44,7 @@ def solve_over_matrices(  # type: ignore[no-untyped-def]
         starts = indptr[begin + k : end + k + 1]
         columns, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
         free, held = free_velocity[begin:end], impulses[begin:end]
+        held[:] = 0.0
         preparation, sweeps = _laws_of(laws, law_of_problem[k])
         prepared = prepare_over_matrix(starts, columns, values, free, *preparation)
         outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, held)
@@ -83,6 +84,7 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
         starts = indptr[begin + k : end + k + 1]
         lines, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
         free, held = free_velocity[begin:end], impulses[begin:end]
+        held[:] = 0.0
         preparation, sweeps = _laws_of(laws, law_of_problem[k])
         prepared = prepare_over_columns(starts, lines, values, root[dof:last_dof], free, *preparation)
         outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, held)

@@ -5,7 +5,7 @@ problem affects another, so that the number of threads changes no bit of a solut
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
@@ -39,7 +39,7 @@ class SolvedProblems(NamedTuple):
 
 
 def solve_many(
-    problems: Sequence[ContactProblem], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
+    problems: Iterable[ContactProblem], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
 ) -> SolvedProblems:
     """Solve many problems by ``Robust``, with the same results as one by one, and judge each answer.
 
@@ -54,8 +54,9 @@ def solve_many(
     Raises:
         SolverError: if something is not a problem, for an option out of range, or for more threads than cores.
     """
-    stop = Stop(tolerance, **limits)
+    solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
+    problems = list(problems)
     for at, problem in enumerate(problems):
         if not isinstance(problem, ContactProblem):
             raise SolverError(f"problems[{at}] must be a ContactProblem, not {type(problem).__name__}.")
@@ -64,12 +65,9 @@ def solve_many(
     for batch in _batches(problems) if stop.max_seconds >= MIN_SECONDS else ():
         for at, solution, residual in batch.solve(stop, threads):
             found[at], residuals[at] = solution, residual
-    robust, solutions = Robust(), []
-    for at, solution in enumerate(found):
-        if solution is None:
-            solution = robust.prepare(problems[at]).solve(stop)
-            residuals[at] = judge(problems[at], solution.impulses).residual
-        solutions.append(solution)
+    solutions = [one or solver.prepare(problem).solve(stop) for one, problem in zip(found, problems, strict=True)]
+    for at in np.flatnonzero(~np.isfinite(residuals)).tolist():
+        residuals[at] = judge(problems[at], solutions[at].impulses).residual
     return SolvedProblems(solutions, residuals)
 
 
@@ -97,7 +95,7 @@ class Batch(NamedTuple):
     def solve(self, stop: Stop, threads: int) -> Iterator[tuple[int, Solution, float]]:
         """Yield the place, solution and residual of each problem that sweeps solve."""
         n_problems = len(self.places)
-        impulses, residuals = np.zeros(self.rows[-1]), np.empty(n_problems)
+        impulses, residuals = np.empty(self.rows[-1]), np.empty(n_problems)
         outcomes, iterations = np.empty((2, n_problems), dtype=np.int64)
         limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS)
 
@@ -107,15 +105,14 @@ class Batch(NamedTuple):
         if threads == 1:
             solve_range((0, n_problems))
         else:
-            solve_range((0, 1))  # compiles
             parts = np.linspace(0, n_problems, PARTS_PER_THREAD * threads + 1).astype(int).tolist()
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(solve_range, pairwise(parts)))
-        messages = {outcome: COUPLED_MESSAGE if outcome == COUPLED else UNCOUPLED_MESSAGE for outcome in range(3)}
         numbers = zip(self.places, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
         for (at, outcome, count, residual), (begin, end) in zip(numbers, pairwise(self.rows), strict=True):
             if outcome != NOT_SOLVED:
-                yield at, Solution(impulses[begin:end].copy(), Status.SOLVED, count, messages[outcome]), residual
+                message = COUPLED_MESSAGE if outcome == COUPLED else UNCOUPLED_MESSAGE
+                yield at, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
 
 
 def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:

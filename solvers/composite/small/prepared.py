@@ -71,9 +71,10 @@ _ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
 def law_arguments(problem: ContactProblem) -> LawArguments | None:
     """Return the arguments for the laws of ``problem``, the same ones at each call."""
     laws = problem.laws
-    if laws not in _ARGUMENTS:
-        _ARGUMENTS[laws] = LawArguments.of(laws, problem.layout)
-    return _ARGUMENTS[laws]
+    found = _ARGUMENTS.get(laws)
+    if found is None and laws not in _ARGUMENTS:
+        found = _ARGUMENTS[laws] = LawArguments.of(laws, problem.layout)
+    return found
 
 
 class PreparedSmall:
