@@ -56,7 +56,7 @@ PEERS = {
 }
 """Module of each outside solver, whose library is an optional dependency."""
 
-_COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback"}
+_COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback", "Warm": "composite.warm"}
 """Module of each solver that is made of other solvers."""
 
 _NATIVE = {"Shared": "native.shared_library", "Executable": "native.executable"}
@@ -65,7 +65,11 @@ _NATIVE = {"Shared": "native.shared_library", "Executable": "native.executable"}
 _OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS, **_NATIVE}
 """Names that plugins cannot use."""
 
-_EXAMPLES = {"Refined": "Refined(ClarabelCoulomb)", "Fallback": "Fallback(SORprox, NSGS)"}
+_EXAMPLES = {
+    "Refined": "Refined(ClarabelCoulomb)",
+    "Fallback": "Fallback(SORprox, NSGS)",
+    "Warm": "Warm(SORprox)",
+}
 
 _NATIVE_EXAMPLES = {"Shared": "Shared(./libmine.so)", "Executable": "Executable(./mine)"}
 

@@ -7,10 +7,11 @@ from typing import Generic, TypeVar
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
+from ...problems.exchange.catalog import SEQUENCES_SUITE
 from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
 from ..plugins.describing import solver_spec
-from ..plugins.solver_specs import SolverSpec
+from ..plugins.solver_specs import SolverSpec, warm
 from ..store.plans import PlanRecord, RunSettings
 from .selection import Given, problem_name, require_unique, select, select_shard
 from .trajectories.methods import Method
@@ -34,6 +35,9 @@ DEFAULT_SOLVERS = (
 )
 """Solver variants that are measured by default."""
 
+
+SEQUENCE_SOLVERS = ("Robust", "SORprox", "NSGS", "InteriorPoint", "HybridNewton")
+"""Solvers that are measured by default in the suite ``sequences``, from zero and warm."""
 
 Measured = TypeVar("Measured", SolverSpec, Method)
 """The subject of a measurement: a solver, or a stepper with a solver."""
@@ -90,7 +94,8 @@ def make_plan(
 
     Args:
         problems: names, files, folders or problems; the members of ``suite`` if None.
-        solvers: names with options, or solvers; ``DEFAULT_SOLVERS`` if None.
+        solvers: names with options, or solvers; ``DEFAULT_SOLVERS`` if None. In the suite ``sequences`` each one is
+            measured from zero and, as ``Warm(solver)``, from its last answer; ``SEQUENCE_SOLVERS`` if None.
         settings: tolerances, limits, passes and seed.
         suite: name of a suite, or a folder.
         sample: number of problems to draw; all if None.
@@ -109,7 +114,10 @@ def make_plan(
     chosen = select(problems, suite, sample, settings.seed, sampling)
     if shard:
         chosen, shard = select_shard(chosen, shard)
-    specs = tuple(map(solver_spec, solvers or DEFAULT_SOLVERS))
+    is_sequences = chosen.suite == SEQUENCES_SUITE
+    specs = tuple(map(solver_spec, solvers or (SEQUENCE_SOLVERS if is_sequences else DEFAULT_SOLVERS)))
+    if is_sequences:
+        specs = tuple(dict.fromkeys(start for spec in specs for start in (spec, warm(spec))))
     names = [spec.name for spec in specs]
     require_unique("solver", names)
     record = PlanRecord(

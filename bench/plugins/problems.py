@@ -10,7 +10,8 @@ from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
-from ...problems.exchange.catalog import is_available, is_held, load, plugin_problems, problem_names
+from ...problems.exchange.catalog import SUITES, is_available, is_held, load, plugin_problems, problem_names
+from ...problems.exchange.sequences import Predecessors, predecessors
 from ..errors import BenchError
 from ..store.bundles.bundle import Bundle
 from ..store.records import RunRecord
@@ -76,3 +77,19 @@ def problem_of_run(store: Store | Bundle, run: RunRecord, name: str) -> ContactP
         raise ProblemError(f"the run has no problem {name!r}{suggestion(name, run.plan.problems)}")
     problem = store.read_problem(run.carried[name]) if name in run.carried else resolve_problem(name)
     return problem if problem.name == name else problem.renamed(name)
+
+
+def predecessors_of_run(store: Store | Bundle, run: RunRecord, problem: ContactProblem) -> Predecessors:
+    """Return the steps before a problem of a run in its sequence, from the run or from the package.
+
+    Raises:
+        ProblemError: if the file of a step is missing or damaged.
+        BenchError: if the file of a step contains another problem.
+    """
+
+    def find(name: str) -> ContactProblem | None:
+        if name in run.carried:
+            return store.read_problem(run.carried[name])
+        return load(name) if name in SUITES["all"] and is_available(name) else None
+
+    return predecessors(problem, find)

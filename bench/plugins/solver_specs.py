@@ -5,14 +5,15 @@ processes only, so that none of their code runs where results are judged.
 """
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cloudpickle
 
 from ...problems.contact.model import Model
-from ...problems.contact.solver import Solver, draws_randomly, shows_iterates
+from ...problems.contact.solver import Solver, draws_randomly, shows_iterates, starts_from_last_answer
 from ...solvers import registry
+from ...solvers.composite.warm import warm_name
 from ...solvers.native.executable import Executable
 from ..errors import BenchError
 from ..store.records import PluginUse
@@ -31,6 +32,7 @@ class SolverSpec:
         carried: a pickled object of the caller; empty if the name suffices to create the solver.
         is_randomised: whether it declares that its answers differ between repeats.
         files: the files in other languages that it needs, with their digests.
+        starts_warm: whether it starts from its own answer to the step before.
     """
 
     name: str
@@ -40,6 +42,7 @@ class SolverSpec:
     carried: bytes = b""
     is_randomised: bool = False
     files: tuple[PluginUse, ...] = ()
+    starts_warm: bool = False
 
     @property
     def n_processes(self) -> int:
@@ -70,7 +73,18 @@ def built_in(name: str) -> SolverSpec:
         SolverError: for an unknown option, or a value out of range.
     """
     solver = registry.create(name)
-    return SolverSpec(solver.name, solver.model, shows_iterates(solver), is_randomised=draws_randomly(solver))
+    return SolverSpec(
+        solver.name,
+        solver.model,
+        shows_iterates(solver),
+        is_randomised=draws_randomly(solver),
+        starts_warm=starts_from_last_answer(solver),
+    )
+
+
+def warm(spec: SolverSpec) -> SolverSpec:
+    """Return the specification of ``Warm(solver)``; that of a warm solver remains."""
+    return spec if spec.starts_warm else replace(spec, name=warm_name(spec.name), starts_warm=True)
 
 
 def pickle_solver(solver: Any) -> bytes:

@@ -7,9 +7,10 @@ import numpy as np
 import pandas as pd
 
 from ...problems.arrays import FloatArray
+from ...solvers.composite.warm import warm_name
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
-from ..store.ratios import EXCLUDED, STANDINGS, reaching, standings, times_by_point
+from ..store.ratios import EXCLUDED, MARGIN, STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals for which tables give times, if the run has more tolerances."""
@@ -222,6 +223,66 @@ def families_table(frames: RunFrames) -> pd.DataFrame:
     ]
     columns = ["family", *summary_table(frames).columns]
     return pd.concat(parts, ignore_index=True)[columns] if parts else pd.DataFrame(columns=columns)
+
+
+def starts_table(frames: RunFrames) -> pd.DataFrame:
+    """Return what a warm start is worth: one row for each family, solver and tolerance of solves from zero and warm.
+
+    Columns: family, solver, tolerance; problems (with a step before them), and how many of them are solved from zero
+    (cold_solved) and warm (warm_solved); over those solved both ways, the mean iterations (cold_iterations,
+    warm_iterations), over those of them whose times count (timed), the geometric mean times [s] (cold_seconds,
+    warm_seconds), the ratio of the two (gain), and how many are slower warm by ``MARGIN`` or more (slower).
+    """
+    points, rows = frames.points, list[dict[str, Any]]()
+    shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points
+    by_solver = dict(iter(shown.groupby("solver", sort=False)))
+    for solver in frames.info.plan.solvers:
+        if solver in by_solver and warm_name(solver) in by_solver:
+            pairs = by_solver[solver].merge(by_solver[warm_name(solver)], on=_PAIR, suffixes=("_cold", "_warm"))
+            groups = pairs.groupby(["family", "tolerance"], sort=False)
+            rows += [
+                {"family": family, "solver": solver, "tolerance": level, **_gain(own)}
+                for (family, level), own in groups
+            ]
+    order = {family: index for index, family in enumerate(dict.fromkeys(frames.cases["family"]))}
+    rows.sort(key=lambda row: (-row["tolerance"], order[row["family"]]))
+    return pd.DataFrame(rows, columns=["family", "solver", "tolerance", *_GAIN])
+
+
+_PAIR = ["problem", "family", "tolerance"]
+_GAIN = [
+    "problems",
+    "cold_solved",
+    "warm_solved",
+    "cold_iterations",
+    "warm_iterations",
+    "timed",
+    "cold_seconds",
+    "warm_seconds",
+    "gain",
+    "slower",
+]
+
+
+def _gain(pairs: pd.DataFrame) -> dict[str, float]:
+    """Return the numbers of ``starts_table`` for points of one solver, family and tolerance, from zero and warm."""
+    solved = {start: pairs[f"outcome_{start}"] == Outcome.SOLVED for start in ("cold", "warm")}
+    both = pairs[solved["cold"] & solved["warm"]]
+    timed = both[~(both["is_excluded_cold"].astype(bool) | both["is_excluded_warm"].astype(bool))]
+    cold, warm = (np.log(timed[f"total_seconds_{start}"].to_numpy(dtype=float)) for start in ("cold", "warm"))
+    means = [float(np.exp(values.mean())) if len(values) else float("nan") for values in (cold, warm, cold - warm)]
+    return {
+        "problems": len(pairs),
+        "cold_solved": int(solved["cold"].sum()),
+        "warm_solved": int(solved["warm"].sum()),
+        "cold_iterations": float(both["iterations_cold"].mean()),
+        "warm_iterations": float(both["iterations_warm"].mean()),
+        "timed": len(timed),
+        "cold_seconds": means[0],
+        "warm_seconds": means[1],
+        "gain": means[2],
+        "slower": int((warm - cold >= np.log1p(MARGIN)).sum()),
+    }
 
 
 def problems_table(frames: RunFrames) -> pd.DataFrame:

@@ -159,3 +159,19 @@ def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[s
             heads[head] = None
     cells = [{"solver": solver, **{head: row.get(head, "–") for head in heads}} for solver, row in rows.items()]
     return pd.DataFrame(cells, columns=["solver", *heads])
+
+
+def shown_starts(starts: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of starts as texts: solved problems, iterations and times from zero and warm, and the gain."""
+    shown = starts[["family", "solver"]].assign(to=[f"{value:.0e}" for value in starts["tolerance"]])
+    for start in ("cold", "warm"):
+        counts = zip(starts[f"{start}_solved"], starts["problems"], strict=True)
+        shown[f"{start} solved"] = [f"{solved}/{of}" for solved, of in counts]
+    for start in ("cold", "warm"):
+        means = starts[f"{start}_iterations"]
+        shown[f"{start} iter."] = [f"{value:.3g}" if np.isfinite(value) else "–" for value in means]
+    for start in ("cold", "warm"):
+        shown[start] = [duration(value) for value in starts[f"{start}_seconds"]]
+    shown["gain"] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in starts["gain"]]
+    counts = zip(starts["slower"], starts["timed"], strict=True)
+    return shown.assign(slower=[f"{slower}/{timed}" for slower, timed in counts])

@@ -21,6 +21,7 @@ from .accuracy import (
     families_table,
     problems_table,
     ratios_table,
+    starts_table,
     summary_table,
     times_to_accuracies,
 )
@@ -32,6 +33,7 @@ from .cells import (
     shown_problems,
     shown_ratios,
     shown_results,
+    shown_starts,
     shown_summary,
     standings_of_cells,
     summary_tags,
@@ -60,6 +62,12 @@ _FAMILIES = (
     "geometric mean time over those that all solvers support."
 )
 """Legend of the table by family."""
+
+_STARTS = (
+    "From zero (cold) and from the answer to the step before (warm): solved steps, and over those solved both ways the "
+    "mean iterations, the geometric mean times, their ratio (gain), and how many steps are slower warm by 5 % or more."
+)
+"""Legend of the table of starts."""
 
 MOST_TABLES = 20
 """Largest number of problems for which each has its own printed table."""
@@ -129,7 +137,7 @@ def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.Dat
     results = ("results", table, shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
     if frames.is_study:
         return [results, ("points", points_table(frames), shown_points, "")]
-    summary = summary_table(frames)
+    summary, starts = summary_table(frames), starts_table(frames)
     note = f"\n{_summary_legend(summary)}\n" if len(summary) else ""
     return [
         results,
@@ -137,6 +145,7 @@ def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.Dat
         ("ratios", ratios, shown_ratios, ""),
         ("families", families_table(frames), partial(shown_families, frames.info.plan.solvers), f"\n{_FAMILIES}\n"),
         ("summary", summary, shown_summary, note),
+        *([("starts", starts, shown_starts, f"\n{_STARTS}\n")] if len(starts) else []),
     ]
 
 
@@ -176,6 +185,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
         if families(frames):
             _print_families(frames, console)
         _print_summary(summary, results["problem"].nunique(), frames.info.plan.suite, console)
+        _print_starts(starts_table(frames), console)
     console.print(Text(_legend(frames, list(time_columns(results)), summary), style="dim"))
 
 
@@ -247,6 +257,15 @@ def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Conso
     for tag in summary_tags(summary):
         console.print(Text(f"{title}, to {tag}", style="bold"))
         print_table(console, shown_summary(summary, tag), words=("model",), optional=("wrong",))
+        console.print()
+
+
+def _print_starts(starts: pd.DataFrame, console: Console) -> None:
+    """Print what a warm start is worth, if solvers were measured from zero and warm."""
+    if len(starts):
+        console.print(Text("what a warm start is worth", style="bold"))
+        print_table(console, shown_starts(starts), words=("family",), optional=("cold iter.", "warm iter."))
+        console.print(Text(_STARTS, style="dim"))
         console.print()
 
 

@@ -18,7 +18,7 @@ from .engine_model import EngineModel
 from .rows import RefusedRow
 from .step import CapturedStep
 
-FORMAT = 1
+FORMAT = 2
 """Version of the additional arrays."""
 
 _PREFIX = "capture."
@@ -57,7 +57,7 @@ def read_step(path: Path | str) -> CapturedStep:
         )
         engine.matrix.check_format(full_check=True)
         refused = tuple(RefusedRow(**one) for one in about["refused"])
-        return CapturedStep(problem, engine, tuple(about["keys"]), found["anchors"], refused)
+        return CapturedStep(problem, engine, found["anchors"], refused)
     except ProblemError:
         raise
     except DAMAGES:
@@ -69,7 +69,6 @@ def _arrays(step: CapturedStep) -> dict[str, Any]:
     about = {
         "format": FORMAT,
         "engine": {name: getattr(engine, name) for name in _PLAIN},
-        "keys": step.keys,
         "refused": [asdict(one) for one in step.refused],
     }
     matrix = {f"A.{part}": getattr(engine.matrix, part) for part in ("data", "indices", "indptr")}

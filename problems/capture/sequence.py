@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import ProblemError, suggestion
 from ..exchange.files.problem_file import write_whole
 from ..exchange.folder import DESCRIPTION
+from ..exchange.sequences import BEFORE, STEP
 from ..representation import counted
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
@@ -166,8 +167,10 @@ def _named(step: CapturedStep, before: CapturedStep | None, stem: str, number: i
     known = ((), NO_ANCHORS) if before is None else (before.keys, before.anchors)
     keys = distinct_keys([pair_of(key) for key in step.keys], step.anchors, *known)
     name = f"{stem}-{number:0{STEP_DIGITS}d}"
-    problem = step.problem.renamed(name, family=stem, sequence=stem, step=number)
-    return replace(step, problem=problem, keys=keys)
+    follows = before is not None and before.problem.provenance[STEP] == number - 1
+    last = {BEFORE: before.problem.name} if before is not None and follows else {}
+    problem = step.problem.keyed(keys).renamed(name, family=stem, sequence=stem, **{STEP: number}, **last)
+    return replace(step, problem=problem)
 
 
 def _random_controls(model: Any, rng: np.random.Generator) -> Any:

@@ -50,16 +50,19 @@ class CapturedStep:
     Attributes:
         problem: the step under Coulomb's law.
         engine: the model that the engine solved, and its forces.
-        keys: name of each contact or lone law, in the order of the problem's rows; in a sequence it lasts.
         anchors: point of each contact in the frames of its geometries [m], 0 for lone laws, shape (len(keys), 2, 3).
         refused: rows of the engine without a law.
     """
 
     problem: ContactProblem
     engine: EngineModel
-    keys: tuple[str, ...]
     anchors: FloatArray
     refused: tuple[RefusedRow, ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Name of each contact or lone law, in the order of the problem's rows; it lasts in a sequence."""
+        return self.problem.keys
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,8 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)
     impulses = step * (rows.force @ force)
     engine = _engine_model(module, model, after, own_mass, jacobian, impulses)
-    return CapturedStep(problem, engine, distinct_keys(rows.keys, rows.anchors), rows.anchors, rows.refused)
+    keyed = problem.keyed(distinct_keys(rows.keys, rows.anchors))
+    return CapturedStep(keyed, engine, rows.anchors, rows.refused)
 
 
 def take_step(model: Any, data: Any) -> None:

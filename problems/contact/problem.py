@@ -9,7 +9,8 @@ either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, 
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
@@ -52,6 +53,7 @@ class ContactProblem:
         provenance: its origin (scene, step, seed, …).
         answer: the known part of its solution, if any.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
+        keys: names of the contacts, one a block of the layout, which last in a sequence of steps; may be empty.
     """
 
     free_velocity: FloatArray
@@ -62,6 +64,7 @@ class ContactProblem:
     provenance: Mapping[str, str | int | float] = field(default_factory=dict)
     answer: Answer | None = None
     allow_asymmetric: bool = False
+    keys: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
@@ -74,6 +77,8 @@ class ContactProblem:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:
             self.answer.check(self.laws.n_rows)
+        if self.keys:
+            _check_keys(self.keys, self.n_contacts)
 
     def __repr__(self) -> str:
         contacts, rows = counted(self.n_contacts, "contact"), counted(self.n_rows, "row")
@@ -263,9 +268,18 @@ class ContactProblem:
         """Return the same numbers with another known answer, and ``provenance`` added."""
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
+    def keyed(self, keys: Sequence[str]) -> "ContactProblem":
+        """Return the same numbers with names of the contacts that last from step to step.
+
+        Raises:
+            ProblemError: unless there is one for each contact, and all differ.
+        """
+        _check_keys(keys, self.n_contacts)
+        return self._described(keys=tuple(keys))
+
     def anonymous(self) -> "ContactProblem":
-        """Return the same numbers without name, provenance and answer."""
-        return self._described(name="problem", provenance={}, answer=None)
+        """Return the same numbers without name, provenance, answer and keys."""
+        return self._described(name="problem", provenance={}, answer=None, keys=())
 
     def fresh(self) -> "ContactProblem":
         """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
@@ -309,6 +323,14 @@ def _finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
     if len(bad):
         raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
     return frozen(vector, np.float64)
+
+
+def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
+    if len(keys) != n_contacts:
+        raise ProblemError(f"`keys` must name each of {counted(n_contacts, 'contact')}, got {len(keys)}.")
+    repeated = [key for key, count in Counter(keys).items() if count > 1]
+    if repeated:
+        raise ProblemError(f"`keys` names more than one contact {repeated[0]!r}; distinct contacts need distinct keys.")
 
 
 def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:

@@ -162,3 +162,8 @@ def shows_iterates(solver: Solver) -> bool:
 def draws_randomly(solver: Solver) -> bool:
     """Whether ``solver`` declares that its results differ between repeats."""
     return bool(getattr(solver, "is_randomised", False))
+
+
+def starts_from_last_answer(solver: Solver) -> bool:
+    """Whether a run starts ``solver`` from its answer to the step before, as ``Warm`` declares."""
+    return bool(getattr(solver, "starts_warm", False))

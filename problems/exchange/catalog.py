@@ -57,6 +57,26 @@ BODY_GROUPS: dict[str, list[str]] = {
 
 Hard cases have no group of such a name."""
 
+SEQUENCES = (
+    "flow-30",
+    "flow-300",
+    "flow-1000",
+    "pile-100",
+    "pile-300",
+    "hopper-100",
+    "dominoes-20",
+    "stack-10",
+    "arch-13",
+    "chain-20",
+)
+"""Sequences of consecutive steps of one motion each, without the prefix ``sequence-``."""
+
+SEQUENCES_SUITE = "sequences"
+"""The suite of these steps, in which each solver is measured from zero and warm."""
+
+SEQUENCE_STEPS = 6
+"""Steps of a sequence; the last five can start from an answer to the step before."""
+
 _FUNNEL = [
     *(f"funnel-{size}{instant}" for size in FUNNEL_SIZES for instant in ("-early", "", "-late")),
     *(f"funnel-planar-{size}" for size in FUNNEL_SIZES),
@@ -68,6 +88,11 @@ _FUNNEL = [
 _PILES = [*(name for name in _FUNNEL if name.startswith("pile-")), *MIXED_PILES]
 
 _BODIES = [f"bodies-{name}" for members in BODY_GROUPS.values() for name in members]
+
+SEQUENCE_MEMBERS = {name: [f"sequence-{name}-{step}" for step in range(SEQUENCE_STEPS)] for name in SEQUENCES}
+"""The problems of each sequence, in order."""
+
+_SEQUENCES = [step for steps in SEQUENCE_MEMBERS.values() for step in steps]
 
 _WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]
 
@@ -86,8 +111,9 @@ SUITES: dict[str, list[str]] = {
     "piles": _PILES,
     "woodpecker": _WOODPECKER,
     "bodies": _BODIES,
+    SEQUENCES_SUITE: _SEQUENCES,
     "hard": list(HARD_CASES),
-    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL, *MIXED_PILES, *_BODIES],
+    "all": [*HARD_CASES, *_WOODPECKER, *_FUNNEL, *MIXED_PILES, *_BODIES, *_SEQUENCES],
 }
 """Members of each suite, in the order in which they are run."""
 

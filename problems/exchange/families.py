@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError, suggestion
 from ..hard import CASE_GROUPS
-from .catalog import BODY_GROUPS
+from .catalog import BODY_GROUPS, SEQUENCE_MEMBERS
 
 FAMILY = "family"
 """Key of the family in the provenance of a problem."""
@@ -23,8 +23,8 @@ def family_of(problem: str | ContactProblem) -> str:
     """Return the family of a problem.
 
     That of a problem is what its provenance says. Without it, and for a name: the group of a hard case or of a problem
-    of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), else what precedes the first dash, or the
-    options of a scene, in the name (``"funnel"``).
+    of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), the sequence of a step, else what precedes the
+    first dash, or the options of a scene, in the name (``"funnel"``).
     """
     if not isinstance(problem, str):
         named = problem.provenance.get(FAMILY)
@@ -66,7 +66,9 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
 @cache
 def _grouped_families() -> Mapping[str, str]:
     hard = {name: f"hard: {group}" for group, members in CASE_GROUPS.items() for name in members}
-    return hard | {f"bodies-{name}": f"bodies: {group}" for group, members in BODY_GROUPS.items() for name in members}
+    bodies = {f"bodies-{name}": f"bodies: {group}" for group, members in BODY_GROUPS.items() for name in members}
+    steps = {step: f"sequence: {name}" for name, members in SEQUENCE_MEMBERS.items() for step in members}
+    return hard | bodies | steps
 
 
 def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:

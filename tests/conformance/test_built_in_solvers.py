@@ -39,6 +39,7 @@ VARIANTS = [
     "ClarabelSOCP(form='factors')",
     "ClarabelCoulomb",
     "Refined(ClarabelCoulomb)",
+    "Warm(SORprox)",
     "CvxpyCoulomb",
     "Lemke",
     "PyramidPGS",

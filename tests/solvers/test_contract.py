@@ -41,6 +41,7 @@ VARIANTS = [
     "ClarabelCoulomb",
     "ClarabelCoulomb(form='factors', memory=0)",
     "Refined(ClarabelCoulomb)",
+    "Warm(SORprox)",
     "CvxpyCoulomb",
     "Refined(CvxpyCoulomb)",
     "CvxpyCoulomb(solver='SCS')",

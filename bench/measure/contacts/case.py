@@ -15,6 +15,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.files.problem_file import problem_bytes
+from ....problems.exchange.sequences import NO_PREDECESSORS, Predecessors
 from ....problems.representation import counted
 from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
 from ...plugins.remote_solver import are_iterations
@@ -31,6 +32,7 @@ from .answers import confirmed, judge_answers
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls
 from .protocol import MeasuringTask
+from .starts import Starts
 from .variants import perturbed_copy
 
 ROUND_SECONDS = 0.005
@@ -85,12 +87,15 @@ class Case(LadderCase[MeasuredRound]):
         problem_data: bytes,
         stored: CaseRecord | None,
         case_pass: CasePass,
+        before: Predecessors = NO_PREDECESSORS,
     ) -> None:
         """Store the plan of the case and its previous measurements."""
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
+        self._before = before
+        self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
         self._clock = ClockAccount(problem)
         self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # a solver must not know which
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
@@ -109,20 +114,32 @@ class Case(LadderCase[MeasuredRound]):
 
         If the solver does not support the copy or the problem, the case records its reason.
         """
+        if self.solver.starts_warm and not self._before.steps:
+            self._fail(Fault(Outcome.UNSUPPORTED, self._before.missing))
+            return
         self._start(MeasuringTask(self._controls.warm_up, self.solver))
         requests = (("supports",), ("warm_up", WARM_UP_STOP), ("problem", self._data), ("supports",))
         if any(self._ask(request, *arguments) is None for request, *arguments in requests):
             return
-        seen = None if self._curve.iteration else self._ask("observe", self._stop(self.ladder[-1]))
+        if not self._curve.iteration:
+            self._observe(self._stop(self.ladder[-1]))
+        self._ask("compare")
+
+    def _observe(self, stop: Stop) -> None:
+        """Measure the convergence curve."""
+        try:
+            seen = self._ask("observe", stop, self._starts.impulses(stop))
+        except Fault as fault:
+            self._fail(fault)
+            return
         if seen:
             self._curve = self._judged_curve(*seen)
             self._observed = _contradicted_count(seen[0])
-        self._ask("compare")
 
     def occupy(self, core: MeasuringCore) -> None:
         """Pin its processes to a core from now on."""
         super().occupy(core)
-        self._controls.core = core
+        self._controls.occupy(core)
 
     def finish(self) -> None:
         """Compare the state of the process with that before the solver was created."""
@@ -160,13 +177,15 @@ class Case(LadderCase[MeasuredRound]):
 
     def measure(self, value: float, number: int) -> MeasuredRound | None:
         """Run one round of timed solves; return None if the case failed."""
-        worked = 0.0 if self._worker is None else self._worker.processor_seconds()
-        found = self._timed_round(TimedRound, number, "round", self._stop(value), ROUND_SECONDS)
-        if found is None or self._worker is None:
-            return None
-        timed, record, numbers = found
-        worked = self._worker.processor_seconds() - worked
+        stop = self._stop(value)
         try:
+            start = self._starts.impulses(stop)
+            worked = 0.0 if self._worker is None else self._worker.processor_seconds()
+            found = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
+            if found is None or self._worker is None:
+                return None
+            timed, record, numbers = found
+            worked = self._worker.processor_seconds() - worked
             impulses = self._answers(timed, numbers)
             if not record.excluded and (uncounted := self._clock.fault(timed, worked)):
                 raise Fault(Outcome.MISBEHAVED, uncounted)
@@ -250,7 +269,7 @@ class Case(LadderCase[MeasuredRound]):
         kept = [one for one in answers if not one.record.excluded] or answers
         seconds = float(np.median([one.timed.undisturbed_seconds for one in kept]))
         try:
-            if level == self._copied_level:
+            if level == self._copied_level and not self.solver.starts_warm:  # no start suits a copy
                 point = self._compared_with_copies(point, measured, seconds)
             known = measured.first_seconds
             is_explained = known and is_explained_by_repetition(seconds, float(np.median(known)))
@@ -271,7 +290,8 @@ class Case(LadderCase[MeasuredRound]):
     def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
         """Return a point with the times of its first solves, and their answers judged."""
         stop, measured = self._stop(point.tolerance), point.measured
-        firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop))
+        start = self._starts.impulses(stop)
+        firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
             timed = (one for one in firsts if one.timed.status is Status.SOLVED and not one.timed.is_preempted)
             times = [*measured.first_seconds, *(one.seconds for one in timed)]
@@ -283,7 +303,7 @@ class Case(LadderCase[MeasuredRound]):
         if self._worker is None:
             raise no_answer()
         began = time.monotonic()
-        answer, _ = self._worker.ask("round", stop, ROUND_SECONDS)
+        answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
         return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
 
     def _counted(self, claimed: int) -> int:

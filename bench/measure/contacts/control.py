@@ -102,19 +102,37 @@ class Controls:
         if self._worker is not None:
             self._worker.dismiss()
 
+    def occupy(self, core: MeasuringCore) -> None:
+        """Pin the process to a core from now on."""
+        self.core = core
+        if self._worker is not None:
+            core.pin(self._worker.process)
+
     def close(self) -> None:
         """End the process."""
         if self._worker is not None:
             self._worker.close()
             self._worker = None
 
-    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
+    def answer(self, problem: ContactProblem, stop: Stop, start: FloatArray | None) -> FloatArray:
+        """Return the impulses of one solve of any problem from ``start``, in a process that knows no other [N s].
+
+        Raises:
+            Fault: if there is no valid answer.
+        """
+        _, impulses = self._solve_in_fork(stop, problem_bytes(problem.anonymous()), start=start)
+        return _of_length(impulses, problem.n_rows)
+
+    def first_solves(
+        self, stop: Stop, seconds: float, again: Callable[[], float], start: FloatArray | None = None
+    ) -> list[ControlSolve]:
         """Return first solves of the problem; one that does not end SOLVED is the last.
 
         Args:
             stop: stop criterion of the timed solves, which ended SOLVED.
             seconds: median time of the timed solves [s].
             again: function that measures this median once more.
+            start: impulses from which they started [N s], shape (n_rows,); zero if None.
 
         Raises:
             Fault: MISBEHAVED if the timed solves repeat an answer, or another fault that ends the process.
@@ -122,9 +140,9 @@ class Controls:
         solves: list[ControlSolve] = []
         needed, balance = 1 if seconds > LONG_SECONDS else MIN_FAST_SOLVES, 0
         for _ in range(MAX_SOLVES):
-            solve = self._first_solve(stop)
+            solve = self._first_solve(stop, start)
             if solve.timed.status is not Status.SOLVED:
-                return [*solves, self._unscaled_solve(stop, seconds)]
+                return [*solves, self._unscaled_solve(stop, seconds, start)]
             solves.append(solve)
             balance += 1 if is_explained_by_repetition(seconds, solve.seconds) else -1
             if balance >= needed:
@@ -132,7 +150,7 @@ class Controls:
             if balance <= -MAX_SLOW_SOLVES:
                 break
         self._load_kernels()
-        loaded = [self._first_solve(stop, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
+        loaded = [self._first_solve(stop, start, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
         solves, seconds = min(solves, loaded, key=_median), max(seconds, again())
         undisturbed = [solve for solve in solves if not solve.timed.is_preempted]
         if len(undisturbed) > MAX_SLOW_SOLVES // 2 and _is_repeated(seconds, _median(undisturbed)):
@@ -148,55 +166,57 @@ class Controls:
             if timed.status is not Status.SOLVED:
                 break
             is_steady = not timed.is_preempted and self.core.is_steady(probe, self.core.probe())
-            found.append(ControlSolve(copy, timed, impulses, is_steady))
+            found.append(ControlSolve(copy, timed, _of_length(impulses, copy.n_rows), is_steady))
             if is_steady and timed.totals[0] <= COPY_RATIO * seconds + ALLOWANCE_SECONDS:
                 break
             self._load_kernels()
         return found
 
-    def _first_solve(self, stop: Stop, after: ContactProblem | None = None) -> ControlSolve:
+    def _first_solve(self, stop: Stop, start: FloatArray | None, after: ContactProblem | None = None) -> ControlSolve:
         """Return a first solve of the problem in other units, in a process that may first solve another problem."""
         variant = in_other_units(self.problem)
         problems = [variant.problem] if after is None else [after, variant.problem]
-        timed, impulses = self._solve_in_fork(stop, *map(problem_bytes, problems))
-        return ControlSolve(self.problem, timed, variant.back.diagonal() * impulses)
+        scale = variant.back.diagonal()
+        timed, impulses = self._solve_in_fork(
+            stop, *map(problem_bytes, problems), start=None if start is None else start / scale
+        )
+        return ControlSolve(self.problem, timed, scale * _of_length(impulses, self.problem.n_rows))
 
-    def _unscaled_solve(self, stop: Stop, seconds: float) -> ControlSolve:
+    def _unscaled_solve(self, stop: Stop, seconds: float, start: FloatArray | None) -> ControlSolve:
         """Return a first solve of the problem in its own units.
 
         Raises:
             Fault: if it reaches the time limit, and repeated solves [s] are far below it.
         """
-        timed, impulses = self._solve_in_fork(stop, problem_bytes(self.problem.anonymous()))
+        timed, impulses = self._solve_in_fork(stop, problem_bytes(self.problem.anonymous()), start=start)
         is_late = timed.status is Status.TIME_LIMIT and not timed.is_preempted
         if is_late and _is_repeated(seconds, stop.max_seconds):
             raise _repeats(stop, f"reach the time limit of {stop.max_seconds:g} s", seconds)
-        return ControlSolve(self.problem, timed, impulses)
+        return ControlSolve(self.problem, timed, _of_length(impulses, self.problem.n_rows))
 
     def _load_kernels(self) -> None:
         """Load all cached kernels in the process that is forked, unless it is gone; a kernel is loaded once."""
         if self._worker is not None:
             self._worker.ask("load_kernels")
 
-    def _solve_in_fork(self, stop: Stop, *problems: bytes) -> tuple[TimedRound, FloatArray]:
-        """Solve problems one after the other in a fork; if forking fails, in new processes.
+    def _solve_in_fork(
+        self, stop: Stop, *problems: bytes, start: FloatArray | None = None
+    ) -> tuple[TimedRound, FloatArray]:
+        """Solve problems one after the other in a fork, the last from ``start``; if forking fails, in new processes.
 
         Raises:
-            Fault: if both fail, or the last answer has a wrong number of rows.
+            Fault: if both fail.
         """
         try:
-            timed, impulses = self._ask(stop, problems)
+            return self._ask(stop, problems, start)
         except Fault as fault:
             self.close()
             if not self._can_fork:
                 raise Fault(fault.outcome, f"in a fresh process {fault.reason}", fault.traceback) from None
             self._can_fork = False
-            return self._solve_in_fork(stop, *problems)
-        if len(impulses) != self.problem.n_rows:
-            raise Fault(Outcome.MISBEHAVED, f"it returned {len(impulses)} numbers for {self.problem.n_rows} rows")
-        return timed, impulses
+            return self._solve_in_fork(stop, *problems, start=start)
 
-    def _ask(self, stop: Stop, problems: Sequence[bytes]) -> tuple[TimedRound, FloatArray]:
+    def _ask(self, stop: Stop, problems: Sequence[bytes], start: FloatArray | None) -> tuple[TimedRound, FloatArray]:
         """Solve problems successively in a process that has only warmed up; return the solves and the last answer.
 
         Raises:
@@ -207,7 +227,7 @@ class Controls:
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
             self._worker.ask("warm_up", WARM_UP_STOP)
             self.core.pin(self._worker.process)
-        worker, request = self._worker, ("first_solves", (stop, problems))
+        worker, request = self._worker, ("first_solves", (stop, problems, start))
         worker.busy_seconds = 0.0
         began = time.monotonic()
         answer, content = worker.ask(IN_A_COPY, *request) if self._can_fork else worker.ask(request[0], *request[1])
@@ -215,6 +235,17 @@ class Controls:
         if not self._can_fork:
             self.close()
         return TimedRound.read(answer, passed), numbers_of(content)
+
+
+def _of_length(impulses: FloatArray, n_rows: int) -> FloatArray:
+    """Return the impulses of an answer.
+
+    Raises:
+        Fault: if their number is wrong.
+    """
+    if len(impulses) != n_rows:
+        raise Fault(Outcome.MISBEHAVED, f"it returned {len(impulses)} numbers for {n_rows} rows")
+    return impulses
 
 
 def _median(solves: Sequence[ControlSolve]) -> float:

@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ....problems.arrays import FloatArray
+from ....problems.arrays import FloatArray, frozen
 from ....problems.compilation import load_cached_kernels
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_iterates
@@ -99,8 +99,8 @@ class Measurement:
         self._check_threads()
         self.before = self.before.after_imports()
 
-    def observe(self, stop: Stop) -> tuple[list[int], FloatArray, int, int]:
-        """Return the iterations of one observed solve and their impulses, one row each.
+    def observe(self, stop: Stop, start: FloatArray | None = None) -> tuple[list[int], FloatArray, int, int]:
+        """Return the iterations of one observed solve from ``start`` and their impulses, one row each.
 
         The answer also contains the number of calls of the observer, and the iterations that the solver claims.
         """
@@ -121,7 +121,7 @@ class Measurement:
                 mark = iteration + 1.0 if iteration < FIRST_ITERATIONS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
-            solution = self.solver.prepare(problem).solve(stop, observe=note)
+            solution = self.solver.prepare(problem).solve(stop, _own(start), note)
             refuse(type_fault(solution))
             claimed = int(solution.iterations)
         self._check_threads()
@@ -129,8 +129,8 @@ class Measurement:
         rows = np.array([*iterates.values()]).reshape(len(iterates), problem.n_rows)
         return [*iterates], rows, calls, claimed
 
-    def round(self, stop: Stop, seconds: float) -> tuple[TimedRound, list[FloatArray]]:
-        """Run timed solves for ``seconds`` of wall time, at least one.
+    def round(self, stop: Stop, seconds: float, start: FloatArray | None = None) -> tuple[TimedRound, list[FloatArray]]:
+        """Run timed solves from ``start`` for ``seconds`` of wall time, at least one.
 
         A solve that does not end SOLVED ends the round.
 
@@ -142,7 +142,7 @@ class Measurement:
         before, end = Switches.now(), perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
-            solves.append(self._solve(problem, stop))
+            solves.append(self._solve(problem, stop, start))
             solution = solves[-1].solution
             if solution.status is not Status.SOLVED:
                 break
@@ -154,8 +154,10 @@ class Measurement:
         last = [] if solution.status is Status.SOLVED else [solution.impulses]
         return timed, [*answers.values(), *last]
 
-    def first_solves(self, stop: Stop, problems: Sequence[ContactProblem]) -> tuple[TimedRound, list[FloatArray]]:
-        """Return a round of one solve of each of several problems, and the last impulses.
+    def first_solves(
+        self, stop: Stop, problems: Sequence[ContactProblem], start: FloatArray | None = None
+    ) -> tuple[TimedRound, list[FloatArray]]:
+        """Return a round of one solve of each of several problems, the last from ``start``, and the last impulses.
 
         The problems are new to the process. Solves of its present problem warm its caches.
         """
@@ -166,7 +168,8 @@ class Measurement:
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
                 break
-        solves = [self._solve(problem.fresh(), stop) for problem in problems]
+        starts = [*[None] * (len(problems) - 1), start]
+        solves = [self._solve(problem.fresh(), stop, first) for problem, first in zip(problems, starts, strict=True)]
         timed = _timed_round(solves, before)
         self.problem = problems[-1]
         self._check_after(self.problem)
@@ -181,14 +184,14 @@ class Measurement:
         refuse(replaced_names(self.before))
         self._check_unchanged()
 
-    def _solve(self, problem: ContactProblem, stop: Stop) -> TimedSolve:
-        """Prepare and solve within one time limit, and copy the impulses before the clock stops.
+    def _solve(self, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> TimedSolve:
+        """Prepare and solve from ``start`` within one time limit, and copy the impulses before the clock stops.
 
         Raises:
             MisbehaviourError: if the result is not a valid solution.
         """
         collecting = gc.isenabled()
-        impulses = np.zeros(problem.n_rows)
+        impulses, start = np.zeros(problem.n_rows), _own(start)
         gc.disable()
         try:
             worked = used_seconds(self.solver)
@@ -197,7 +200,7 @@ class Measurement:
             ready = perf_counter()
             left = stop.max_seconds - (ready - began)
             if left > 0.0:
-                solution = prepared.solve(replace(stop, max_seconds=left))
+                solution = prepared.solve(replace(stop, max_seconds=left), start)
                 synchronise = getattr(prepared, "synchronise", None)
                 if synchronise is not None:
                     synchronise()
@@ -249,15 +252,15 @@ class MeasuringTask:
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request, by its name and arguments.
 
-        "supports"                   why the solver does not support the problem
-        "warm_up" (stop)             run everything once
-        "problem" (data)             switch to another problem
-        "observe" (stop)             iterates of one solve
-        "round" (stop, seconds)      timed solves
-        "first_solves" (stop, data)  one timed solve of each of several problems that are new to the process
-        "load_kernels"               load all kernels that are cached
-        "rest"                       wait, so that processes of the solver may end
-        "compare"                    compare the state of the process with the initial one
+        "supports"                          why the solver does not support the problem
+        "warm_up" (stop)                    run everything once
+        "problem" (data)                    switch to another problem
+        "observe" (stop, start)             iterates of one solve
+        "round" (stop, seconds, start)      timed solves
+        "first_solves" (stop, data, start)  one timed solve of each of several problems that are new to the process
+        "load_kernels"                      load all kernels that are cached
+        "rest"                              wait, so that processes of the solver may end
+        "compare"                           compare the state of the process with the initial one
         """
         measurement = self._measurement
         if request == "supports":
@@ -266,11 +269,11 @@ class MeasuringTask:
             iterations, iterates, calls, claimed = measurement.observe(*arguments)
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
         if request in ("round", "first_solves"):
-            stop, what = arguments
+            stop, what, *start = arguments
             if request == "round":
-                timed, answers = measurement.round(stop, what)
+                timed, answers = measurement.round(stop, what, *start)
             else:
-                timed, answers = measurement.first_solves(stop, list(map(_problem, what)))
+                timed, answers = measurement.first_solves(stop, list(map(_problem, what)), *start)
             return msgspec.to_builtins(timed), b"".join(impulses.tobytes() for impulses in answers)
         if request == "warm_up":
             measurement.warm_up(*arguments)
@@ -287,6 +290,11 @@ class MeasuringTask:
 
 def _problem(data: bytes) -> ContactProblem:
     return read_problem(io.BytesIO(data), "problem")
+
+
+def _own(start: FloatArray | None) -> FloatArray | None:
+    """Return a read-only copy of a start; None for zero."""
+    return None if start is None else frozen(start, np.float64)
 
 
 def _timed_round(solves: Sequence[TimedSolve], before: Switches) -> TimedRound:

@@ -12,7 +12,7 @@ from ....problems.errors import first_line
 from ....problems.exchange.files.problem_file import packed_problem
 from ....problems.exchange.plugins.offers import registered
 from ...errors import BenchError
-from ...plugins.problems import problem_of_run
+from ...plugins.problems import predecessors_of_run, problem_of_run
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session, with_sessions
 from ...store.store import Store
@@ -83,15 +83,18 @@ class DistributedExecutor(RunExecutor):
     def _task(self, name: str) -> ProblemTask:
         record, plan = self._record, self._record.plan
         problem = problem_of_run(self._store, record, name)
+        solvers = tuple(one for one in self._solvers if isinstance(one, SolverSpec))
+        is_warm = any(solver.starts_warm for solver in solvers)
+        steps = predecessors_of_run(self._store, record, problem).steps if is_warm else ()
         own = replace(
             record,
             plan=replace(plan, problems=[name], families={name: plan.family(name)}, left_out=[], shard=""),
-            carried={name: problem.digest},
+            carried={one.name: one.digest for one in (*steps, problem)},
             sessions=record.sessions[: self._n_before],
         )
-        solvers = tuple(one for one in self._solvers if isinstance(one, SolverSpec))
         cases = tuple(self._cases[name].values())
-        return ProblemTask(own, cases, packed_problem(problem), solvers, tuple(registered()), self._mix)
+        problems = tuple(map(packed_problem, (*steps, problem)))
+        return ProblemTask(own, cases, problems, solvers, tuple(registered()), self._mix)
 
     def _store_result(self, name: str, result: MeasuredProblem) -> None:
         """Store the cases of a problem and their session."""

@@ -10,7 +10,8 @@ from typing import Any
 from msgspec.structs import replace
 
 from ....problems.exchange.files.problem_file import problem_bytes
-from ...plugins.problems import problem_of_run
+from ....problems.exchange.sequences import NO_PREDECESSORS
+from ...plugins.problems import predecessors_of_run, problem_of_run
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session
 from ...store.store import Store
@@ -86,8 +87,10 @@ class LocalExecutor(RunExecutor):
         problem = problem_of_run(self._store, record, name)
         solvers = [one for one in self._solvers if isinstance(one, SolverSpec) and one.name in left]
         data = problem_bytes(problem.anonymous()) if solvers else b""
+        is_warm = any(solver.starts_warm for solver in solvers)
+        before = predecessors_of_run(self._store, record, problem) if is_warm else NO_PREDECESSORS
         return [
-            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), case_pass)
+            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), case_pass, before)
             for solver in shuffled(solvers, plan.seed, case_pass.number, plan.problems.index(name))
         ]
 

@@ -32,7 +32,7 @@ class ProblemTask:
     Attributes:
         run: the run, with only this problem in its plan, and its sessions.
         cases: cases of the problem that are already measured.
-        problem: file content of the problem.
+        problems: file contents of the steps before the problem that warm solvers need, and of the problem.
         solvers: the solvers.
         plugin_files: plugin files of the solvers, with the names that they provide.
         mix: keep the measurements of another machine.
@@ -40,7 +40,7 @@ class ProblemTask:
 
     run: RunRecord
     cases: tuple[CaseRecord, ...]
-    problem: bytes
+    problems: tuple[bytes, ...]
     solvers: tuple[SolverSpec, ...]
     plugin_files: tuple[tuple[PluginFile, Names | None], ...] = ()
     mix: bool = False
@@ -72,8 +72,8 @@ def measure_problem(task: ProblemTask) -> MeasuredProblem:
         register(file, names, runs_here=False)
     with _one_at_a_time, tempfile.TemporaryDirectory(prefix="proxbench-", suffix=PART) as folder:
         store = Store.create(Path(folder, "run"))
-        (name,) = task.run.plan.problems
-        store.write_problem(read_problem(io.BytesIO(task.problem), f"problem {name!r}"))
+        for content in task.problems:
+            store.write_problem(read_problem(io.BytesIO(content), "a problem of the task"))
         for case in task.cases:
             store.write_case(case)
         stored = {(case.problem, case.solver): case for case in task.cases}

@@ -19,6 +19,7 @@ from ..accuracy import (
     claimed_cases,
     counted_cases,
     excluded_cases,
+    starts_table,
     summary_accuracies,
     times_to_accuracies,
 )
@@ -69,6 +70,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         "open": _first_drawable(frames),
         "cases": _cases(frames, accuracies),
         "points": _points(frames),
+        "starts": _starts(frames),
         "curves": _curves(frames),
         "charts": templates({name: named[name] for name in solvers}, frames.residual),
         "rows": ROWS,
@@ -244,6 +246,14 @@ def _points(frames: RunFrames) -> dict[str, list[Any]]:
         "iterations": _numbers(points["iterations"]),
         **{name: _numbers(points[column], number) for name, (column, number) in digits.items()},
     }
+
+
+def _starts(frames: RunFrames) -> list[dict[str, Any]]:
+    """Return the rows of ``starts_table``, with four digits."""
+    return [
+        {name: value if isinstance(value, str) else _numbers([value], 4)[0] for name, value in row.items()}
+        for row in starts_table(frames).to_dict("records")
+    ]
 
 
 def _curves(frames: RunFrames) -> dict[str, list[Any]]:

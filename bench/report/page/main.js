@@ -119,6 +119,8 @@ function buildHead() {
   place("command").textContent = run.run.command;
   fill("machine-tables", element("div", { class: "columns" },
     Object.entries(run.machine).map(([name, pairs]) => element("div", {}, element("h3", {}, name), facts(pairs)))));
+  for (const id of ["starts", "starts-link"]) place(id).hidden = !run.starts.length;
+  fill("starts-table", startsTable(run.starts));
   defineColours(run.solvers);
 }
 

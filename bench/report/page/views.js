@@ -185,3 +185,21 @@ function caseView(view, problem, solver, one) {
     ...printed.flatMap(([name, text]) => [element("h4", {}, name), element("pre", { tabindex: 0 }, text)]),
   ];
 }
+
+// What a warm start is worth: a row for each family, solver and tolerance.
+function startsTable(rows) {
+  const heads = ["cold solved", "warm solved", "cold iterations", "warm iterations", "cold time", "warm time", "gain", "slower"];
+  const columns = [{ name: "family" }, { name: "solver" }, ...["tolerance", ...heads].map(numeric)];
+  const rounded = (value, count) => ({ text: digits(value ?? NaN, count), value });
+  return table(columns, rows.map((row) => [
+    row.family,
+    row.solver,
+    { text: power(row.tolerance), value: row.tolerance },
+    counts(row.cold_solved, row.problems),
+    counts(row.warm_solved, row.problems),
+    ...[row.cold_iterations, row.warm_iterations].map((value) => rounded(value, 3)),
+    ...[row.cold_seconds, row.warm_seconds].map((value) => timeCell(value)),
+    rounded(row.gain, 2),
+    counts(row.slower, row.timed),
+  ]), "What a warm start is worth");
+}

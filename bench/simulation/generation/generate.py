@@ -34,6 +34,7 @@ from ....problems.motion.stepping.step import Step
 from ....solvers.registry import create
 from ...plugins.describing import plugin_problem
 from .body_problems import BODY_RECIPES, BodyRecipe, body_problem
+from .sequence_problems import MEMBERS, SEQUENCE_RECIPES, SequenceRecipe, sequence_problems
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
@@ -105,9 +106,10 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
         yield name, FunnelRecipe(scene, _SETTLED, PILE_STOP, MIXED)
 
 
-RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe] = {
+RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe | SequenceRecipe] = {
     **dict(_funnel_recipes()),
     **BODY_RECIPES,
+    **{member: SEQUENCE_RECIPES[name] for member, name in MEMBERS.items()},
     "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
     "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
     "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
@@ -162,12 +164,15 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; problems of the same scene share one simulation."""
     flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     pecks: dict[str, WoodpeckerRecipe] = {}
+    sequences: dict[str, set[str]] = {}
     for name in names:
         recipe = RECIPES[name]
         if isinstance(recipe, FunnelRecipe):
             flows.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
         elif isinstance(recipe, WoodpeckerRecipe):
             pecks[name] = recipe
+        elif isinstance(recipe, SequenceRecipe):
+            sequences.setdefault(MEMBERS[name], set()).add(name)
         elif isinstance(recipe, BodyRecipe):
             yield body_problem(name)
         else:
@@ -176,6 +181,8 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
         yield from _funnel_problems(scene, stop, mixed, members)
     if pecks:
         yield from _woodpecker_problems(pecks)
+    for name, members in sequences.items():
+        yield from (problem for problem in sequence_problems(name) if problem.name in members)
 
 
 def _solver() -> Any:

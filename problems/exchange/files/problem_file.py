@@ -149,6 +149,7 @@ def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArr
         "provenance": dict(problem.provenance),
         "digest": problem.digest,
         "allow_asymmetric": problem.allow_asymmetric,
+        **({"keys": problem.keys} if problem.keys else {}),
     }
     arrays: dict[str, Any] = {
         "c": problem.free_velocity,
@@ -194,6 +195,7 @@ def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple
         "provenance": about["provenance"],
         "answer": _answer(content),
         "allow_asymmetric": about["allow_asymmetric"],
+        "keys": tuple(map(str, about.get("keys", ()))),
     }
     if "G.data" in content:
         matrix = _matrix(sp.csr_array, content, "G")

@@ -175,7 +175,7 @@ def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFix
     assert run_command(["list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert {"SORprox", "Jprox", "JORprox", "ClarabelSOCP"} <= {row["name"] for row in listed["solvers"]}
-    assert {"quick", "funnel", "piles", "woodpecker", "bodies", "hard", "all"} == {
+    assert {"quick", "funnel", "piles", "woodpecker", "bodies", "sequences", "hard", "all"} == {
         row["name"] for row in listed["suites"]
     }
     assert list(SCENES) == [row["name"] for row in listed["scenes"]]

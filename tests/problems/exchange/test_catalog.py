@@ -27,7 +27,7 @@ FROZEN = {file.name.removesuffix(".npz"): file for file in LIBRARY.iterdir() if 
 def test_every_standard_problem_that_is_held_loads_and_only_bodies_are_generated_on_demand() -> None:
     for name in filter(is_held, SUITES["all"]):
         assert load(name).name == name
-    assert {name for name in SUITES["all"] if not is_held(name)} < set(SUITES["bodies"])
+    assert {name for name in SUITES["all"] if not is_held(name)} < {*SUITES["bodies"], *SUITES["sequences"]}
 
 
 def test_the_library_holds_nothing_else_and_keeps_to_its_size() -> None:
@@ -38,7 +38,7 @@ def test_the_library_holds_nothing_else_and_keeps_to_its_size() -> None:
 
 
 def test_suites_are_what_their_names_say() -> None:
-    assert suite_names() == ["quick", "funnel", "piles", "woodpecker", "bodies", "hard", "all"]
+    assert suite_names() == ["quick", "funnel", "piles", "woodpecker", "bodies", "sequences", "hard", "all"]
     assert len(suite("quick")) >= 8
     for size in FUNNEL_SIZES:
         for name in (f"funnel-{size}", f"funnel-planar-{size}", f"funnel-frictionless-{size}"):

@@ -87,7 +87,7 @@ class Scripted(Controls):
         self.fresh, self.after_another, self.status = fresh, after_another, status
         self.n_asked = 0
 
-    def _ask(self, stop: Stop, problems: Sequence[bytes]) -> tuple[TimedRound, np.ndarray]:
+    def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
         self.n_asked += 1
         seconds = self.after_another if len(problems) == 2 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
         return replace(of_one_solve(seconds), status=self.status), np.zeros(PROBLEM.n_rows)

@@ -142,7 +142,7 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
     def other(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
         machine = replace(given.run.machine, source="0" * 64)
         return problem_task.measure_problem(
-            problem_task.ProblemTask(replace(given.run, machine=machine), (), given.problem, given.solvers)
+            problem_task.ProblemTask(replace(given.run, machine=machine), (), given.problems, given.solvers)
         )
 
     with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*has another source of proxbench"):

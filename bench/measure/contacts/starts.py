@@ -1,0 +1,42 @@
+"""Starts of the solves of a case: zero, or the solver's own answer to the step before.
+
+A warm solver solves the steps that precede its problem in their order, each from its answer to the one before and to
+the tolerance of the timed solves, as it does in a simulation. It does so off the clock, in processes that have not seen
+the problem. An answer that misses the tolerance is a start like any other.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from ....problems.arrays import FloatArray
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.solver import Stop
+from ....problems.exchange.sequences import continued_impulses
+from .control import Controls
+
+
+class Starts:
+    """The starts of one case.
+
+    Attributes:
+        steps: the steps before the problem, from the first on; none for a start from zero.
+        problem: the problem.
+    """
+
+    def __init__(self, steps: Sequence[ContactProblem], problem: ContactProblem, controls: Controls) -> None:
+        """Set the steps, the problem, and what solves the steps."""
+        self.steps, self.problem, self._controls = steps, problem, controls
+        self._known: dict[float, FloatArray | None] = {}
+
+    def impulses(self, stop: Stop) -> FloatArray | None:
+        """Return the start of a solve with a stop criterion [N s], shape (n_rows,); None for zero.
+
+        Raises:
+            Fault: if the solver has no valid answer to a step before.
+        """
+        if stop.tolerance not in self._known:
+            start = None
+            for step, following in pairwise([*self.steps, self.problem]):
+                start = continued_impulses(step, self._controls.answer(step, stop, start), following)
+            self._known[stop.tolerance] = start
+        return self._known[stop.tolerance]

@@ -1,0 +1,58 @@
+"""Warm: a solver that runs start from its own answer to the step before."""
+
+from dataclasses import dataclass
+
+from ...problems.contact.model import Model
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.solver import Prepared, Solver, draws_randomly, shows_iterates
+
+
+@dataclass(frozen=True)
+class Warm:
+    """A solver under a name that tells its start: ``Warm(SORprox)``.
+
+    ``proxbench run`` solves the steps of a sequence that precede a problem with the solver itself, off the clock, and
+    starts each solve of the problem from the last answer. Under its own name a solver starts from zero. A problem
+    without a step before it is reported as unsupported there. Anywhere else the two are the same.
+
+    Attributes:
+        solver: the solver.
+    """
+
+    solver: Solver
+
+    starts_warm = True
+    """Whether a run starts the solver from its answer to the step before."""
+
+    @property
+    def name(self) -> str:
+        """Class name with the name of the solver."""
+        return warm_name(self.solver.name)
+
+    @property
+    def model(self) -> Model:
+        """The model of the solver."""
+        return self.solver.model
+
+    @property
+    def has_iterates(self) -> bool:
+        """Whether the solver shows its iterates."""
+        return shows_iterates(self.solver)
+
+    @property
+    def is_randomised(self) -> bool:
+        """Whether the solver declares that its results differ between repeats."""
+        return draws_randomly(self.solver)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Return why the solver cannot solve ``problem``, or None."""
+        return self.solver.supports(problem)
+
+    def prepare(self, problem: ContactProblem) -> Prepared:
+        """Prepare the solver."""
+        return self.solver.prepare(problem)
+
+
+def warm_name(solver: str) -> str:
+    """Return the name of a solver with a warm start: ``"Warm(SORprox)"``."""
+    return f"{Warm.__name__}({solver})"
