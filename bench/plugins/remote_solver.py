@@ -82,6 +82,8 @@ class RemoteSolver(RenewedWorker):
         Raises:
             FailedSolveError: if the solver does not answer.
         """
+        if self.spec.starts_warm:
+            return "it starts from its answer to the step before, which `proxbench run` alone provides"
         self._send(problem)
         answer, _ = self.ask_in_time("supports")
         return str(answer.get("refusal", "")) or None

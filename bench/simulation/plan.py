@@ -16,6 +16,7 @@ from ...problems.motion.stepping.registry import make_stepper
 from ...problems.motion.stepping.stepper import Stepper
 from ...problems.motion.stepping.variable_stepper import VariableStepper
 from ...problems.representation import html_table
+from ...solvers.composite.warm import Warm
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..plugins.describing import require_own_name
@@ -23,7 +24,7 @@ from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote_solver
 from ..store.fields import Count, Positive, Record, Tolerance
 from .kept_states import STATES
-from .starts import DEFAULT_START, StepSolver, check_start, default_start
+from .starts import DEFAULT_START, WARM, StepSolver, check_start, default_start
 
 
 class _Default(NamedTuple):
@@ -245,6 +246,8 @@ def _check_numbers(plan: SimulationPlan) -> None:
     if not plan.max_iterations >= 1:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
     check_start(plan.start)
+    if isinstance(plan.solver, Warm):
+        raise BenchError(f"a simulation names its start apart; use {plan.solver.solver.name} with start={WARM}.")
     if not plan.stepper.uses_last_impulses and plan.start != default_start(plan.stepper):
         raise BenchError(
             f"{plan.stepper.name} starts each solve from zero and does not support start={plan.start}; use start=cold."

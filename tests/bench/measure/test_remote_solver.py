@@ -51,6 +51,11 @@ def test_the_reason_of_a_refusal_comes_back() -> None:
         assert solver.supports(load("funnel-30")) == create("Enumeration").supports(load("funnel-30"))
 
 
+def test_a_warm_solver_never_starts_from_zero_under_that_name() -> None:
+    with RemoteSolver(solver_spec("Warm(NSGS)")) as solver:
+        assert "`proxbench run` alone" in str(solver.supports(load("funnel-30")))
+
+
 @pytest.mark.parametrize(
     ("action", "outcome"),
     [

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 from proxbench.bench import load
-from proxbench.bench.report.accuracy import families, mean_time, problems_table, summary_table
+from proxbench.bench.report.accuracy import families, mean_time, problems_table, starts_table, summary_table
 from proxbench.bench.report.cells import duration, shown_points, shown_summary
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.outcome import Outcome
@@ -131,3 +131,24 @@ def test_notes_of_solved_cases_are_printed_below_their_table(tmp_path: Path) -> 
     assert [line.strip() for line in lines if "local residual" in line] == [
         "B: at 1e-02: the local residual is 5e+03 times the judged one"
     ]
+
+
+def test_the_table_of_starts_compares_the_problems_solved_both_ways(tmp_path: Path) -> None:
+    def both(problem: str, cold: float, warm: float) -> list[CaseRecord]:
+        points = [solved_point(1e-2, [timed_round(0, seconds)]) for seconds in (cold, warm)]
+        return [case(name, point, problem=problem) for name, point in zip(("S", "Warm(S)"), points, strict=True)]
+
+    cases = [*both("p", 0.4, 0.1), *both("q", 0.1, 0.2), case("S", wrong(0.5), problem="r")]
+    cases += [case("Warm(S)", solved_point(1e-2, [timed_round(0, 0.1)]), problem="r")]
+    cases += [case("S", solved_point(1e-2, [timed_round(0, 0.1)]), problem="first")]
+    cases += [case("Warm(S)", problem="first", outcome=Outcome.UNSUPPORTED)]
+    rows = starts_table(load(store_run(tmp_path / "run", cases, limits=LIMITS))).set_index("family")
+    solved = rows["cold_solved"].sum(), rows["warm_solved"].sum()
+    assert (rows["problems"].sum(), *solved, rows["timed"].sum()) == (3, 2, 3, 2)
+    assert list(rows.loc[["p", "q"], "gain"]) == pytest.approx([4.0, 0.5])
+    assert list(rows.loc[["p", "q"], "slower"]) == [0, 1]
+    assert np.isnan(rows.loc["r", "gain"])
+
+
+def test_a_run_without_warm_solvers_has_no_table_of_starts(finished_run: Path) -> None:
+    assert starts_table(load(finished_run)).empty
