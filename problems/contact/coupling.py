@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..arrays import FloatArray, IntArray
 from ..compilation import interpretable
 from .laws import HALF_LINE, LINE
+from .matrices.ball_contacts import BallContacts
 from .problem import ContactProblem
 
 ROUNDING = 1e-13
@@ -34,6 +35,9 @@ def components(problem: ContactProblem) -> IntArray:
         matrix = problem.delassus()
         pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
         found = components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
+    elif isinstance(problem.factors.directions, BallContacts) and problem.factors.inverse_mass.is_diagonal:
+        contacts = problem.factors.directions
+        found = _components_over_balls(contacts.chunks, contacts.n_chunks, layout.partner)
     else:
         pieces = problem.factor_pieces()
         found = components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
@@ -126,6 +130,19 @@ def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: i
     """Return the component of each contact if the factors are known."""
     starts, bodies = _touched_rows(first, chunks, values, n_chunks)
     return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
+
+
+@njit(cache=True)
+def _components_over_balls(chunks, n_balls, partner):  # type: ignore[no-untyped-def]
+    """Return the component of each contact of balls; its rows have entries for all velocities of its balls."""
+    starts, bodies, count = np.zeros(len(partner) + 1, dtype=np.int64), np.empty(len(chunks), dtype=np.int64), 0
+    for contact in range(len(partner)):
+        for p in (2 * contact, 2 * contact + 1):
+            if chunks[p] < n_balls:
+                bodies[count] = chunks[p]
+                count += 1
+        starts[contact + 1] = count
+    return _components(partner, n_balls, starts, bodies, np.arange(len(partner)))
 
 
 @njit(cache=True)

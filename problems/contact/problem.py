@@ -27,6 +27,7 @@ from .answer import Answer
 from .blocks import BlockLayout, layout_of
 from .laws import Laws
 from .matrices.accurate import accurate_over_factors, accurate_over_matrix
+from .matrices.ball_contacts import BallContacts
 from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
 from .matrices.factors import Factors
 from .matrices.given import sparse_numbers
@@ -208,12 +209,15 @@ class ContactProblem:
     @cached_property
     def delassus_diagonal(self) -> FloatArray:
         """Diagonal of G [1/kg], shape (n_rows,), computed without assembling G."""
-        if self.matrix is not None:
-            diagonal = diagonal_of(self.matrix)
-        else:
-            diagonal = self.layout.rows_of(self.factor_pieces().square_sums().reshape(-1))
+        diagonal = self._diagonal_over_factors() if self.matrix is None else diagonal_of(self.matrix)
         read_only(diagonal)
         return diagonal
+
+    def _diagonal_over_factors(self) -> FloatArray:
+        given, layout = self.factors, self.layout
+        if given is not None and isinstance(given.directions, BallContacts) and given.inverse_mass.is_diagonal:
+            return given.directions.delassus_diagonal(given.inverse_mass.matrix.data)
+        return layout.rows_of(self.factor_pieces().square_sums().reshape(-1))
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
         """Return ξ = G Λ + c [m/s], shape (n_rows,)."""

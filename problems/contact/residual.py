@@ -209,7 +209,7 @@ def write_squared_violations(  # type: ignore[no-untyped-def]
                 square = _outside_interval(a * impulses[row], velocity[row], bound)
             elif row_count[law] == 2:
                 held = a * impulses[row], a * impulses[row + one]
-                square = _outside_disc(held[0], held[1], velocity[row], velocity[row + one], bound)
+                square = outside_disc(held[0], held[1], velocity[row], velocity[row + one], bound)
             else:
                 square = _outside_ball(row, uint64(row_count[law]), a, bound, impulses, velocity)
             square *= lengths[law] * lengths[law]
@@ -234,7 +234,7 @@ def _outside_interval(held, xi, bound):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-def]
+def outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-def]
     """Return the same for two rows and the disc of radius ``bound``."""
     x_1, x_2 = held_1 - xi_1, held_2 - xi_2
     squared = x_1 * x_1 + x_2 * x_2

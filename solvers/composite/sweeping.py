@@ -96,7 +96,7 @@ def density(problem: ContactProblem) -> float:
         )
     pieces = problem.factor_pieces()
     most, pairs = count_shared_chunks(pieces.chunks, pieces.n_chunks)
-    return UNCOUPLED if most <= 1 else pieces.width**2 * pairs / max(2.0 * pieces.values.size, 1.0)
+    return UNCOUPLED if most <= 1 else pieces.width * pairs / max(2.0 * len(pieces.chunks) * pieces.length, 1.0)
 
 
 @interpretable

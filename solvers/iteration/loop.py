@@ -1,5 +1,6 @@
 """The loop that all projected iterations share: sweep, check the judge's residual, stop or continue."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
@@ -32,6 +33,22 @@ class Iterates(Protocol):
     def relative_velocity(self) -> FloatArray:
         """Return ξ = GΛ + c over rows, shape (n_rows,); the next call may overwrite the array."""
         ...
+
+
+class SinglePassIterates(ABC):
+    """Base class of iterates that measure their residual in one pass, without an array of relative velocities."""
+
+    @abstractmethod
+    def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
+        """Return Λ over rows, a fresh array of shape (n_rows,), and its residual."""
+
+
+def impulses_and_residual(iterates: Iterates, residual: Residual) -> tuple[FloatArray, float]:
+    """Return Λ over rows, a fresh array of shape (n_rows,), and its residual."""
+    if isinstance(iterates, SinglePassIterates):
+        return iterates.impulses_and_residual(residual)
+    impulses = iterates.impulses()
+    return impulses, residual(impulses, iterates.relative_velocity())
 
 
 Inner = TypeVar("Inner", bound=Iterates)
@@ -149,8 +166,7 @@ def check_convergence(problem: ContactProblem, residual: Residual, driver: Itera
     Without progress the acceleration is reduced; without acceleration two more sweeps are compared with the present Λ.
     """
     monitor, iterates = driver.monitor, driver.iterates
-    impulses = iterates.impulses()
-    found = residual(impulses, iterates.relative_velocity())
+    impulses, found = impulses_and_residual(iterates, residual)
     if found <= monitor.stop.tolerance:
         found = confirm_residual(problem, residual, impulses, found, monitor.stop.tolerance)
     outcome, cycle = monitor.check_convergence(driver.iteration, found, impulses), None

@@ -15,6 +15,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..iteration.method import Method, check_form, check_option
+from ..sweeps.ball_batches import BallSweep
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.factors import FactorSweep
 from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, row_sums_of_factors, step_sizes
@@ -57,10 +58,10 @@ class SORprox(Method):
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble the step sizes and the data of the form."""
         self.check_supports(problem)
-        sweep: DelassusSweep | FactorSweep
+        sweep: DelassusSweep | FactorSweep | BallSweep
         if self.form == "factors":
             sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_factors)
-            sweep = FactorSweep.over(problem, sizes)
+            sweep = BallSweep.over(problem, sizes) or FactorSweep.over(problem, sizes)
         else:
             sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
             sweep = DelassusSweep.over(problem, sizes)

@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from ....problems.arrays import FloatArray, IntArray
-from ....problems.motion.bodies.contact_frame import contact_frames
+from ....problems.contact.matrices.contact_frame import contact_frames
 from ..contact_states import ContactState, States
 
 NO_PATCHES = rr.LineStrips3D([])

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ....problems.arrays import FloatArray
-from ....problems.motion.bodies.contact_frame import contact_frames
+from ....problems.contact.matrices.contact_frame import contact_frames
 from ....problems.motion.bodies.rigid.joints import RigidJoints
 from ....problems.motion.bodies.rigid.orientation import rotation_matrices
 from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies

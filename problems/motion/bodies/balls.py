@@ -12,18 +12,20 @@ appears anywhere.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
 from ...contact.laws import Laws
+from ...contact.matrices.ball_contacts import BallContacts, BallNormals
+from ...contact.matrices.contact_frame import write_frame
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..detection.broad_phase import NearPairs
 from ..detection.contact_keys import ContactKeys
-from .contact_frame import write_frame
 from .rigid.materials import MaterialPairs
 from .surfaces import Surface
 from .system import ActiveContacts, Overlaps, StepAssembly
@@ -180,54 +182,49 @@ class BallSystem:
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the pairs, and of balls and surfaces, with a gap below ``limit``."""
-        keys, _, second, gap, _ = self.with_margin(limit)._touching(self.centres(position))
-        gap = gap + np.where(second < 0, limit, 2.0 * limit)
+        found = self.with_margin(limit)._touching(self.centres(position))
+        gap = found.gap + np.where(found.chunks[1::2] == self.n_balls, limit, 2.0 * limit)
         near = gap < limit
-        return keys[near], gap[near]
+        return found.keys[near], gap[near]
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all overlaps, or None if none of them is deeper than ``tolerated`` [m]."""
-        _, first, second, gap, normal = self._touching(self.centres(position))
-        if not (gap < -tolerated).any():
+        found = self._touching(self.centres(position))
+        if not found.gap.min(initial=0.0) < -tolerated:
             return None
-        return Overlaps(gap, self._directions(first, second, normal, 1), self.inverse_mass)
+        normals = BallNormals(found.chunks, found.normals, self.n_balls, self.dofs_per_ball)
+        return Overlaps(found.gap, normals, self.inverse_mass)
 
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
-        keys, first, second, gap, normal = self._touching(centres)
+        found = self._touching(centres)
+        keys = found.keys
         if not len(keys):
             return None
-        directions = self._directions(first, second, normal, self.rows_per_contact)
+        directions = self._directions(found)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
         rebound = self.restitution_normal
         restitution[:, 0] = rebound(self._keys.pairs(keys)) if callable(rebound) else rebound
         friction = self.friction(self._keys.pairs(keys)) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
-        return ActiveContacts(keys, gap, laws, directions, restitution.ravel(), self.rows_per_contact)
+        return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), self.rows_per_contact)
 
-    def _directions(self, first: IntArray, second: IntArray, normal: FloatArray, rows: int) -> Pieces:
-        lanes, spins = tuple(range(rows)), tuple(range(self.spins))
-        starts, chunks, values = _force_directions(first, second, normal, self.radii, lanes, spins)
-        return Pieces(starts, chunks, values, self.n_balls)
+    def _directions(self, found: "TouchingBalls") -> Pieces:
+        rows = self.rows_per_contact
+        if rows == 3:
+            return BallContacts(found.chunks, found.normals, self.radii)
+        if rows == 1:
+            return BallNormals(found.chunks, found.normals, self.n_balls, self.dimension)
+        values = _planar_directions(found.chunks, found.normals, self.radii)
+        return Pieces(2 * np.arange(len(found.keys) + 1), found.chunks, values, self.n_balls)
 
-    def _touching(self, centres: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
-        """Return keys, first ball, second ball (−1 for a surface), gaps and normals of all overlaps, ordered by key.
-
-        As bodies of keys, surfaces are numbered after the balls.
-        """
-        n = self.n_balls
-        pairs, gap, normal = _overlaps_of_pairs(self._near_pairs.at(centres), centres, self.radii)
-        keys, gaps, normals = [self._keys.encode(pairs[:, 0], pairs[:, 1])], [gap], [normal]
-        for index, surface in enumerate(self.surfaces):
-            touching, gap, normal = surface.touching(centres, self.radii)
-            keys.append(self._keys.encode(touching, np.full(len(touching), n + index)))
-            gaps.append(gap)
-            normals.append(normal)
-        key = np.concatenate(keys)
-        order = np.argsort(key, kind="stable")  # merges runs that are sorted already
-        key = key[order]
-        first, second, _ = self._keys.decode(key)
-        second[second >= n] = -1
-        return key, first, second, np.concatenate(gaps)[order], np.concatenate(normals)[order]
+    def _touching(self, centres: FloatArray) -> "TouchingBalls":
+        """Return all overlaps of balls with balls and surfaces."""
+        none = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, self.dimension))
+        touched = [surface.touching(centres, self.radii) for surface in self.surfaces]
+        ends = np.cumsum([len(balls) for balls, _, _ in touched], dtype=np.int64)
+        ball, depth, inward = (np.concatenate(parts) for parts in zip(none, *touched, strict=True))
+        near = self._near_pairs.at(centres)
+        return TouchingBalls(*_merge(near, centres, self.radii, ends, ball, depth, inward))
 
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
@@ -246,71 +243,90 @@ class BallSystem:
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
 
 
+class TouchingBalls(NamedTuple):
+    """Overlaps of balls with balls and surfaces, ordered by key.
+
+    Attributes:
+        keys: identity of each contact, shape (n_contacts,); as bodies of keys, surfaces are numbered after the balls.
+        chunks: first and second ball of each contact, the number of balls for a surface, shape (2 · n_contacts,).
+        gap: g [m], negative, shape (n_contacts,).
+        normals: from the second ball or the surface to the first ball, shape (n_contacts, d).
+    """
+
+    keys: IntArray
+    chunks: IntArray
+    gap: FloatArray
+    normals: FloatArray
+
+
 @njit(cache=True)
-def _overlaps_of_pairs(near, centres, radii):  # type: ignore[no-untyped-def]
-    """Return those pairs that overlap, gaps and normals; concentric balls, which have none, are pushed along x."""
-    dim = centres.shape[1]
-    pairs, gaps, normals = np.empty_like(near), np.empty(len(near)), np.zeros((len(near), dim))
-    count = 0
-    for k in range(len(near)):
-        i, j = near[k, 0], near[k, 1]
-        squared, reach = 0.0, radii[i] + radii[j]
+def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-untyped-def]
+    """Return keys, chunks, gaps and normals of all overlaps, ordered by first ball, then second ball or surface.
+
+    ``near`` holds pairs of balls in this order. The overlaps of each surface, which end at ``ends``, ascend by ball.
+    Concentric balls, which have no normal, are pushed along x.
+    """
+    n, dim = centres.shape
+    n_bodies, room = n + len(ends), len(near) + len(ball)
+    keys, chunks = np.empty(room, dtype=np.int64), np.empty(2 * room, dtype=np.int64)
+    gaps, normals = np.empty(room), np.zeros((room, dim))
+    heads = np.zeros(len(ends), dtype=np.int64)
+    heads[1:] = ends[:-1]
+    count, on_surface = 0, _next_ball(heads, ends, ball, n)
+    for k in range(len(near) + 1):
+        i = near[k, 0] if k < len(near) else n
+        while on_surface < i:
+            for surface in range(len(ends)):
+                at = heads[surface]
+                if at < ends[surface] and ball[at] == on_surface:
+                    keys[count], gaps[count] = on_surface * n_bodies + n + surface, depth[at]
+                    chunks[2 * count], chunks[2 * count + 1] = on_surface, n
+                    normals[count] = inward[at]
+                    heads[surface], count = at + 1, count + 1
+            on_surface = _next_ball(heads, ends, ball, n)
+        if i == n:
+            break
+        j, squared = near[k, 1], 0.0
         for axis in range(dim):
             across = centres[i, axis] - centres[j, axis]
             normals[count, axis] = across
             squared += across * across
+        reach = radii[i] + radii[j]
         if not squared < reach * reach:
             continue
         distance = np.sqrt(squared)
-        pairs[count, 0], pairs[count, 1], gaps[count] = i, j, distance - radii[i] - radii[j]
+        keys[count], gaps[count] = i * n_bodies + j, distance - radii[i] - radii[j]
+        chunks[2 * count], chunks[2 * count + 1] = i, j
         if distance > 0.0:
             for axis in range(dim):
                 normals[count, axis] /= distance
         else:
             normals[count, 0] = 1.0
         count += 1
-    return pairs[:count], gaps[:count], normals[:count]
+    return keys[:count], chunks[: 2 * count], gaps[:count], normals[:count]
 
 
 @njit(cache=True)
-def _force_directions(first, second, normals, radii, lanes, spins):  # type: ignore[no-untyped-def]
-    """Return W in pairs of pieces (starts, chunks, values): the relative velocity of each contact point, row by row.
-
-    γ_N = n·(v_i − v_j), γ_T = t·(v_i − v_j) − (n × t)·(r_i ω_i + r_j ω_j), with n from j to i; in the plane n × t = 1.
-    Lanes and spins are tuples, whose length the compiler knows.
-    """
-    n_contacts, dim = normals.shape
-    n_rows, n_spins = len(lanes), len(spins)
-    chunks = np.full(2 * n_contacts, len(radii))
-    values = np.zeros((2 * n_contacts, n_rows, dim + n_spins))
-    rows, levers = np.zeros((3, 3)), np.zeros((3, 3))
-    for c in range(n_contacts):
-        if n_rows > 1:
-            write_frame((normals[c, 0], normals[c, 1], normals[c, 2] if dim == 3 else 0.0), dim, rows)
-            _write_levers(rows, dim, levers)
-        else:
-            for axis in range(dim):
-                rows[0, axis] = normals[c, axis]
-        for side in range(2):
-            piece, ball, sign = 2 * c + side, second[c] if side else first[c], 1.0 - 2.0 * side
-            if ball < 0:
-                continue
-            chunks[piece] = ball
-            for lane in range(n_rows):
-                for axis in range(dim):
-                    values[piece, lane, axis] = sign * rows[lane, axis]
-                for spin in range(n_spins if lane else 0):
-                    values[piece, lane, dim + spin] = -radii[ball] * levers[lane, spin]
-    return 2 * np.arange(n_contacts + 1), chunks, values
+def _next_ball(heads, ends, ball, n):  # type: ignore[no-untyped-def]
+    """Return the first ball among the next overlaps of all surfaces, n if there are none."""
+    first = n
+    for surface in range(len(ends)):
+        if heads[surface] < ends[surface]:
+            first = min(first, ball[heads[surface]])
+    return first
 
 
 @njit(cache=True)
-def _write_levers(rows, dim, levers):  # type: ignore[no-untyped-def]
-    """Write n × t of both tangents into rows 1 and 2 of ``levers``; in the plane it is 1."""
-    if dim == 2:
-        levers[1, 0] = 1.0
-        return
-    for lane in range(1, 3):
-        levers[lane, 0] = rows[0, 1] * rows[lane, 2] - rows[0, 2] * rows[lane, 1]
-        levers[lane, 1] = rows[0, 2] * rows[lane, 0] - rows[0, 0] * rows[lane, 2]
-        levers[lane, 2] = rows[0, 0] * rows[lane, 1] - rows[0, 1] * rows[lane, 0]
+def _planar_directions(chunks, normals, radii):  # type: ignore[no-untyped-def]
+    """Return W of discs with friction in pieces: γ_N = n·(v_i − v_j), γ_T = t·(v_i − v_j) − (r_i ω_i + r_j ω_j)."""
+    values, rows = np.zeros((len(chunks), 2, 3)), np.zeros((3, 3))
+    for piece in range(len(chunks)):
+        ball, contact, sign = chunks[piece], piece // 2, 1.0 - 2.0 * (piece % 2)
+        if ball == len(radii):
+            continue
+        write_frame((normals[contact, 0], normals[contact, 1], 0.0), 2, rows)
+        for lane in range(2):
+            for axis in range(2):
+                values[piece, lane, axis] = sign * rows[lane, axis]
+        values[piece, 1, 2] = -radii[ball]
+    return values

@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray
+from ...contact.matrices.ball_contacts import BallNormals
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
@@ -150,6 +151,11 @@ def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
     """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that the columns of SᵀW_N are all that is swept over."""
     normals = overlaps.normals
     assert isinstance(normals, Pieces)
+    if isinstance(normals, BallNormals) and overlaps.inverse_mass.is_diagonal:
+        displacement = np.zeros(normals.n_chunks * normals.length)
+        inverse = overlaps.inverse_mass.matrix.data
+        _move_balls_apart(normals.chunks, normals.normals, inverse, normals.length, overlaps.gap, depth, displacement)
+        return displacement
     root = overlaps.inverse_mass.root_blocks(normals.length)
     assert root is not None
     scaled = normals.scaled(root)
@@ -183,5 +189,40 @@ def _project(starts, chunks, values, gap, depth, moved):  # type: ignore[no-unty
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
                     moved[length * chunks[p] + k] += values[p, 0, k] * change
+        if deepest <= ACCURACY * depth:
+            break
+
+
+@njit(cache=True)
+def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement):  # type: ignore[no-untyped-def]
+    """Do the same for balls, over δq itself: a push p moves the first ball by M⁻¹ n p, the second one by −M⁻¹ n p."""
+    n_contacts, dim = normals.shape
+    idle = len(inverse) // length
+    pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
+    for c in range(n_contacts):
+        for side in range(2):
+            if chunks[2 * c + side] < idle:
+                for axis in range(dim):
+                    diagonal[c] += inverse[length * chunks[2 * c + side] + axis] * normals[c, axis] ** 2
+    for _ in range(MAX_SWEEPS):
+        deepest = 0.0
+        for c in range(n_contacts):
+            first, second, space = chunks[2 * c] * length, chunks[2 * c + 1] * length, gap[c] + depth
+            has_second = chunks[2 * c + 1] < idle
+            for axis in range(dim):
+                apart = displacement[first + axis]
+                if has_second:
+                    apart -= displacement[second + axis]
+                space += normals[c, axis] * apart
+            deepest = max(deepest, -space)
+            if space >= 0.0 and pushed[c] == 0.0:
+                continue
+            push = max(pushed[c] - space / diagonal[c], 0.0)
+            change = push - pushed[c]
+            pushed[c] = push
+            for axis in range(dim):
+                displacement[first + axis] += inverse[first + axis] * normals[c, axis] * change
+                if has_second:
+                    displacement[second + axis] -= inverse[second + axis] * normals[c, axis] * change
         if deepest <= ACCURACY * depth:
             break

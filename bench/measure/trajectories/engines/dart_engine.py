@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .....problems.motion.bodies.contact_frame import contact_frames
+from .....problems.contact.matrices.contact_frame import contact_frames
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 

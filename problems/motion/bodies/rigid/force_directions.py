@@ -4,9 +4,9 @@ import numpy as np
 from numba import njit
 
 from ....arrays import FloatArray
+from ....contact.matrices.contact_frame import write_frame
 from ....contact.matrices.pieces import Pieces
 from ...detection.narrow_phase import ContactSet
-from ..contact_frame import write_frame
 from .orientation import rotation_matrices
 
 ROLLING_LANES = ((), (0,), (1, 2), (1, 2, 0))

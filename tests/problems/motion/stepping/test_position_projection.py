@@ -7,13 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError
+from proxbench.problems.contact.matrices.ball_contacts import BallNormals
+from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
 from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.effects import Gravity, Restitution, ball_system
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.position_projection import ACCURACY, projected
+from proxbench.problems.motion.stepping.position_projection import ACCURACY, _displacement, projected
 from proxbench.problems.motion.stepping.step import StepError
 from proxbench.solvers import Stop, create
 
@@ -243,3 +245,21 @@ def test_a_motion_that_is_not_finite_is_reported_as_without_projection() -> None
 def test_a_depth_out_of_range_is_named(depth: float) -> None:
     with pytest.raises(ProblemError, match="depth"):
         stepper(floor(1), depth)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("friction", [None, 0.3])
+def test_balls_move_apart_as_bodies_in_pieces_do(dimension: int, friction: float | None) -> None:
+    """Balls of unlike mass, some of them on a plane; their normals as pieces are swept in the general form."""
+    rng = np.random.default_rng(8)
+    plane = [Plane((0.0,) * dimension, (*[0.0] * (dimension - 1), 1.0))]
+    system = BallSystem(np.full(60, RADIUS), rng.uniform(0.5, 2.0, 60), plane, dimension, friction=friction)
+    side = 10.0 * RADIUS if dimension == 2 else 5.0 * RADIUS
+    overlaps = system.overlaps(rng.uniform(0.5 * RADIUS, side, 60 * dimension), 0.0)
+    assert overlaps is not None
+    assert isinstance(overlaps.normals, BallNormals)
+    given = overlaps.normals
+    in_pieces = replace(overlaps, normals=Pieces(given.starts, given.chunks, given.values, given.n_chunks))
+    found, expected = _displacement(overlaps, DEPTH), _displacement(in_pieces, DEPTH)
+    assert np.abs(found).max() > DEPTH
+    assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()

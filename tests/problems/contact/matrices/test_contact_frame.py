@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from proxbench.problems.motion.bodies.contact_frame import contact_frames
+from proxbench.problems.contact.matrices.contact_frame import contact_frames
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 

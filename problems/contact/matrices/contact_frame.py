@@ -6,6 +6,15 @@ from numba import njit
 from ...arrays import FloatArray
 
 
+@njit(cache=True, inline="always", error_model="numpy")
+def tangents(x, y, z):  # type: ignore[no-untyped-def]
+    """Return T1 and T2 of the normal (x, y, z), right-handed (Duff et al. 2017; they jump only at z = 0)."""
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return (1.0 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+
+
 def contact_frames(normals: FloatArray) -> FloatArray:
     """Return N, T1, T2 of spatial contacts as rows, shape (n, 3, 3), from their unit normals, shape (n, 3)."""
     frames = np.empty((len(normals), 3, 3))
@@ -16,14 +25,10 @@ def contact_frames(normals: FloatArray) -> FloatArray:
 
 @njit(cache=True)
 def write_frame(normal, dim, rows):  # type: ignore[no-untyped-def]
-    """Write N and T (planar) or N, T1, T2 (spatial; Duff et al. 2017, which jumps only at n_z = 0) into ``rows``."""
+    """Write N and T (planar) or N, T1, T2 (spatial, see ``tangents``) into ``rows``."""
     x, y, z = normal
     rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
     if dim == 2:
         rows[1, 0], rows[1, 1] = -y, x
         return
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    rows[1, 0], rows[1, 1], rows[1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-    rows[2, 0], rows[2, 1], rows[2, 2] = b, sign + y * y * a, -y
+    rows[1], rows[2] = tangents(x, y, z)

@@ -1,0 +1,320 @@
+"""Sweeps over contacts of balls in batches, from records of a normal.
+
+The iterates are those of ``batches``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
+its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). A sweep updates v and τ with
+σ = κτ,
+
+    ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
+    v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
+
+A record takes 88 bytes and the numbers of both balls 8, where two pieces with all else take 360 and 16.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, uint64
+
+from ...problems.arrays import FloatArray, IntArray
+from ...problems.contact.answer import ratio
+from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.matrices.ball_contacts import BallContacts
+from ...problems.contact.matrices.contact_frame import tangents
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual, outside_disc
+from ..iteration.loop import SinglePassIterates
+from ..iteration.momentum import MomentumState
+from .batches import LANES, MIN_FILL, assign_batches
+
+NUMBERS = 11
+"""Numbers of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
+
+EQUAL = 1e-12
+"""Relative difference up to which the κ of two balls, or two entries of M⁻¹, are equal."""
+
+
+@dataclass(frozen=True, eq=False)
+class BallSweep:
+    """The constant data of a sweep.
+
+    Attributes:
+        layout: the padded blocks.
+        contacts: the records of all contacts, in their order.
+        inverse_masses: 1/m of each ball, and 0 for surfaces [1/kg], shape (n_balls + 1,).
+        spin_share: κ = r²m/J.
+        free: c, flat.
+        bodies: first coordinate of both balls of each lane, shape (n_batches · 2 · LANES,).
+        records: numbers of all contacts in batches, shape (n_batches · NUMBERS · LANES,).
+        slots: position of each entry of Λ in the order of batches.
+    """
+
+    layout: BlockLayout
+    contacts: BallContacts
+    inverse_masses: FloatArray
+    spin_share: float
+    free: FloatArray
+    bodies: np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
+    records: FloatArray
+    slots: IntArray
+
+    @staticmethod
+    def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
+        """Return the sweep with step sizes as in ``step_size``, or None where contacts are no balls' or too few."""
+        factors, layout = problem.factors, problem.layout
+        contacts = None if factors is None else factors.directions
+        if not isinstance(contacts, BallContacts) or not (layout.width == 3 and layout.has_contacts_only):
+            return None
+        assert factors is not None
+        if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
+            return None
+        inverse_masses = np.zeros(contacts.n_chunks + 1)
+        spin_share = _write_inverse_masses(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses)
+        batches = assign_batches(contacts)
+        is_full = len(batches.places) >= MIN_FILL * LANES * batches.n_batches
+        if spin_share <= 0.0 or not is_full or layout.fixed_bound.any():
+            return None
+        given = contacts.chunks, contacts.normals, problem.free_velocity, sizes, layout.friction_coefficient
+        bodies, records, slots = _pack(*given, inverse_masses, *batches)
+        shared = contacts, inverse_masses, float(spin_share), problem.free_velocity
+        return BallSweep(layout, *shared, bodies, records, slots)
+
+    def begin(self, start: FloatArray, momentum: float = 0.0) -> "BallIterates":
+        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+        return BallIterates(self, start, momentum)
+
+
+class BallIterates(MomentumState, SinglePassIterates):
+    """Λ, in the order of batches, and v and τ of all balls, of a Gauss–Seidel iteration."""
+
+    def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float) -> None:
+        MomentumState.__init__(self, momentum)
+        self._sweep = sweep
+        self._held = np.zeros(3 * len(sweep.bodies) // 2)
+        self._held[sweep.slots] = start
+        self._moved = np.zeros(6 * len(sweep.inverse_masses))
+        if start.any():
+            contacts = sweep.contacts
+            _write_motion(contacts.chunks, contacts.normals, sweep.inverse_masses, start, self._moved)
+        self._change = np.zeros_like(self._held)
+        self._before = self._moved.copy() if momentum > 0.0 else self._moved
+        self._relative = np.empty(len(start))
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps."""
+        own = self._sweep
+        arrays = (self._held, self._moved, self._change, self._before)
+        self._present = sweep_balls(
+            count, own.bodies, own.records, own.spin_share, *arrays, self._momentum, self._present
+        )
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows."""
+        return self._held[self._sweep.slots]
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        own, contacts = self._sweep, self._sweep.contacts
+        _write_relative(contacts.chunks, contacts.normals, own.spin_share, own.free, self._moved, self._relative)
+        return self._relative
+
+    def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
+        """Return Λ over rows and its residual."""
+        if type(residual) is not Residual or residual.unit != 1.0 or residual.infeasible:
+            impulses = self.impulses()
+            return impulses, residual(impulses, self.relative_velocity())
+        own, contacts, impulses = self._sweep, self._sweep.contacts, np.empty(len(self._sweep.slots))
+        motion = contacts.chunks, contacts.normals, own.spin_share, own.free, self._moved
+        laws = own.layout.friction_coefficient, residual.alpha, residual.ratios
+        return impulses, ratio(_measure(*motion, *laws, own.slots, self._held, impulses), residual.scale)
+
+
+@njit(cache=True)
+def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-untyped-def]
+    """Write 1/m of each ball and return κ = r²m/J; 0 if balls differ in it, or have principal axes."""
+    share = 0.0
+    for ball in range(len(radii)):
+        linear, angular = inverse[6 * ball], inverse[6 * ball + 3]
+        for axis in range(1, 3):
+            if abs(inverse[6 * ball + axis] - linear) > EQUAL * linear:
+                return 0.0
+            if abs(inverse[6 * ball + 3 + axis] - angular) > EQUAL * angular:
+                return 0.0
+        inverse_masses[ball] = linear
+        own = radii[ball] * radii[ball] * angular / linear
+        if ball == 0:
+            share = own
+        if abs(own - share) > EQUAL * share:
+            return 0.0
+    return share
+
+
+@njit(cache=True)
+def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batches):  # type: ignore[no-untyped-def]
+    """Return first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
+    slots = np.empty(3 * len(places), dtype=np.int64)
+    idle = len(inverse_masses) - 1
+    bodies = np.full(n_batches * 2 * LANES, 6 * idle, dtype=np.uint32)
+    records = np.zeros(n_batches * NUMBERS * LANES)
+    for c in range(len(places)):
+        batch, lane = places[c] // LANES, places[c] % LANES
+        i, j, at = chunks[2 * c], chunks[2 * c + 1], NUMBERS * LANES * batch + lane
+        bodies[2 * LANES * batch + lane], bodies[(2 * batch + 1) * LANES + lane] = 6 * i, 6 * j
+        for k in range(3):
+            records[at + LANES * k] = normals[c, k]
+            records[at + LANES * (3 + k)] = free[3 * c + k]
+            slots[3 * c + k] = LANES * (3 * batch + k) + lane
+        records[at + LANES * 6], records[at + LANES * 7] = sizes[c, 0], sizes[c, 1]
+        records[at + LANES * 8] = friction[c]
+        records[at + LANES * 9], records[at + LANES * 10] = inverse_masses[i], inverse_masses[j]
+    return bodies, records, slots
+
+
+@njit(cache=True, fastmath={"contract"})
+def _write_motion(chunks, normals, inverse_masses, impulses, moved):  # type: ignore[no-untyped-def]
+    """Write v and τ of given impulses."""
+    for c in range(len(normals)):
+        x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
+        (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
+        held, one, two = impulses[3 * c], impulses[3 * c + 1], impulses[3 * c + 2]
+        push = (held * x + one * t1x + two * t2x, held * y + one * t1y + two * t2y, held * z + one * t1z + two * t2z)
+        turn = (one * t2x - two * t1x, one * t2y - two * t1y, one * t2z - two * t1z)
+        for side in range(2):
+            ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side
+            for axis in range(3):
+                moved[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
+                moved[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
+
+
+@njit(cache=True, fastmath={"contract"})
+def _write_relative(chunks, normals, share, free, moved, relative):  # type: ignore[no-untyped-def]
+    """Write ξ = GΛ + c."""
+    for c in range(len(normals)):
+        found = _relative(c, chunks, normals, share, free, moved)
+        relative[3 * c], relative[3 * c + 1], relative[3 * c + 2] = found
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def _measure(  # type: ignore[no-untyped-def]
+    chunks, normals, share, free, moved, friction, alpha, ratios, slots, held, impulses
+):
+    """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it."""
+    largest, lanes = 0.0, uint64(LANES)
+    for c in range(uint64(len(normals))):
+        row, law, slot = uint64(3) * c, uint64(2) * c, uint64(slots[uint64(3) * c])
+        own = held[slot], held[slot + lanes], held[slot + uint64(2) * lanes]
+        impulses[row], impulses[row + uint64(1)], impulses[row + uint64(2)] = own
+        normal, first, second = _relative(c, chunks, normals, share, free, moved)
+        pressed = alpha[law] * own[0]
+        violation = pressed if pressed < normal or pressed != pressed else normal
+        stiffness = alpha[law + uint64(1)]
+        bound = stiffness * (friction[c] * max(own[0], 0.0))
+        square = outside_disc(stiffness * own[1], stiffness * own[2], first, second, bound)
+        for squared in (violation * violation, square):
+            relative = squared * ratios[law] * ratios[law]
+            largest = relative if relative > largest or relative != relative else largest
+    return np.sqrt(largest)
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untyped-def]
+    """Return ξ of one contact."""
+    row, six = uint64(3) * uint64(c), uint64(6)
+    i, j = six * uint64(chunks[uint64(2) * uint64(c)]), six * uint64(chunks[uint64(2) * uint64(c) + uint64(1)])
+    x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
+    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
+    dx = moved[i] - moved[j]
+    dy = moved[i + uint64(1)] - moved[j + uint64(1)]
+    dz = moved[i + uint64(2)] - moved[j + uint64(2)]
+    sx = share * (moved[i + uint64(3)] + moved[j + uint64(3)])
+    sy = share * (moved[i + uint64(4)] + moved[j + uint64(4)])
+    sz = share * (moved[i + uint64(5)] + moved[j + uint64(5)])
+    normal = free[row] + x * dx + y * dy + z * dz
+    first = free[row + uint64(1)] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
+    second = free[row + uint64(2)] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+    return normal, first, second
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def sweep_balls(  # type: ignore[no-untyped-def]
+    count, bodies, records, share, held, moved, change, before, momentum, present
+):
+    """Do ``count`` sweeps on Λ, ``held``, and v and τ, ``moved``; other arguments as in ``batches.sweep_batches``."""
+    two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
+    n_batches = uint64(len(bodies)) // (two * lanes)
+    own, others, turn = np.empty(six * lanes), np.empty(six * lanes), np.empty(lanes)
+    for _ in range(count):
+        if momentum > 0.0:
+            for k in range(uint64(len(moved))):
+                v = moved[k]
+                moved[k] = v + present * (v - before[k])
+                before[k] = v
+        turn[:] = 0.0
+        for batch in range(n_batches):
+            pair = two * lanes * batch
+            for lane in range(lanes):
+                a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
+                for k in range(six):
+                    own[lanes * k + lane] = moved[a + k]
+                    others[lanes * k + lane] = moved[b + k]
+            record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
+            _update(records, record, share, held, change, at, present, turn, own, others)
+            for lane in range(lanes):
+                a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
+                for k in range(six):
+                    moved[a + k] = own[lanes * k + lane]
+                    moved[b + k] = others[lanes * k + lane]
+        present = 0.0 if turn.sum() > 0.0 else momentum
+    return present
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def _update(records, record, share, held, change, at, present, turn, own, others):  # type: ignore[no-untyped-def]
+    """Update a batch: its records from ``record`` on, its Λ from ``at`` on, v and τ of its first and second balls.
+
+    Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.
+    """
+    lanes = uint64(LANES)
+    k1, k2, k3, k4, k5 = lanes, uint64(2) * lanes, uint64(3) * lanes, uint64(4) * lanes, uint64(5) * lanes
+    k6, k7, k8, k9, k10 = uint64(6) * lanes, uint64(7) * lanes, uint64(8) * lanes, uint64(9) * lanes, uint64(10) * lanes
+    for lane in range(lanes):
+        r, n = record + lane, at + lane
+        t, s = n + k1, n + k2
+        x, y, z = records[r], records[r + k1], records[r + k2]
+        (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
+        dx, dy, dz = own[lane] - others[lane], own[lane + k1] - others[lane + k1], own[lane + k2] - others[lane + k2]
+        sx = share * (own[lane + k3] + others[lane + k3])
+        sy = share * (own[lane + k4] + others[lane + k4])
+        sz = share * (own[lane + k5] + others[lane + k5])
+        normal = records[r + k3] + x * dx + y * dy + z * dz
+        first = records[r + k4] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
+        second = records[r + k5] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
+        size_t = records[r + k7]
+        new_n = max(old_n - records[r + k6] * normal, 0.0)
+        new_t, new_s = old_t - size_t * first, old_s - size_t * second
+        bound = records[r + k8] * new_n
+        squared = new_t * new_t + new_s * new_s
+        scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+        new_t *= scale
+        new_s *= scale
+        step_n, step_t, step_s = new_n - held[n], new_t - held[t], new_s - held[s]
+        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
+        change[n], change[t], change[s] = step_n, step_t, step_s
+        held[n], held[t], held[s] = new_n, new_t, new_s
+        dn, dt, ds = new_n - old_n, new_t - old_t, new_s - old_s
+        px, py, pz = dn * x + dt * t1x + ds * t2x, dn * y + dt * t1y + ds * t2y, dn * z + dt * t1z + ds * t2z
+        qx, qy, qz = dt * t2x - ds * t1x, dt * t2y - ds * t1y, dt * t2z - ds * t1z  # n × P
+        light, other = records[r + k9], records[r + k10]
+        own[lane] += light * px
+        own[lane + k1] += light * py
+        own[lane + k2] += light * pz
+        own[lane + k3] -= light * qx
+        own[lane + k4] -= light * qy
+        own[lane + k5] -= light * qz
+        others[lane] -= other * px
+        others[lane + k1] -= other * py
+        others[lane + k2] -= other * pz
+        others[lane + k3] -= other * qx
+        others[lane + k4] -= other * qy
+        others[lane + k5] -= other * qz

@@ -1,0 +1,107 @@
+"""Sweeps over records of balls are those over pieces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from proxbench.problems import ContactProblem, Laws
+from proxbench.problems.contact.matrices.ball_contacts import BallContacts
+from proxbench.problems.contact.matrices.factors import Factors, InverseMass
+from proxbench.problems.contact.matrices.pieces import Pieces
+from proxbench.problems.contact.residual import Residual
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.stepping.midpoint import step_problem
+from proxbench.solvers import Stop, create
+from proxbench.solvers.iteration.loop import impulses_and_residual
+from proxbench.solvers.sweeps.ball_batches import BallIterates, BallSweep
+from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
+
+
+def heap(seed: int, n_balls: int = 150, spin_share: float = 2.5) -> ContactProblem:
+    """Balls of different sizes and masses, each with contacts in any directions, with some friction each."""
+    rng = np.random.default_rng(seed)
+    n_contacts, radii, masses = 2 * n_balls, rng.uniform(0.5, 2.0, n_balls), rng.uniform(0.5, 2.0, n_balls)
+    chunks = np.array([rng.choice(n_balls, 2, replace=False) for _ in range(n_contacts)]).astype(np.int64)
+    chunks[rng.random(n_contacts) < 0.2, 1] = n_balls
+    normals = rng.normal(size=(n_contacts, 3))
+    contacts = BallContacts(chunks.ravel(), normals / np.linalg.norm(normals, axis=1)[:, None], radii)
+    linear, angular = 1.0 / masses, spin_share / (masses * radii**2)
+    inverse = InverseMass.create(np.column_stack([*[linear] * 3, *[angular] * 3]).ravel())
+    laws = Laws.contacts(rng.uniform(0.0, 1.0, n_contacts), 3, n_contacts)
+    return ContactProblem(rng.normal(size=3 * n_contacts), laws, factors=Factors(contacts, inverse))
+
+
+def over_pieces(problem: ContactProblem) -> ContactProblem:
+    """The same problem without records."""
+    assert problem.factors is not None
+    given = problem.factors.directions
+    assert isinstance(given, BallContacts)
+    pieces = Pieces(given.starts, given.chunks, given.values, given.n_chunks)
+    return ContactProblem(problem.free_velocity, problem.laws, factors=replace(problem.factors, directions=pieces))
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**31), momentum=st.sampled_from([0.0, 0.6]), warm=st.booleans())
+def test_iterates_and_velocities_are_those_over_pieces(seed: int, momentum: float, warm: bool) -> None:
+    problem = heap(seed)
+    solver = create("SORprox", relaxation=1.1, form="factors", momentum=momentum)
+    start = np.random.default_rng(seed).uniform(size=problem.n_rows) if warm else np.zeros(problem.n_rows)
+    first, second = (solver.prepare(one).begin(start) for one in (problem, over_pieces(problem)))
+    assert isinstance(first, BallIterates)
+    for _ in range(6):
+        first.sweep(2)
+        second.sweep(2)
+        impulses, velocity = second.impulses(), second.relative_velocity()
+        assert np.abs(first.impulses() - impulses).max() <= 1e-12 * np.abs(impulses).max()
+        assert np.abs(first.relative_velocity() - velocity).max() <= 1e-12 * np.abs(velocity).max()
+
+
+def test_a_step_of_a_pile_is_swept_from_records() -> None:
+    scene = make_scene("funnel(balls=300)")
+    state = replace(scene.start, position=0.9 * scene.start.position)
+    assembly = scene.system.assemble(state.position, state.velocity, 1e-3)
+    assert assembly.contacts is not None
+    problem = step_problem(assembly, assembly.contacts, state.velocity)
+    sweep = BallSweep.over(problem, diagonal_step_sizes(problem, 1.0))
+    assert sweep is not None
+    assert sweep.records.nbytes + sweep.bodies.nbytes <= 1.2 * 96 * problem.n_contacts
+
+
+@pytest.mark.parametrize("form", ["delassus", "factors"])
+def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form: str) -> None:
+    """A hollow ball among solid ones has another κ, which records do not hold."""
+    problem = heap(1)
+    assert problem.factors is not None
+    inverse = problem.factors.inverse_mass.matrix.data.copy()
+    inverse[3:6] *= 0.6
+    unlike = replace(problem.factors, inverse_mass=InverseMass.create(inverse))
+    problem = ContactProblem(problem.free_velocity, problem.laws, factors=unlike)
+    assert BallSweep.over(problem, diagonal_step_sizes(problem, 1.0)) is None
+    solver = create("SORprox", relaxation=1.1, form=form)
+    found = solver.prepare(problem).solve(Stop(1e-300, 20)).impulses
+    expected = solver.prepare(over_pieces(problem)).solve(Stop(1e-300, 20)).impulses
+    assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**31), size=st.sampled_from([1e-120, 1.0, 1e120]), sweeps=st.integers(0, 30))
+def test_the_residual_of_one_pass_is_that_of_the_impulses(seed: int, size: float, sweeps: int) -> None:
+    """Also where velocities are so small or large that they are squared in other units."""
+    problem = heap(seed)
+    problem = ContactProblem(size * problem.free_velocity, problem.laws, factors=problem.factors)
+    iterates = create("SORprox", form="factors").prepare(problem).begin(np.zeros(problem.n_rows))
+    residual = Residual(problem)
+    iterates.sweep(sweeps)
+    impulses, found = impulses_and_residual(iterates, residual)
+    assert np.array_equal(impulses, iterates.impulses())
+    assert found == pytest.approx(residual(impulses, problem.relative_velocity(impulses)), rel=1e-9, abs=1e-13)
+
+
+def test_the_residual_of_one_pass_is_not_a_number_where_an_impulse_is_none() -> None:
+    problem = heap(2)
+    start = np.zeros(problem.n_rows)
+    start[7] = np.nan
+    iterates = create("SORprox", form="factors").prepare(problem).begin(start)
+    assert not impulses_and_residual(iterates, Residual(problem))[1] < np.inf
