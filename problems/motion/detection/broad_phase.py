@@ -12,25 +12,42 @@ from ...arrays import FloatArray, IntArray
 USUAL_PAIRS = 8
 """Pairs per ball for which there is room at first; equal balls that do not interpenetrate have at most 6."""
 
-SKIN = 0.05
-"""Gap over the smallest radius below which pairs count as near: all passes of a projection, and many steps of a pile at
-rest, share one search. A larger skin holds more pairs, all of which are looked at every time."""
+MIN_SKIN, MAX_SKIN = 0.05, 0.5
+"""Bounds of the skin over the smallest radius. A larger skin holds more pairs, and each look visits all of them."""
+
+LOOKS = 3.0
+"""Looks for which the pairs should last: a step finds the contacts, then its overlaps before and after they move apart.
+The passes of a projection share one search in any case, as do many steps of a pile at rest."""
 
 
 class NearPairs:
-    """Pairs of balls that may overlap, found again when a ball has moved so far that another one may have come near."""
+    """Pairs of balls that may overlap, found again when a ball has moved so far that another one may have come near.
+
+    Pairs are near if their gap is below the skin, which follows the speed of the balls: it is ``LOOKS`` times as wide
+    as the fastest ball and another one can approach each other from one look to the next.
+    """
 
     def __init__(self, radii: FloatArray) -> None:
         self._radii = radii
-        self._skin = SKIN * float(radii.min(initial=np.inf))
+        self._least = MIN_SKIN * float(radii.min(initial=np.inf))
+        self._skin, self._looks = self._least, 0
         self._found: tuple[FloatArray, IntArray] | None = None
 
     def at(self, centres: FloatArray) -> IntArray:
         """Return all pairs i < j that overlap at ``centres`` and some that do not, sorted by i, then j."""
-        found = self._found
-        if found is None or not _all_near(found[0], centres, 0.499 * self._skin):
-            found = self._found = centres.copy(), overlapping_pairs(centres, self._radii + 0.5 * self._skin)
-        return found[1]
+        self._looks += 1
+        if self._found is not None:
+            moved = float(_farthest(self._found[0], centres))
+            if moved <= 0.499 * self._skin:
+                return self._found[1]
+            # NaN, a position that is no number, leaves the skin as it is
+            wanted = 2.0 * LOOKS * moved / self._looks
+            self._skin = (
+                min(max(wanted, self._least), MAX_SKIN / MIN_SKIN * self._least) if moved < np.inf else self._skin
+            )
+        self._looks = 0
+        self._found = centres.copy(), overlapping_pairs(centres, self._radii + 0.5 * self._skin)
+        return self._found[1]
 
 
 def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
@@ -46,36 +63,41 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     n = len(centres)
     if n < 2:
         return np.zeros((0, 2), dtype=np.int64)
-    number, extent_x, extent_y = _cell_numbers(centres, 2.0 * radii.max())
-    order = np.argsort(number, kind="stable")
-    x, y = centres[order, 0], centres[order, 1]  # in the order of cells, so that reading is local
-    z, r = centres[order, 2] if centres.shape[1] == 3 else np.zeros(n), radii[order]
-    keys = np.empty(USUAL_PAIRS * n, dtype=np.int64)
-    count = _pairs(x, y, z, r, order, number[order], extent_x, extent_y, keys)
-    if count > len(keys):
-        keys = np.empty(count, dtype=np.int64)
-        _pairs(x, y, z, r, order, number[order], extent_x, extent_y, keys)
-    keys = keys[:count]
-    keys.sort()
-    return _pairs_of(keys, n)  # type: ignore[no-any-return]
+    number, extent_x, extent_y, n_cells = _cell_numbers(centres, 2.0 * radii.max())
+    order = _counted_order(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
+    found = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
+    arguments = centres, radii, order, number, extent_x, extent_y
+    count = _pairs(*arguments, found)
+    if count > len(found):
+        found = np.empty((count, 2), dtype=np.int64)
+        _pairs(*arguments, found)
+    pairs: IntArray = _sorted_pairs(found[:count], n)
+    return pairs
+
+
+CELLS_PER_BALL = 64
+"""Cells per ball up to which balls are sorted by counting; balls that are far apart have more cells."""
 
 
 @njit(cache=True)
-def _all_near(centres, others, distance):  # type: ignore[no-untyped-def]
-    """Return whether no centre is farther than ``distance`` from its other one; NaN is."""
+def _farthest(centres, others):  # type: ignore[no-untyped-def]
+    """Return how far the farthest centre is from its other one; NaN if one is no number."""
     n, dim = centres.shape
+    farthest = 0.0
     for i in range(n):
         squared = 0.0
         for axis in range(dim):
             squared += (centres[i, axis] - others[i, axis]) ** 2
-        if not squared <= distance**2:
-            return False
-    return True
+        farthest = squared if squared > farthest or squared != squared else farthest
+    return np.sqrt(farthest)
 
 
 @njit(cache=True)
 def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
-    """Return the number of each ball's cell, and how many cells there are along the first two axes, margins counted."""
+    """Return the number of each ball's cell, and how many cells there are along the first two axes and in all.
+
+    Margins are counted. A centre that is not finite has no cell, and the cells cannot be counted then.
+    """
     n, dim = centres.shape
     cells = np.ones((n, 3), dtype=np.int64)
     extent = np.zeros(3, dtype=np.int64)
@@ -88,46 +110,78 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
             if axis < dim:
                 cells[i, axis] = int(np.floor((centres[i, axis] - lowest) / width)) + 1
             extent[axis] = max(extent[axis], cells[i, axis] + 2)
-    number = np.empty(n, dtype=np.int64)
+    number, n_cells = np.empty(n, dtype=np.int64), float(extent[0]) * float(extent[1]) * float(extent[2])
     for i in range(n):
         number[i] = cells[i, 0] + extent[0] * (cells[i, 1] + extent[1] * cells[i, 2])
-    return number, extent[0], extent[1]
+        n_cells = n_cells if 0 <= number[i] < n_cells else np.inf
+    return number, extent[0], extent[1], n_cells
 
 
 @njit(cache=True)
-def _pairs_of(keys, n):  # type: ignore[no-untyped-def]
-    """Return the pairs i, j of keys i · n + j, shape (n_pairs, 2)."""
-    pairs = np.empty((len(keys), 2), dtype=np.int64)
-    for k in range(len(keys)):
-        pairs[k, 0] = keys[k] // n
-        pairs[k, 1] = keys[k] - n * pairs[k, 0]
-    return pairs
+def _counted_order(number, n_cells):  # type: ignore[no-untyped-def]
+    """Return the balls sorted by the number of their cell, those of one cell in their order."""
+    begin = np.zeros(int(n_cells) + 1, dtype=np.int32)
+    for i in range(len(number)):
+        begin[number[i] + 1] += 1
+    for cell in range(len(begin) - 1):
+        begin[cell + 1] += begin[cell]
+    order = np.empty(len(number), dtype=np.int64)
+    for i in range(len(number)):
+        order[begin[number[i]]] = i
+        begin[number[i]] += 1
+    return order
 
 
 @njit(cache=True)
-def _pairs(x, y, z, r, order, number, extent_x, extent_y, keys):  # type: ignore[no-untyped-def]
-    """Write i · n + j of every overlapping pair i < j, unsorted, as far as there is room; return how many there are.
+def _pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
+    """Write every overlapping pair i < j, unsorted, as far as there is room; return how many there are.
 
     Each ball looks at the rest of its own row of cells and at the four rows that come later: a pair is seen once. Balls
     are visited by rising cell number, so where a row begins only moves forward.
     """
-    n, room = len(x), len(keys)
-    count = 0
+    n, dim = centres.shape
+    places, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, so that reading is local
+    for a in range(n):
+        cells[a] = number[order[a]]
+        for axis in range(dim):
+            places[a, axis] = centres[order[a], axis]
+        places[a, 3] = radii[order[a]]
+    count, room = 0, len(pairs)
     for row in (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1)):
         begin = 0
         for a in range(n):
-            lowest = number[a] + row - 1
+            lowest = cells[a] + row - 1
             begin = max(begin, a + 1)
-            while begin < n and number[begin] < lowest:
+            while begin < n and cells[begin] < lowest:
                 begin += 1
-            x_a, y_a, z_a, r_a, i = x[a], y[a], z[a], r[a], order[a]
+            x, y, z, r = places[a]
             for b in range(begin, n):
-                if number[b] > lowest + 2:
+                if cells[b] > lowest + 2:
                     break
-                dx, dy, dz, reach = x_a - x[b], y_a - y[b], z_a - z[b], r_a + r[b]
+                dx, dy, dz, reach = x - places[b, 0], y - places[b, 1], z - places[b, 2], r + places[b, 3]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     if count < room:
-                        j = order[b]
-                        keys[count] = i * n + j if i < j else j * n + i
+                        i, j = order[a], order[b]
+                        pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
                     count += 1
     return count
+
+
+@njit(cache=True)
+def _sorted_pairs(pairs, n):  # type: ignore[no-untyped-def]
+    """Return pairs sorted by i, by counting, then j, by insertion: few pairs share a ball."""
+    begin = np.zeros(n + 1, dtype=np.int64)
+    for k in range(len(pairs)):
+        begin[pairs[k, 0] + 1] += 1
+    for i in range(n):
+        begin[i + 1] += begin[i]
+    ends, found = begin[:-1].copy(), np.empty_like(pairs)
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        at = ends[i]
+        ends[i] += 1
+        while at > begin[i] and found[at - 1, 1] > j:
+            found[at, 0], found[at, 1] = i, found[at - 1, 1]
+            at -= 1
+        found[at, 0], found[at, 1] = i, j
+    return found

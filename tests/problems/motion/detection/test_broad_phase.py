@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems.motion.detection.broad_phase import SKIN, NearPairs, _cell_numbers, overlapping_pairs
+from proxbench.problems.motion.detection.broad_phase import (
+    CELLS_PER_BALL,
+    LOOKS,
+    MAX_SKIN,
+    MIN_SKIN,
+    NearPairs,
+    _cell_numbers,
+    overlapping_pairs,
+)
 
 
 def every_pair(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
@@ -32,9 +40,29 @@ def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: in
     assert np.array_equal(pairs, np.column_stack(np.triu_indices(n, 1)))
 
 
+def test_sorting_cells_by_counting_or_comparing_finds_the_same_pairs() -> None:
+    """A ball far away makes so many cells that they are not counted."""
+    rng = np.random.default_rng(5)
+    centres, radii = rng.uniform(0.0, 6.0, (80, 3)), rng.uniform(0.3, 0.6, 80)
+    assert _cell_numbers(centres, 1.2)[3] <= CELLS_PER_BALL * 80
+    far = np.vstack([centres, [[0.0, 0.0, -1e5]]])
+    assert _cell_numbers(far, 1.2)[3] > CELLS_PER_BALL * 81
+    found = overlapping_pairs(centres, radii)
+    assert len(found) > 30
+    assert np.array_equal(found, overlapping_pairs(far, np.append(radii, 0.5)))
+
+
 def test_one_ball_far_away_costs_no_memory_and_no_pairs() -> None:
     centres = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -1e6]])
     assert overlapping_pairs(centres, np.full(3, 0.3)).tolist() == [[0, 1]]
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+def test_balls_that_are_nowhere_have_no_cells_to_count(value: float) -> None:
+    centres = np.random.default_rng(7).uniform(0.0, 3.0, (30, 3))
+    centres[11, 1] = value
+    assert _cell_numbers(centres, 1.0)[3] == np.inf
+    overlapping_pairs(centres, np.full(30, 0.5))
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -55,11 +83,11 @@ def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
     """Each ball has few candidates; if a row of cells were one range, it would have the whole row."""
     centres = np.zeros((5, dim))
     centres[:, 0] = 0.5 + np.arange(5)
-    number, _, _ = _cell_numbers(centres, 1.0)
+    number, *_ = _cell_numbers(centres, 1.0)
     assert np.diff(number).tolist() == [1, 1, 1, 1]
 
 
-@pytest.mark.parametrize("step", [0.0, 0.1, 0.4, 0.6, 5.0])
+@pytest.mark.parametrize("step", [0.0, 0.1, 0.4, 0.6, 1.5, 5.0, 20.0])
 def test_no_pair_is_missed_by_balls_that_move_after_a_search(step: float) -> None:
     """Each ball moves by ``step`` skins at random, ten times; a pair may come nearer by twice as much."""
     rng = np.random.default_rng(3)
@@ -69,12 +97,22 @@ def test_no_pair_is_missed_by_balls_that_move_after_a_search(step: float) -> Non
         found = set(map(tuple, near.at(centres).tolist()))
         assert found >= set(map(tuple, every_pair(centres, radii).tolist()))
         moves = rng.normal(size=(200, 3))
-        centres = centres + step * SKIN * radii.min() * moves / np.linalg.norm(moves, axis=1, keepdims=True)
+        centres = centres + step * MIN_SKIN * radii.min() * moves / np.linalg.norm(moves, axis=1, keepdims=True)
 
 
 def test_balls_that_do_not_move_are_searched_once() -> None:
     centres = np.random.default_rng(4).uniform(0.0, 8.0, (50, 3))
     near = NearPairs(np.ones(50))
-    along_x = 0.5 * SKIN * np.array([1.0, 0.0, 0.0])
+    along_x = 0.5 * MIN_SKIN * np.array([1.0, 0.0, 0.0])
     assert near.at(centres) is near.at(centres + 0.9 * along_x)
     assert near.at(centres) is not near.at(centres + 1.1 * along_x)
+
+
+@pytest.mark.parametrize(("speed", "looks"), [(0.5 * MAX_SKIN / LOOKS, int(LOOKS)), (0.02 * MIN_SKIN, 25)])
+def test_a_search_lasts_for_several_looks_at_balls_of_steady_speed(speed: float, looks: int) -> None:
+    """The skin becomes as wide as balls need, between its bounds; slow ones need no wider one than the least."""
+    radii, centres = np.ones(50), np.random.default_rng(6).uniform(0.0, 8.0, (50, 3))
+    near, step = NearPairs(radii), np.array([0.98 * speed, 0.0, 0.0])
+    found = [near.at(centres + look * step) for look in range(80)]
+    searches = [look for look in range(1, 80) if found[look] is not found[look - 1]]
+    assert min(np.diff(searches)[1:]) >= looks - 1
