@@ -85,18 +85,28 @@ class Rim:
 
 
 @njit(cache=True)
-def _across(centre, side):  # type: ignore[no-untyped-def]
-    """Return ρ and the horizontal direction in which it grows, of which planar scenes use the first entry.
-
-    ρ is measured from the vertical (last) axis for side 0, to the right (+1) or left (−1) in a planar scene; points on
-    the axis count the first direction as outward.
-    """
+def _distance(centres, i, side):  # type: ignore[no-untyped-def]
+    """Return ρ of a centre: from the vertical (last) axis for side 0, to the right (+1) or left (−1) in the plane."""
     if side != 0:
-        return side * centre[0], float(side), 0.0
-    distance = np.sqrt(centre[0] ** 2 + centre[1] ** 2)
-    if distance == 0.0:
-        return 0.0, 1.0, 0.0
-    return distance, centre[0] / distance, centre[1] / distance
+        return side * centres[i, 0]
+    return np.sqrt(centres[i, 0] ** 2 + centres[i, 1] ** 2)
+
+
+@njit(cache=True)
+def _write_normal(centres, i, side, distance, across, up, normal):  # type: ignore[no-untyped-def]
+    """Write the normal whose components in the (ρ, z) half-plane are ``across`` and ``up``.
+
+    Points on the axis count the first direction as outward.
+    """
+    dim = len(normal)
+    normal[1] = 0.0
+    if side != 0:
+        normal[0] = across * side
+    elif distance == 0.0:
+        normal[0] = across
+    else:
+        normal[0], normal[1] = across * (centres[i, 0] / distance), across * (centres[i, 1] / distance)
+    normal[dim - 1] = up
 
 
 @njit(cache=True)
@@ -105,16 +115,13 @@ def _touching_segment(centres, radii, lower, along, length, side):  # type: igno
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0
     for i in range(n):
-        radius, outward_x, outward_y = _across(centres[i], side)
+        radius = _distance(centres, i, side)
         across, up = radius - lower[0], centres[i, dim - 1] - lower[1]
         position = along[0] * across + along[1] * up
         distance = along[0] * up - along[1] * across
         if 0.0 <= position <= length and abs(distance) < radii[i]:
             balls[count], gaps[count] = i, distance - radii[i]
-            normals[count, 0] = -along[1] * outward_x
-            if dim == 3:
-                normals[count, 1] = -along[1] * outward_y
-            normals[count, dim - 1] = along[0]
+            _write_normal(centres, i, side, radius, -along[1], along[0], normals[count])
             count += 1
     return balls[:count], gaps[:count], normals[:count]
 
@@ -125,15 +132,15 @@ def _touching_rim(centres, radii, point, along, side):  # type: ignore[no-untype
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0
     for i in range(n):
-        radius, outward_x, outward_y = _across(centres[i], side)
-        across, up = radius - point[0], centres[i, dim - 1] - point[1]
+        up = centres[i, dim - 1] - point[1]
+        if not abs(up) < radii[i]:
+            continue
+        radius = _distance(centres, i, side)
+        across = radius - point[0]
         squared = across**2 + up**2
         if along[0] * across + along[1] * up < 0.0 and 0.0 < squared < radii[i] ** 2:
             distance = np.sqrt(squared)
             balls[count], gaps[count] = i, distance - radii[i]
-            normals[count, 0] = across / distance * outward_x
-            if dim == 3:
-                normals[count, 1] = across / distance * outward_y
-            normals[count, dim - 1] = up / distance
+            _write_normal(centres, i, side, radius, across / distance, up / distance, normals[count])
             count += 1
     return balls[:count], gaps[:count], normals[:count]
