@@ -5,7 +5,7 @@ without those that no block uses. A lane that a block does not use has a zero ro
 under every projection, so that kernels treat all blocks alike.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -77,6 +77,12 @@ class BlockLayout:
         has_contacts_only = width == 1 + sliding and n_joints == 0
         return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n], has_contacts_only)
 
+    def first(self, n_blocks: int) -> "BlockLayout":
+        """Return the layout of the first blocks, which no later one bounds, where every lane is a row."""
+        arrays = {name: getattr(self, name)[:n_blocks] for name in _OF_BLOCKS}
+        slot = self.slot[: n_blocks * self.width]
+        return replace(self, slot=slot, **arrays)
+
     @property
     def n_blocks(self) -> int:
         """Number of blocks."""
@@ -120,6 +126,12 @@ class BlockLayout:
         return padded if self.is_dense else padded[self.slot]
 
 
+_OF_BLOCKS = (
+    *("normal_law", "friction_law", "rolling_law", "friction_coefficient", "fixed_bound"),
+    *("rolling_coefficient", "rolling_bound", "partner", "is_bilateral"),
+)
+"""Fields of a layout with one entry a block."""
+
 _LAYOUTS: WeakKeyDictionary[Laws, BlockLayout] = WeakKeyDictionary()
 
 
@@ -127,8 +139,16 @@ def layout_of(laws: Laws) -> BlockLayout:
     """Return the layout of ``laws``, the same object at each call."""
     layout = _LAYOUTS.get(laws)
     if layout is None:
-        layout = _LAYOUTS[laws] = BlockLayout.of(laws)
+        layout = _LAYOUTS[laws] = _part_of_layout(laws) or BlockLayout.of(laws)
     return layout
+
+
+def _part_of_layout(laws: Laws) -> BlockLayout | None:
+    """Return the layout of laws that begin a longer list of equal contacts, from the layout of that list."""
+    if laws.equal_laws is None or not laws.n_laws:
+        return None
+    whole = layout_of(laws.equal_laws)
+    return whole.first(laws.n_laws * whole.n_blocks // laws.equal_laws.n_laws)
 
 
 @interpretable

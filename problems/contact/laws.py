@@ -23,7 +23,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,6 +111,9 @@ class Laws:
     friction_coefficient: FloatArray
     fixed_bound: FloatArray
     partner: IntArray
+
+    equal_laws: ClassVar["Laws | None"] = None
+    """A longer list of laws of equal contacts that begins with these, if they were taken from one."""
 
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS.items():
@@ -244,6 +247,14 @@ class Laws:
         """Return equal laws that share no memory with these, without checking them again."""
         return self._with_arrays(lambda array: frozen(array, array.dtype))
 
+    def _first(self, n_laws: int) -> "Laws":
+        """Return the first laws, which share all arrays with these and remember them."""
+        laws = self._with_arrays(lambda array: array[:n_laws])
+        for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
+            laws.__dict__[name] = getattr(self, name)[:n_laws]
+        object.__setattr__(laws, "equal_laws", self)
+        return laws
+
     def _with_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Laws":
         """Return laws with changed arrays, which are valid by construction."""
         laws = object.__new__(Laws)
@@ -344,9 +355,7 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
     """Return contacts of one μ as the first part of a longer list, which has been validated before."""
     room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
-    whole = _many_equal_laws(friction, dim, room)
-    count = n_contacts if dim == 1 else 2 * n_contacts
-    return whole._with_arrays(lambda array: array[:count])
+    return _many_equal_laws(friction, dim, room)._first(n_contacts if dim == 1 else 2 * n_contacts)
 
 
 _few_equal_laws = lru_cache(maxsize=256)(_equal_laws)

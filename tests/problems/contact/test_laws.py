@@ -1,9 +1,11 @@
 """Laws hold together, and what does not is named."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from proxbench.problems import LawKind, Laws, ProblemError
-from proxbench.problems.contact.blocks import _lay_out, layout_of
+from proxbench.problems.contact.blocks import BlockLayout, _lay_out, layout_of
 
 
 def planar_contact(**changes: object) -> Laws:
@@ -160,3 +162,15 @@ def test_counts_name_each_kind_of_law_that_occurs() -> None:
     laws = Laws.together([Laws.contacts(0.5, 3, 4), Laws.joints(2)])
     assert laws.counts() == {"unilateral": 4, "spatial friction": 4, "bilateral": 2}
     assert laws.summary == "4 unilateral, 4 spatial friction, 2 bilateral"
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+@pytest.mark.parametrize("n_contacts", [0, 1, 70, 128])
+def test_equal_contacts_have_the_layout_of_their_own_laws(dim: int, n_contacts: int) -> None:
+    """It is taken from the layout of a longer list of equal contacts."""
+    laws = Laws.contacts(0.3, dim, n_contacts)
+    found, expected = layout_of(laws), BlockLayout.of(laws.fresh())
+    for one in fields(BlockLayout):
+        assert np.array_equal(getattr(found, one.name), getattr(expected, one.name)), one.name
+    for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
+        assert np.array_equal(getattr(laws, name), getattr(laws.fresh(), name)), name
