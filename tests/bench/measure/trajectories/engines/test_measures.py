@@ -120,6 +120,17 @@ def test_free_fall_gains_no_energy_and_a_lift_gains_its_height() -> None:
     assert scene.energy_gained(motion_of([0.0, 1.0], [start, spinning])) == pytest.approx(spin)
 
 
+def test_a_spinning_cube_has_the_energy_of_its_inertia() -> None:
+    """m a² / 6 about every axis of a cube with the edge a, and 2/5 m r² of a ball."""
+    scene = describe("stack")
+    assert [body.inertia for body in scene.bodies] == pytest.approx([body.mass * 0.5**2 / 6.0 for body in scene.bodies])
+    start = scene.start()
+    spins = start.spins.copy()
+    spins[2] = (0.0, 3.0, 4.0)
+    gained = scene.energy_gained(motion_of([0.0, 1.0], [start, BodyStates(start.positions, start.velocities, spins)]))
+    assert gained == pytest.approx(0.5 * 100.0 * 0.5**2 / 6.0 * 25.0 / (111.0 * GRAVITY * 0.5))
+
+
 @pytest.mark.parametrize("name", ["pile", "funnel"])
 def test_balls_start_as_those_of_the_scene_of_proxbench(name: str) -> None:
     description = describe(name)

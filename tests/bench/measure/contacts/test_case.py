@@ -1,0 +1,440 @@
+"""A case repeats what others disturbed, judges all answers, ends at its first failure, and trusts no count."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from proxbench.bench.isolation.worker import Fault
+from proxbench.bench.measure import ladder
+from proxbench.bench.measure.contacts import case as case_module
+from proxbench.bench.measure.contacts.case import (
+    ENOUGH_SECONDS,
+    MAX_EXCLUDED,
+    MAX_EXCLUDED_SECONDS,
+    MAX_RESTS,
+    ROUNDS,
+    Case,
+    MeasuredRound,
+)
+from proxbench.bench.measure.contacts.control import ControlSolve
+from proxbench.bench.measure.ladder import CasePass
+from proxbench.bench.measure.timed_round import TOLERATED_SECONDS, TimedRound
+from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.records import Point
+from proxbench.problems import ContactProblem, judge
+from proxbench.solvers import Status, Stop
+from stored_cases import case_record, measured_in, timed_round
+
+PROBLEM = ContactProblem.from_delassus(np.diag([2.0, 1.0, 1.0]), (-1.0, 0.6, 0.8), 0.3, name="sliding")
+SOLUTION = np.array([0.5, -0.15 * 0.6, -0.15 * 0.8])
+"""Λ_N = 1/2 of what slides along c_T, whose length is 1, with the friction μ Λ_N = 0.15."""
+
+LADDER = (1e-2, 1e-4, 1e-6)
+
+
+@pytest.fixture(autouse=True)
+def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("proxbench.bench.measure.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
+
+
+def made_case(*points: Point, number: int = 0, limits: Limits | None = None, solver: str = "SORprox") -> Case:
+    """Return a case without a process that has some points already."""
+    stored = case_record(points=list(points)) if points else None
+    return Case(PROBLEM, solver_spec(solver), limits or Limits(), LADDER, b"", stored, CasePass(0, number))
+
+
+def timed(seconds: float = 1e-3, count: int = 1, **changes: Any) -> TimedRound:
+    """Return solves of which each takes so long, a tenth of it for preparing."""
+    plain = {
+        "status": Status.SOLVED,
+        "iterations": 5,
+        "message": "",
+        "prepare": [0.1 * seconds] * count,
+        "solve": [0.9 * seconds] * count,
+        "processor": [seconds] * count,
+        "involuntary": 0,
+        "voluntary": 0,
+        "waited": 0.0,
+    }
+    return TimedRound(**{**plain, **changes})
+
+
+def measured_round(
+    seconds: float = 1e-3, excluded: str = "", impulses: np.ndarray = SOLUTION, **changes: Any
+) -> MeasuredRound:
+    record = timed_round(0, seconds, excluded=excluded)
+    return MeasuredRound(timed(seconds, **changes), record, np.atleast_2d(impulses))
+
+
+def point(
+    tolerance: float, outcome: Outcome = Outcome.SOLVED, status: str = "solved", excluded: str = "", passes: int = 1
+) -> Point:
+    rounds = [timed_round(number, 1e-3, excluded=excluded) for number in range(passes)]
+    return Point(tolerance=tolerance, outcome=outcome, status=status, reason="", measured=measured_in(rounds))
+
+
+SHORT, LONG = 0.5 * ENOUGH_SECONDS, ENOUGH_SECONDS
+
+
+@pytest.mark.parametrize(
+    ("rounds", "is_needed"),
+    [
+        ([(SHORT, "")], True),
+        ([(SHORT, "")] * ROUNDS, False),
+        ([(LONG, "")], False),
+        ([(SHORT, "preempted")], True),
+        ([(SHORT, "preempted"), (SHORT, "")], True),
+        ([(SHORT, "preempted"), *[(SHORT, "")] * ROUNDS], False),
+        ([(SHORT, "unsteady")] * (MAX_EXCLUDED - 1), True),
+        ([(SHORT, "unsteady")] * MAX_EXCLUDED, False),
+        ([(MAX_EXCLUDED_SECONDS, "preempted")], True),
+        ([(1.01 * MAX_EXCLUDED_SECONDS, "preempted")], False),
+        ([(0.6 * MAX_EXCLUDED_SECONDS, "preempted")] * 2, False),
+    ],
+)
+def test_rounds_are_repeated_until_enough_count_or_too_many_are_excluded(
+    rounds: list[tuple[float, str]], is_needed: bool
+) -> None:
+    assert made_case().needs_round([measured_round(*one) for one in rounds]) is is_needed
+
+
+@pytest.mark.parametrize("excluded", ["", "preempted"])
+def test_a_solve_that_fails_is_not_repeated(excluded: str) -> None:
+    assert not made_case().needs_round([measured_round(SHORT, excluded, status=Status.STALLED)])
+
+
+def test_a_pass_measures_points_that_are_missing_or_were_not_measured_in_it() -> None:
+    solved = point(1e-2)
+    assert [made_case(solved).is_left(level) for level in range(3)] == [False, True, True]
+    assert [made_case(solved, number=1).is_left(level) for level in range(3)] == [True, True, True]
+    assert not made_case(point(1e-2, passes=2), number=1).is_left(0)
+
+
+def test_a_failed_point_and_those_behind_it_are_left_as_they_are() -> None:
+    rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="0.01 already ended stalled")
+    failed = made_case(point(1e-2, Outcome.STALLED, "stalled"), rest, number=1)
+    assert [failed.is_left(level) for level in range(2)] == [False, False]
+
+
+def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_it() -> None:
+    late = point(1e-2, Outcome.TIME_LIMIT, "time limit", "preempted")
+    rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="")
+    assert made_case(late, number=1).is_left(0)
+    assert not made_case(late, rest, number=1).is_left(1)  # as long as it is the last word
+    assert made_case(point(1e-2, passes=2), rest, number=1).is_left(1)
+    assert not made_case(point(1e-2, Outcome.TIME_LIMIT, "time limit"), number=1).is_left(0)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "status", "reason"),
+    [
+        (Outcome.SOLVED, "solved", ""),
+        (Outcome.RELAXED, "solved", ""),
+        (Outcome.WRONG, "solved", ""),
+        (Outcome.TIME_LIMIT, "solved", "0.01 already ended time limit"),
+        (Outcome.STALLED, "stalled", "0.01 already ended stalled"),
+    ],
+)
+def test_finer_points_follow_those_that_a_solver_claims_in_time(outcome: Outcome, status: str, reason: str) -> None:
+    assert made_case().end_after(point(1e-2, outcome, status)) == reason
+
+
+def test_a_point_holds_the_worst_of_all_answers_and_counts_them() -> None:
+    worse = SOLUTION * (1.0 + 1e-6)
+    found = made_case().point(1e-4, [measured_round(impulses=SOLUTION), measured_round(impulses=worse)])
+    assert found.measured is not None
+    assert found.measured.residual == judge(PROBLEM, worse).residual > judge(PROBLEM, SOLUTION).residual
+    assert (found.outcome, found.measured.answers, len(set(found.measured.hashes))) == (Outcome.SOLVED, 2, 2)
+    assert (found.reason, found.status, found.tolerance) == ("", "solved", 1e-4)
+    assert made_case().point(1e-8, [measured_round(impulses=worse)]).outcome is Outcome.WRONG
+
+
+def test_the_reason_of_a_failure_is_the_message_of_the_solver_or_else_a_sentence_on_its_status() -> None:
+    silent, talking = (
+        made_case().point(1e-4, [measured_round(status=Status.STALLED, message=message)]) for message in ("", "why")
+    )
+    assert silent.outcome is talking.outcome is Outcome.STALLED
+    assert (silent.reason, talking.reason) == (Status.STALLED.sentence, "why")
+
+
+def test_a_claim_after_the_time_limit_does_not_count_unless_the_rounds_are_excluded() -> None:
+    limits = Limits(solve_seconds=0.01)
+    slow, fast = measured_round(0.02), measured_round(0.005)
+    late = made_case(limits=limits).point(1e-4, [slow])
+    assert (late.outcome, late.reason) == (Outcome.TIME_LIMIT, "solved after 0.02 s, its limit is 0.01 s")
+    assert made_case(limits=limits).point(1e-4, [fast]).outcome is Outcome.SOLVED
+    excluded = [measured_round(0.02, "preempted")] * 2
+    assert made_case(limits=limits).point(1e-4, [*excluded, fast]).outcome is Outcome.SOLVED
+    assert made_case(limits=limits).point(1e-4, excluded).is_late_for_others
+
+
+def test_claimed_iterations_are_corrected_by_those_that_were_observed() -> None:
+    known = replace(point(1e-2), measured=measured_in([timed_round(0, 1e-3)], iterations=10, claimed_iterations=5))
+    for stored, claimed, expected in (
+        ((), 7, (7, None)),
+        ((known,), 7, (14, 7)),
+        ((known,), 0, (10, 0)),
+        ((point(1e-2),), 7, (7, None)),
+    ):
+        found = made_case(*stored).point(1e-4, [measured_round(iterations=claimed)]).measured
+        assert found is not None
+        assert (found.iterations, found.claimed_iterations) == expected
+
+
+class Scripted:
+    """A process whose answers are given, with what it has worked and how many processes it has started."""
+
+    process, busy_seconds, peak_memory_bytes = 0, 1.5, 2**20
+
+    def __init__(self, answers: dict[str, Any], worked: Sequence[float] = (), started: Sequence[int] = ()) -> None:
+        silent = ({"iterations": [], "calls": 0, "claimed": 0}, np.zeros(0))
+        self.answers, self.asked = {"observe": silent, **answers}, list[tuple[str, tuple[Any, ...]]]()
+        self._worked, self._started = list(worked), list(started)
+
+    def ask(self, request: str, *arguments: Any, largest: int = 0) -> tuple[dict[str, Any], bytes]:
+        self.asked.append((request, arguments))
+        answer, numbers = self.answers.get(request, ({}, np.zeros(0)))
+        return answer, np.asarray(numbers, dtype=np.float64).tobytes()
+
+    def processor_seconds(self) -> float:
+        return self._worked.pop(0) if self._worked else 0.0
+
+    def n_started(self) -> int:
+        return self._started.pop(0) if self._started else 0
+
+    def output(self) -> str:
+        return "what it printed"
+
+    def dismiss(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def begun(monkeypatch: pytest.MonkeyPatch, process: Scripted) -> Case:
+    """Return a case whose process is scripted, after its first requests."""
+    monkeypatch.setattr(ladder, "Worker", lambda *setting: process)
+    case = made_case()
+    case.begin()
+    return case
+
+
+def answered(numbers: Any, **changes: Any) -> dict[str, Any]:
+    """Return the answer to a request for a round of two solves, which take next to no time."""
+    return {"round": (msgspec.to_builtins(timed(1e-9, 2, **changes)), numbers)}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "count"),
+    [(SOLUTION, 1), ([*SOLUTION, *SOLUTION], 2), (SOLUTION[:2], 0), ([0.0] * 9, 0), ([0.0] * 4, 0)],
+)
+def test_a_round_has_one_answer_of_all_rows_for_each_solve_at_most(
+    numbers: Any, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = begun(monkeypatch, Scripted(answered(numbers)))
+    found = case.measure(1e-4, 0)
+    if count:
+        assert found is not None
+        assert found.impulses.shape == (count, 3)
+    else:
+        assert found is None
+        assert case.outcome is Outcome.MISBEHAVED
+        assert f"it returned {len(numbers)} numbers for 2 solves of 3 rows" in case.record().reason
+
+
+def test_a_round_is_asked_for_at_its_tolerance_within_the_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = Scripted(answered(SOLUTION))
+    begun(monkeypatch, process).measure(1e-4, 0)
+    (arguments,) = (arguments for request, arguments in process.asked if request == "round")
+    assert arguments == (Stop(1e-4, Limits().max_iterations, Limits().solve_seconds), case_module.ROUND_SECONDS)
+
+
+@pytest.mark.parametrize(("waited", "outcome"), [(0.0, Outcome.MISBEHAVED), (10.0, Outcome.MEASURED)])
+def test_work_that_its_clock_does_not_count_is_misbehaviour_unless_the_round_is_excluded(
+    waited: float, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its process works for ten seconds in a round that its own clock says took nanoseconds."""
+    case = begun(monkeypatch, Scripted(answered(SOLUTION, waited=waited, involuntary=1), worked=[1.0, 11.0]))
+    case.measure(1e-4, 0)
+    assert case.outcome is outcome
+    if outcome is Outcome.MISBEHAVED:
+        assert case.record().reason.startswith("its process worked for 10 s in rounds")
+
+
+def test_what_a_misbehaving_solver_measured_is_discarded_and_what_it_printed_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case = begun(monkeypatch, Scripted(answered(np.zeros(2))))
+    case.points = [point(1e-2)]
+    case.measure(1e-4, 0)
+    assert case.points == []
+    assert case.record().stderr == "what it printed"
+    honest = begun(monkeypatch, Scripted({}))
+    honest.end()
+    assert (honest.record().stderr, honest.record().wall_seconds) == ("", 1.5)
+
+
+@pytest.mark.parametrize(("rests", "is_ended"), [(0, True), (3, True), (MAX_RESTS + 2, False)])
+def test_processes_that_a_solver_starts_must_end_after_its_call(
+    rests: int, is_ended: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process = Scripted({}, started=[1] * rests)
+    case = begun(monkeypatch, process)
+    assert [request for request, _ in process.asked].count("rest") == min(rests, MAX_RESTS)
+    assert (case.outcome is Outcome.MEASURED) is is_ended
+    if not is_ended:
+        assert case.record().reason == "it leaves 1 process running"
+
+
+def test_a_solver_that_declines_gives_its_reason_and_is_asked_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = Scripted({"supports": ({"refusal": "no friction"}, [])})
+    case = begun(monkeypatch, process)
+    assert (case.outcome, case.record().reason) == (Outcome.UNSUPPORTED, "no friction")
+    assert [request for request, _ in process.asked] == ["supports"]
+
+
+def test_the_curve_has_the_judged_residual_of_each_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = np.array([np.zeros(3), 0.9 * SOLUTION, SOLUTION])
+    process = Scripted({"observe": ({"iterations": [1, 2, 5], "calls": 5, "claimed": 5}, rows)})
+    case = begun(monkeypatch, process)
+    curve = case.record().curve
+    assert curve.iteration == [1, 2, 5]
+    assert curve.residual == [judge(PROBLEM, row).residual for row in rows]
+    assert [request for request, _ in process.asked] == [
+        "supports", "warm_up", "problem", "supports", "observe", "compare",
+    ]  # fmt: skip
+    (stop,) = (arguments[0] for request, arguments in process.asked if request == "observe")
+    assert stop.tolerance == LADDER[-1]
+
+
+@pytest.mark.parametrize(("iterations", "count"), [([1, 2], 3), ([1, 2, 3], 2), ("12", 2)])
+def test_a_curve_that_cannot_be_is_misbehaviour(iterations: Any, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = {"iterations": iterations, "calls": 2, "claimed": 2}
+    case = begun(monkeypatch, Scripted({"observe": (answer, np.zeros(3 * count))}))
+    assert case.outcome is Outcome.MISBEHAVED
+    assert case.record().curve.iteration == []
+
+
+@pytest.mark.parametrize(
+    ("calls", "claimed", "expected"), [(10, 5, 10), (5, 5, 5), (0, 5, 5), (10, -5, 5), (10, True, 5), (10, 0, 10)]
+)
+def test_the_observer_counts_iterations_where_it_is_called_and_contradicts(
+    calls: Any, claimed: Any, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = {"iterations": [1], "calls": calls, "claimed": claimed}
+    case = begun(monkeypatch, Scripted({"observe": (answer, SOLUTION)}))
+    found = case.point(1e-4, [measured_round(iterations=5)]).measured
+    assert found is not None
+    assert found.iterations == expected
+
+
+class Controlled:
+    """First solves that are as given, and a list of those that were asked for."""
+
+    def __init__(self, first: Callable[[Stop], ControlSolve], copy: Callable[[Stop], ControlSolve]) -> None:
+        self._first, self._copy = first, copy
+        self.warm_up, self.core = b"", None
+        self.firsts, self.copied = list[float](), list[float]()
+
+    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
+        self.firsts.append(stop.tolerance)
+        return [self._first(stop)]
+
+    def copies(self, stop: Stop, seconds: float) -> list[ControlSolve]:
+        self.copied.append(stop.tolerance)
+        return [self._copy(stop)]
+
+
+def solved_in(
+    seconds: float, impulses: np.ndarray = SOLUTION, problem: ContactProblem = PROBLEM, **changes: Any
+) -> Any:
+    return lambda stop: ControlSolve(problem, timed(seconds, **changes), impulses)
+
+
+def controlled(
+    monkeypatch: pytest.MonkeyPatch, first: Any = None, copy: Any = None, **options: Any
+) -> tuple[Case, Controlled]:
+    controls = Controlled(first or solved_in(1e-3), copy or solved_in(1e-3))
+    monkeypatch.setattr(case_module, "Controls", lambda *setting: controls)
+    return made_case(**options), controls
+
+
+def test_every_solved_point_has_a_first_solve_and_one_of_them_copies(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, controls = controlled(monkeypatch, first=solved_in(2e-3), copy=solved_in(3e-3))
+    for level in range(3):
+        case.add_point(level, [measured_round(), measured_round()])
+    assert controls.firsts == list(LADDER)
+    assert len(controls.copied) == 1
+    found = [one.measured for one in case.points if one.measured is not None]
+    assert [one.first_seconds for one in found] == [[pytest.approx(2e-3)]] * 3
+    assert sorted(one.copy_seconds for one in found) == [[], [], [pytest.approx(3e-3)]]
+    assert [bool(one.impulses) for one in found] == [False, False, True]
+
+
+def test_no_first_solve_follows_a_wrong_or_a_failed_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, controls = controlled(monkeypatch)
+    case.add_point(0, [measured_round(impulses=np.zeros(3))])
+    case.add_point(1, [measured_round(status=Status.STALLED)])
+    assert [one.outcome for one in case.points] == [Outcome.WRONG, Outcome.STALLED]
+    assert controls.firsts == controls.copied == []
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(1e-3, 0), (2e-3, 0), (1e-4, 1)])
+def test_a_later_pass_repeats_first_solves_only_if_it_is_faster_than_the_earlier_ones_explain(
+    seconds: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, controls = controlled(monkeypatch)
+    case.add_point(0, [measured_round(1e-3)])
+    case.add_point(0, [measured_round(seconds)])
+    assert len(controls.firsts) == 1 + count
+
+
+def test_excluded_rounds_do_not_decide_whether_first_solves_explain_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, controls = controlled(monkeypatch)
+    case.add_point(0, [measured_round(1e-3)])
+    case.add_point(0, [measured_round(1e-4, "preempted"), measured_round(1e-4, "preempted"), measured_round(1e-3)])
+    assert len(controls.firsts) == 1
+
+
+@pytest.mark.parametrize("changes", [{"status": Status.TIME_LIMIT}, {"waited": 1.0, "involuntary": 1}])
+def test_the_time_of_a_first_solve_that_was_disturbed_or_late_is_not_kept(
+    changes: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, _ = controlled(monkeypatch, first=solved_in(1e-3, **changes))
+    case.add_point(0, [measured_round()])
+    assert case.points[0].measured is not None
+    assert case.points[0].measured.first_seconds == []
+
+
+@pytest.mark.parametrize("which", ["first", "copy"])
+def test_a_wrong_control_solve_makes_the_point_wrong(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    copy = ContactProblem.from_delassus(PROBLEM.delassus().toarray(), PROBLEM.free_velocity, 0.3)
+    wrong = solved_in(1e-3, np.zeros(3), PROBLEM if which == "first" else copy)
+    case, controls = controlled(monkeypatch, **{which: wrong})
+    for level in range(3):
+        case.add_point(level, [measured_round()])
+    reasons = [one.reason for one in case.points if one.outcome is Outcome.WRONG]
+    if which == "first":
+        assert len(reasons) == 3
+        assert all(reason.startswith("in a first solve in a fresh process, claimed ") for reason in reasons)
+    else:
+        assert len(reasons) == 1
+        assert reasons[0].startswith("on a copy of the problem, claimed ")
+        assert len(controls.firsts) == 2  # one refutation suffices
+
+
+def test_a_fault_of_a_control_solve_is_that_of_the_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    def repeats(stop: Stop) -> ControlSolve:
+        raise Fault(Outcome.MISBEHAVED, "it repeats answers instead of solving")
+
+    case, _ = controlled(monkeypatch, first=repeats)
+    monkeypatch.setattr(case, "end", lambda: None)
+    case.add_point(0, [measured_round()])
+    assert (case.outcome, case.points) == (Outcome.MISBEHAVED, [])
+    assert case.record().reason == "it repeats answers instead of solving"
