@@ -1,17 +1,19 @@
 """Projection of positions: to the depth that is allowed, the nearest way, and without touching velocities."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError
 from proxbench.problems.contact.matrices.ball_contacts import BallNormals
+from proxbench.problems.contact.matrices.factors import InverseMass
 from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
-from proxbench.problems.motion.bodies.system import MechanicalSystem
+from proxbench.problems.motion.bodies.system import JointErrors, MechanicalSystem, Overlaps
 from proxbench.problems.motion.scenes.effects import Gravity, Restitution, ball_system
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
@@ -196,6 +198,53 @@ def test_the_way_is_the_nearest_one_in_the_metric_of_a_full_mass_matrix() -> Non
     # the gap is curved: what moves across w is second order
     assert moved == pytest.approx(expected, abs=np.sum(expected**2) / RADIUS)
     assert np.abs(expected[[1, 3]]).max() > 0.1 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("n_balls", [2, 5])
+def test_a_row_of_balls_is_moved_apart_to_the_allowed_depth_at_once(n_balls: int) -> None:
+    """Gaps are linear along a row, so one pass suffices, however far an overlap must be passed on."""
+    system = free_balls(3, np.full(n_balls, 0.01))
+    centres = np.zeros((n_balls, 3))
+    centres[:, 0] = (2.0 * RADIUS - 5.0 * DEPTH) * np.arange(n_balls)
+    position = moved_apart(system, centres.ravel())
+    gaps = np.diff(position.reshape(-1, 3)[:, 0]) - 2.0 * RADIUS
+    assert gaps == pytest.approx(np.full(n_balls - 1, -DEPTH), abs=1.001 * ACCURACY * DEPTH)
+
+
+@dataclass
+class Linear:
+    """A unit mass in n directions with one joint r = wᵀ q and one contact g = nᵀ q."""
+
+    joint: np.ndarray
+    normal: np.ndarray
+
+    def move(self, position: np.ndarray, velocity: np.ndarray, seconds: float) -> np.ndarray:
+        return position + seconds * velocity
+
+    def overlaps(self, position: np.ndarray, tolerated: float) -> Overlaps:
+        gap = np.array([self.normal @ position])
+        closed = gap < 0.0
+        return Overlaps(
+            gap[closed],
+            sp.csc_array(self.normal[:, None][:, closed]),
+            InverseMass.create(np.ones(len(position))),
+            JointErrors(np.array([self.joint @ position]), sp.csc_array(self.joint[:, None])),
+        )
+
+
+@pytest.mark.parametrize("opening", [-3.0, -0.2, 0.0, 0.2, 3.0])
+@pytest.mark.parametrize("part", [0.0, 0.5])
+def test_joints_close_while_contacts_are_moved_apart_the_nearest_way(opening: float, part: float) -> None:
+    """The nearest q with wᵀ q = 0 and nᵀ q ≥ -d: first onto the joint, then along what it leaves of n."""
+    joint, normal = np.array([1.0, -1.0, 0.0]), np.array([0.0, 1.0, part])
+    start = DEPTH * np.array([opening - 2.0, -2.0, 0.0])
+    system = Linear(joint, normal)
+    closed = start - joint * (joint @ start) / (joint @ joint)
+    along = normal - joint * (joint @ normal) / (joint @ joint)
+    expected = closed + along * max(0.0, -DEPTH - normal @ closed) / (along @ along)
+    moved, velocity = projected(system, start, np.array([1.0, 0.0, 2.0]), DEPTH)  # type: ignore[arg-type]
+    assert moved == pytest.approx(expected, abs=(ACCURACY + 1e-9) * DEPTH)
+    assert velocity == pytest.approx([0.5, 0.5, 2.0], abs=1e-12)  # the part along w is gone
 
 
 def test_the_energy_of_a_resting_pile_does_not_grow() -> None:

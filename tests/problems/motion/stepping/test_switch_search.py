@@ -5,12 +5,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
+from proxbench.problems.motion.scenes.inclines import BlockOnIncline
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping import switch_search
-from proxbench.problems.motion.stepping.sequences import Attempt
+from proxbench.problems.motion.stepping.sequences import Attempt, StepCounter, take_sequence
 from proxbench.problems.motion.stepping.step import LawStates
-from proxbench.problems.motion.stepping.switch_search import APPROACH, BLIND_CUT, Anticipating, NestedIntervals
+from proxbench.problems.motion.stepping.switch_search import (
+    APPROACH,
+    BLIND_CUT,
+    MEMORY,
+    Anticipating,
+    Margins,
+    NestedIntervals,
+)
+from proxbench.solvers import Stop, create
 
 MIN_STEP, MAX_STEP = 1e-8, 1e-2
 
@@ -99,3 +109,147 @@ def test_an_alarm_after_nothing_was_in_sight_is_a_new_one(monkeypatch: pytest.Mo
     assert search.limited_length(0.0, MAX_STEP) == MAX_STEP
     margins.due = None
     assert search.limited_length(0.0, MAX_STEP) == MIN_STEP
+
+
+def falling(gaps: Any) -> MechanicalSystem:
+    """Points with gaps that are functions of their coordinates, and no forces."""
+    return MechanicalSystem(
+        mass=lambda position: np.eye(len(position)),
+        force=lambda position, velocity: np.zeros(len(position)),
+        gap=gaps,
+        directions=lambda position: np.eye(len(position)),
+        friction=[0.0, 0.0],
+        restitution_normal=[0.0, 0.0],
+        restitution_tangential=[0.0, 0.0],
+        rows_per_contact=1,
+    )
+
+
+def noted(margins: Margins, path: Any, times: list[float]) -> Margins:
+    """Note the gaps along a path, which is a function of time."""
+    for time in times:
+        margins.note_gaps(State(time, np.array(path(time)), np.ones(2)))
+    return margins
+
+
+TIMES = [0.0, 0.1, 0.25, 0.3, 0.45]
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_margin_that_is_a_polynomial_vanishes_where_it_is_announced(degree: int) -> None:
+    """The contact that closes first is found among both; the polynomial without its oldest value is the same one."""
+    margins = noted(
+        Margins(falling(lambda position: position), 10.0), lambda time: [2.0 - time, 1.0 - time**degree], TIMES
+    )
+    due, doubt = margins.next_switch(TIMES[-1])
+    assert due == pytest.approx(1.0, rel=1e-9)
+    assert doubt == pytest.approx(0.0, abs=1e-8)
+
+
+def test_the_root_of_a_lower_degree_bounds_what_is_known_of_a_margin() -> None:
+    """A cubic goes through the last four of five values of t ↦ 1 - t⁴; its root differs from that through all five."""
+    system = falling(lambda position: position)
+    few, many = (
+        noted(Margins(system, 10.0), lambda time: [5.0, 1.0 - time**4], TIMES[-count:]).next_switch(TIMES[-1])
+        for count in (4, 5)
+    )
+    assert many[0] == pytest.approx(1.0, rel=1e-9)
+    assert many[1] == pytest.approx(abs(few[0] - many[0]), rel=1e-6)
+    assert many[1] > 1e-3
+
+
+def test_two_values_are_in_doubt_by_half_of_the_way_and_one_announces_nothing() -> None:
+    margins = Margins(falling(lambda position: position), 10.0)
+    assert noted(margins, lambda time: [2.0, 1.0 - time], [0.0]).next_switch(0.0) == (np.inf, np.inf)
+    due, doubt = noted(margins, lambda time: [2.0, 1.0 - time], [0.2]).next_switch(0.2)
+    assert (due, doubt) == pytest.approx((1.0, 0.4), rel=1e-9)
+    margins.forget()
+    assert margins.next_switch(0.2) == (np.inf, np.inf)
+
+
+def test_a_gap_that_grows_or_is_constant_announces_nothing() -> None:
+    margins = noted(Margins(falling(lambda position: position), 10.0), lambda time: [1.0 + time, 1.0], TIMES)
+    assert margins.next_switch(TIMES[-1]) == (np.inf, np.inf)
+
+
+def test_a_root_that_is_passed_is_none() -> None:
+    """t ↦ (t - 1)(t - 2) falls through zero at 1 and rises at 2."""
+    margins = Margins(falling(lambda position: position), 10.0)
+    noted(margins, lambda time: [(time - 1.0) * (time - 2.0), 9.0], TIMES)
+    assert margins.next_switch(0.5)[0] == pytest.approx(1.0, rel=1e-6)
+    assert margins.next_switch(2.5)[0] == np.inf
+
+
+def test_only_gaps_that_may_close_soon_are_followed_and_only_their_last_values() -> None:
+    """At twice the speed of 1 m/s gaps of up to 2 · 2 · 0.1 m may close within two longest steps."""
+    margins = noted(Margins(falling(lambda position: position), 0.1), lambda time: [0.41, 0.39], TIMES * 2)
+    values: Any = margins
+    assert {key: len(kept) for key, kept in values._values.items()} == {("gap", 1): MEMORY}
+
+
+def test_a_gap_that_closes_within_a_step_is_noticed_and_one_that_was_closed_is_not() -> None:
+    margins = Margins(falling(lambda position: position), 1.0)
+    states = {name: State(0.0, np.array(q), np.zeros(2)) for name, q in (("open", [1.0, 1.0]), ("one", [1.0, -1.0]))}
+    assert margins.penetrates(states["open"], states["one"])
+    assert not margins.penetrates(states["one"], states["one"])
+    assert not margins.penetrates(states["one"], states["open"])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("slope", "has_ended"), [(0.0, False), (-0.4, False), (-0.9, False), (-1.1, True), (-1.9, True)]
+)
+def test_a_force_that_ends_after_its_last_evaluation_is_noticed_at_the_end_of_a_step(
+    count: int, slope: float, has_ended: bool
+) -> None:
+    """A mass is pressed onto a floor by 1 + slope · t, which its position in another coordinate gives.
+
+    The force vanishes at t = -1/slope, and is evaluated at (2 count - 1)/(2 count) of the step of 1 s at the latest.
+    """
+    system = MechanicalSystem(
+        mass=lambda position: np.eye(2),
+        force=lambda position, velocity: np.array([-1.0 - slope * position[1], 0.0]),
+        gap=lambda position: position[:1],
+        directions=lambda position: np.array([[1.0], [0.0]]),
+        friction=[0.0],
+        restitution_normal=[0.0],
+        restitution_tangential=[0.0],
+        rows_per_contact=1,
+    )
+    start = State(0.0, np.array([-1e-9, 0.0]), np.array([0.0, 1.0]))
+    counter = StepCounter(system, create("SORprox"), Stop(1e-13, 1000))
+    sequence = take_sequence(counter, start, 1.0, count, None)
+    if slope * (2 * count - 1) / (2 * count) < -1.0:
+        assert sequence.end is None  # it has ended before the last evaluation
+    else:
+        is_seen = count > 1  # one value is a constant
+        assert Margins(system, 1.0).outlasts(sequence.substeps, sequence.states) is (has_ended and is_seen)
+
+
+def test_margins_of_friction_are_what_is_left_of_it_and_how_fast_it_slides() -> None:
+    """A block of one kilogram at rest on a slope is held by μ g cos - g sin; one that slides stops after v / a."""
+    gravity = 9.81
+    for speed, friction in ((0.0, 0.5), (1.0, 0.5)):
+        block = BlockOnIncline(slope=0.3, friction=friction, speed=speed)
+        system = block.system()
+        margins = Margins(system, 1.0)
+        counter = StepCounter(system, create("SORprox"), Stop(1e-13, 1000))
+        state, states = block.start(), None
+        for _ in range(3):
+            sequence = take_sequence(counter, state, 1e-3, 1, states)
+            assert sequence.end is not None
+            ((step, length),) = sequence.substeps
+            margins.note(step, length, sequence.states)
+            state, states = sequence.end, sequence.states
+        due, _ = margins.next_switch(state.time)
+        if speed:
+            deceleration = gravity * (friction * np.cos(0.3) - np.sin(0.3))
+            assert due == pytest.approx(speed / deceleration, rel=1e-6)
+        else:
+            assert due > 100.0
+            kept: Any = margins
+            assert {key[0] for key in kept._values} == {"force", "slack"}
+            slack = next(values for key, values in kept._values.items() if key[0] == "slack")
+            normal = next(values for key, values in kept._values.items() if key[0] == "force")
+            held = gravity * (friction * np.cos(0.3) - np.sin(0.3)) / (gravity * np.cos(0.3))
+            assert slack[-1][1] / normal[-1][1] == pytest.approx(held, rel=1e-6)
