@@ -60,6 +60,7 @@ WIDER = {
     "solvers": ("tests/solvers",),
     "bench/isolation": ("tests/bench/measure/contacts",),
     "bench/measure": ("tests/bench/measure",),
+    "bench/store": ("tests/bench/store",),
 }
 """Tests of other folders that know a folder."""
 
@@ -70,10 +71,13 @@ LEFT_OUT = re.compile(
 """Operators without an effect, as unions of types, and those that are no mistake anybody makes with numbers."""
 
 TEST_SECONDS = 20
-"""Time limit of one test [s]; slower ones are left out."""
+"""Time limit of one test without its fixtures [s]; slower ones are left out."""
 
-RUN_SECONDS = 300
-"""Time limit of all tests of a change [s]."""
+MAX_SLOWDOWN = 5.0
+"""Time of all tests with a change, relative to that without, from which they take too long."""
+
+MIN_RUN_SECONDS = 60.0
+"""Time that all tests of a change may take in any case [s]."""
 
 POLL_SECONDS = 0.02
 """Interval at which running tests are polled [s]."""
@@ -105,7 +109,8 @@ class Tests:
 
     def arguments(self, *options: str) -> list[str]:
         """Return the arguments with which pytest runs them."""
-        fixed = ("-q", "-p", "no:cacheprovider", "-m", "not slow", f"--timeout={TEST_SECONDS}")
+        timing = (f"--timeout={TEST_SECONDS}", "-o", "timeout_func_only=true", "-o", "junit_duration_report=call")
+        fixed = ("-q", "-p", "no:cacheprovider", "-m", "not slow", *timing)
         return [*fixed, *options, *self.folders]
 
     def environment(self) -> dict[str, str]:
@@ -145,19 +150,34 @@ def run(tests: Tests, options: Sequence[str], seconds: float = np.inf) -> int | 
     return status
 
 
-def left_out(tests: Tests) -> list[str]:
-    """Return the tests that fail or take too long without any change."""
-    report = Path("mutants.xml")
+@dataclass(frozen=True)
+class Baseline:
+    """What tests do without any change.
+
+    Attributes:
+        left_out: names of the tests that fail or take too long.
+        seconds: wall time of all tests [s].
+    """
+
+    left_out: list[str]
+    seconds: float
+
+
+def measured_baseline(tests: Tests) -> Baseline:
+    """Run tests without any change."""
+    report, seconds = Path("mutants.xml"), 0.0
     for _ in range(2 if tests.is_compiled else 1):  # the first time may compile
+        began = time.monotonic()
         run(tests, [f"--junitxml={report}"])
-    found = [
+        seconds = time.monotonic() - began
+    left_out = [
         f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
         for case in ElementTree.parse(report).iter("testcase")
         if float(case.get("time", 0.0)) > TEST_SECONDS / 2
         or any(case.find(tag) is not None for tag in ("failure", "error"))
     ]
     report.unlink()
-    return found
+    return Baseline(left_out, seconds)
 
 
 def ineffective_lines(module: Path) -> set[int]:
@@ -198,24 +218,25 @@ def sampled(every: list[Any], sample: int | None, seed: int) -> list[Any]:
     return [chance.choice(places[place]) for place in chance.sample(sorted(places), min(sample, len(places)))]
 
 
-def is_noticed(mutation: Any, deselected: dict[Tests, list[str]]) -> tuple[bool, str]:
+def is_noticed(mutation: Any, baselines: dict[Tests, Baseline]) -> tuple[bool, str]:
     """Return whether the tests notice a change, and the change as a patch."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
     module = mutation.module_path
     tests = Tests.of(module)
-    if tests not in deselected:
-        deselected[tests] = left_out(tests)
-        print(f"without {len(deselected[tests])} tests: {', '.join(tests.folders)}", flush=True)
+    if tests not in baselines:
+        baselines[tests] = measured_baseline(tests)
+        print(f"without {len(baselines[tests].left_out)} tests: {', '.join(tests.folders)}", flush=True)
+    baseline = baselines[tests]
     nearest = map(str, Path(tests.folders[0]).rglob(f"test_{module.stem}*.py"))
-    options = ["-x", *nearest, *(f"--deselect={test}" for test in deselected[tests])]
+    options = ["-x", *nearest, *(f"--deselect={test}" for test in baseline.left_out)]
     text = module.read_text()
     operator = get_operator(mutation.operator_name)(**mutation.operator_args)
     changed = mutate_code(text, operator, mutation.occurrence)
     try:
         module.write_text(changed)
-        status = run(tests, options, RUN_SECONDS)
+        status = run(tests, options, max(MIN_RUN_SECONDS, MAX_SLOWDOWN * baseline.seconds))
     finally:
         module.write_text(text)
     lines = difflib.unified_diff(text.splitlines(), changed.splitlines(), str(module), str(module), lineterm="")
@@ -231,14 +252,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     sys.dont_write_bytecode = True  # a change within a second keeps the time of a file
     known = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.exists() else []
-    found, deselected = {one["key"]: one for one in known}, dict[Tests, list[str]]()
+    found, baselines = {one["key"]: one for one in known}, dict[Tests, Baseline]()
     counts = dict[str, list[bool]]()
     for room in given.rooms:
         chosen = sampled(list(changes(room)), given.sample, given.seed)
         for mutation in sorted(chosen, key=lambda one: (str(one.module_path), one.start_pos)):
             key = f"{mutation.module_path}:{mutation.start_pos[0]} {mutation.operator_name} {mutation.occurrence}"
             if not found.get(key, {}).get("is_noticed"):  # others may have got a test since
-                noticed, diff = is_noticed(mutation, deselected)
+                noticed, diff = is_noticed(mutation, baselines)
                 found[key] = {"key": key, "is_noticed": noticed, "diff": diff}
                 with RESULTS.open("a") as file:
                     file.write(json.dumps(found[key]) + "\n")
