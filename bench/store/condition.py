@@ -43,7 +43,7 @@ def drift(frames: RunFrames) -> float:
     With several machines, it is that of the least steady one.
     """
     sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
-    hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].host if one < len(sessions) else "")
+    hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].machine.host if one < len(sessions) else "")
     spreads = [
         float(probes.quantile(0.9) / probes.quantile(0.1))
         for _, probes in rounds["probe_seconds"].groupby(hosts_of_rounds)
@@ -88,7 +88,7 @@ def mixtures(frames: RunFrames) -> list[str]:
 
     All sessions must have the same versions and source, and those of one problem the same machine.
     """
-    machines = [session.machine or frames.info.machine for session in frames.info.sessions]
+    machines = [session.machine for session in frames.info.sessions]
     groups, fields = [machines], _COMPARED
     if len(hosts(frames)) > 1:
         groups, fields = list(machines_by_problem(frames).values()), {**_COMPARED, "host": "machine"}
@@ -102,7 +102,7 @@ def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
     sessions = frames.info.sessions
     known = frames.rounds[frames.rounds["session"] < len(sessions)].groupby("problem", sort=False)["session"]
     used = {str(name): sorted(map(int, numbers.unique())) for name, numbers in known}
-    return {name: [sessions[one].machine or frames.info.machine for one in numbers] for name, numbers in used.items()}
+    return {name: [sessions[one].machine for one in numbers] for name, numbers in used.items()}
 
 
 def _short(value: object) -> str:
@@ -161,7 +161,7 @@ def warnings(frames: RunFrames) -> list[str]:
             f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
             "different problems are not comparable; measure again on a quiet machine"
         )
-    machines = [frames.info.machine, *(one.machine for one in frames.info.sessions if one.machine is not None)]
+    machines = [frames.info.machine, *(session.machine for session in frames.info.sessions)]
     settings = dict.fromkeys(f"{name}={value}" for machine in machines for name, value in machine.settings.items())
     if settings:
         found.append(
@@ -194,7 +194,7 @@ def basis(frames: RunFrames) -> list[str]:
 def steadiness(frames: RunFrames) -> str:
     """Return the machine in one line, with its steadiness while solves were timed."""
     run, rounds = frames.info, frames.rounds
-    machines = [session.machine for session in run.sessions if session.machine is not None] or [run.machine]
+    machines = [session.machine for session in run.sessions] or [run.machine]
     names = dict.fromkeys(f"{machine.processor}, {machine.cores} cores" for machine in machines)
     parts = [" and ".join(names)]
     if len(rounds):

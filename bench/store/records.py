@@ -68,19 +68,14 @@ class Session(Record, frozen=True, kw_only=True):
         finished: end time; empty if the session was killed.
         core: core on which solves were timed; None if none was reserved.
         busy_cores: mean number of other busy cores while the solves of each problem were timed.
-        machine: machine of the session; None for that of the run.
+        machine: machine of the session.
     """
 
     started: str
     finished: str = ""
-    machine: Machine | None = None
+    machine: Machine
     core: Count | None = None
     busy_cores: list[Number] = []
-
-    @property
-    def host(self) -> str:
-        """Name of the machine; empty if unknown."""
-        return "" if self.machine is None else self.machine.host
 
 
 class RunRecord(Record, frozen=True, kw_only=True):

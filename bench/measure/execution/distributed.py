@@ -109,7 +109,7 @@ class DistributedExecutor(RunExecutor):
         """Return the number of the session of a machine, and extend that session."""
         sessions = self._record.sessions
         for place, known in enumerate(sessions[self._n_before :], self._n_before):
-            if known.host == session.host:
+            if known.machine.host == session.machine.host:
                 busy = [*known.busy_cores, *session.busy_cores]
                 joined = replace(known, finished=session.finished, busy_cores=busy)
                 self._write_run(replace(self._record, sessions=[*sessions[:place], joined, *sessions[place + 1 :]]))

@@ -108,7 +108,9 @@ class LocalExecutor(RunExecutor):
         """Return whether no round of a problem was measured on another machine."""
         sessions = self._record.sessions
         used = {one.session for case in self._cases[name].values() for point in case.points for one in point.rounds}
-        return all(sessions[one].host in ("", self._session.host) for one in used if one < len(sessions))
+        return all(
+            sessions[one].machine.host in ("", self._session.machine.host) for one in used if one < len(sessions)
+        )
 
     def _discard_stale_cases(self) -> None:
         """Discard stale cases, and unfinished problems of another machine, as one machine must measure all solvers."""

@@ -115,7 +115,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     """Return tables of names and values: machines, versions, environment, protocol, sessions and plugins."""
     info, factor = frames.info, drift(frames)
     plan, limits = info.plan, info.plan.limits
-    machines = {one.host: one.machine for one in info.sessions if one.machine is not None} or {"": info.machine}
+    machines = {one.machine.host: one.machine for one in info.sessions} or {"": info.machine}
     is_single = len(machines) == 1
     tables: dict[str, dict[str, Any]] = {
         "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
@@ -132,7 +132,9 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "probes": "unknown" if np.isnan(factor) else f"90 % over 10 % quantile: {factor:.2f}",
     }
     tables["Sessions"] = {
-        one.started + ("" if is_single else f" on {one.host}"): f"to {one.finished}" if one.finished else "interrupted"
+        one.started + ("" if is_single else f" on {one.machine.host}"): f"to {one.finished}"
+        if one.finished
+        else "interrupted"
         for one in info.sessions
     }
     tables["Plugins"] = {f"{use.kind} {use.name}": f"{use.source} {use.sha256[:16]}".strip() for use in info.plugins}

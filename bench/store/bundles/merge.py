@@ -69,9 +69,8 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
     cases: dict[tuple[str, str], tuple[CaseRecord, Bundle]] = {}
     digests: dict[str, str] = {}
     for bundle in bundles:
-        own = [replace(one, machine=one.machine or bundle.run.machine) for one in bundle.run.sessions]
-        sessions += [one for one in own if one not in sessions]
-        places = [sessions.index(one) for one in own]
+        sessions += [one for one in bundle.run.sessions if one not in sessions]
+        places = [sessions.index(one) for one in bundle.run.sessions]
         for case in bundle.cases:
             if digests.setdefault(case.problem, case.digest) != case.digest:
                 raise BenchError(
@@ -121,7 +120,7 @@ def _require_one_machine(cases: Iterable[CaseRecord], sessions: Sequence[Session
     found: dict[str, str] = {}
     for case in cases:
         for index in sorted({one.session for point in case.points for one in point.rounds}):
-            host = sessions[index].host
+            host = sessions[index].machine.host
             if found.setdefault(case.problem, host) != host:
                 raise BenchError(
                     f"the solvers of {case.problem} were measured on different machines, {found[case.problem]} and "

@@ -43,10 +43,6 @@ OnCase = Callable[[int, int], None]
 """Called with the number of finished cases and of all cases."""
 
 
-def _ignore(done: int, total: int) -> None:
-    """Show no progress."""
-
-
 @dataclass
 class Rejudged:
     """Result of rejudging a bundle.
@@ -80,7 +76,7 @@ class _Disagreement(Exception):  # noqa: N818 - a finding, not an error of the p
     """A case that disagrees with the bundle; the text gives the reason."""
 
 
-def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _ignore) -> Rejudged:
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = lambda done, total: None) -> Rejudged:
     """Recompute the residuals of a bundle from its problems and impulses. None of its content is executed.
 
     Args:
@@ -93,7 +89,7 @@ def rejudge(file: os.PathLike[str] | str, on_case: OnCase = _ignore) -> Rejudged
     return rejudge_bundle(read_bundle(Path(file)), on_case)
 
 
-def rejudge_bundle(bundle: Bundle, on_case: OnCase = _ignore) -> Rejudged:
+def rejudge_bundle(bundle: Bundle, on_case: OnCase = lambda done, total: None) -> Rejudged:
     """Recompute the residuals of a bundle that has been read; see ``rejudge``."""
     found, known = Rejudged(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
     for done, case in enumerate(sorted(bundle.cases, key=lambda case: case.problem), 1):
@@ -126,9 +122,9 @@ def _judge_again(case: CaseRecord, problem: ContactProblem, found: Rejudged) -> 
         fault = _claim_fault(point, model)
         if fault:
             raise _Disagreement(f"at {point.tolerance:g}, {fault}")
-    finest = next((point for point in reversed(case.points) if point.measured is not None), None)
-    if finest is not None and finest.measured is not None:
-        _judge_point(finest.measured, problem, model, found)
+    finest = next((point.measured for point in reversed(case.points) if point.measured is not None), None)
+    if finest is not None:
+        _judge_point(finest, problem, model, found)
         found.n_judged += 1
 
 

@@ -131,7 +131,7 @@ def test_another_source_is_refused_or_mixed_and_marked(tmp_path_factory: pytest.
     mixed = resume(made, mix=True)
     assert mixed.is_finished
     assert any(warning.startswith("MIXED") and "numpy 1.0" in warning for warning in warnings(mixed))
-    assert len({session.machine.source for session in mixed.info.sessions if session.machine}) == 2
+    assert len({session.machine.source for session in mixed.info.sessions}) == 2
 
 
 def test_a_pass_or_seed_out_of_range_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:

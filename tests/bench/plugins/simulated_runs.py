@@ -1,7 +1,7 @@
 """Runs from a model of noise, without measuring: processes, rounds, disturbances and whole runs scatter."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits, PlanRecord
 from proxbench.bench.store.records import CaseRecord, Machine, Point, Round, RunRecord, Session
 from proxbench.bench.store.store import Store
+from proxbench.problems import ContactProblem
 from proxbench.problems.arrays import FloatArray
 from stored_cases import case_record, measured_in, timed_round
 
@@ -79,21 +80,33 @@ def simulated_cases(
     return cases
 
 
-def store_run(folder: Path, cases: list[CaseRecord], machine: Machine = MACHINE, **others: Any) -> Path:
-    """Write a run of these cases, with other fields of its record and its limits; return its folder."""
+def store_run(
+    folder: Path,
+    cases: list[CaseRecord],
+    machine: Machine = MACHINE,
+    problems: Sequence[ContactProblem] = (),
+    **others: Any,
+) -> Path:
+    """Write a run of these cases that carries some problems; return its folder.
+
+    ``others`` are fields of its record, its limits and its number of passes.
+    """
     tolerances = {point.tolerance for case in cases for point in case.points} or ACCURACIES
     plan = PlanRecord(
         problems=list(dict.fromkeys(case.problem for case in cases)),
         solvers=list(dict.fromkeys(case.solver for case in cases)),
         tolerances=sorted(tolerances, reverse=True),
         limits=others.pop("limits", Limits()),
-        passes=1,
+        passes=others.pop("passes", 1),
     )
     store = Store.create(folder)
     session = Session(started="2026-01-01", core=1, busy_cores=[0.0, 0.0], machine=machine)
-    others = {"plugins": [], "sessions": [session], **others}
+    carried = {problem.name: problem.digest for problem in problems}
+    others = {"plugins": [], "sessions": [session], "carried": carried, **others}
     record = RunRecord(run_id=folder.name, plan=plan, machine=machine, plugins=others["plugins"])
     store.write_run(msgspec.structs.replace(record, **others))
+    for problem in problems:
+        store.write_problem(problem)
     for case in cases:
         store.write_case(case)
     return folder

@@ -4,9 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from proxbench.bench.measure.points import quartiles, times_from_rounds
+from proxbench.bench.measure.contacts.answers import judge_answers
+from proxbench.bench.measure.points import keep_finest_impulses, quartiles, times_from_rounds
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Curve, Measured, Round
+from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, Round
+from proxbench.problems import ContactProblem
+from proxbench.solvers import Stop, create
 
 
 def timed_round(number: int, seconds: float, **others: Any) -> Round:
@@ -48,3 +51,34 @@ def case_record(**others: Any) -> CaseRecord:
         "points": [],
     }
     return CaseRecord(**{**plain, **others})
+
+
+def solved_case(
+    problem: ContactProblem, solver: str, tolerances: Sequence[float], passes: int = 2, session: int = 0
+) -> CaseRecord:
+    """Return a case that a solver solves here, with judged impulses and times that nobody measured."""
+    made, points = create(solver), list[Point]()
+    prepared = made.prepare(problem)
+    for tolerance in tolerances:
+        solution = prepared.solve(Stop(tolerance))
+        judged = judge_answers(problem, made.model, tolerance, solution.status, [solution.impulses])
+        measured = measured_in(
+            [timed_round(number, 1e-3 + 1e-5 * number, session=session) for number in range(passes)],
+            iterations=solution.iterations,
+            residual=judged.coulomb.residual,
+            model_residual=judged.own.residual,
+            verdict=judged.coulomb.numbers(),
+            impulses=judged.kept,
+            impulse_error=judged.impulse_error(problem),
+        )
+        status = solution.status.value
+        points.append(Point(tolerance=tolerance, outcome=judged.outcome, status=status, reason="", measured=measured))
+    return case_record(
+        problem=problem.name,
+        digest=problem.digest,
+        solver=made.name,
+        model=str(made.model),
+        n_rows=problem.n_rows,
+        n_contacts=problem.n_contacts,
+        points=keep_finest_impulses(points),
+    )

@@ -15,10 +15,11 @@ from proxbench.bench.measure.machine import SETTINGS, this_machine
 from proxbench.bench.report.charts.problems import problem_chart
 from proxbench.bench.report.charts.summary import time_chart
 from proxbench.bench.report.tables import print_tables, write_tables
-from proxbench.bench.store.condition import drift, other_software, steadiness, warnings
+from proxbench.bench.store.condition import drift, other_software, steadiness, unfinished, warnings
 from proxbench.bench.store.conversion import checksum
 from proxbench.bench.store.records import Session
 from rich.console import Console
+from simulated_runs import simulated_cases, store_run
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference.bundle"
 
@@ -33,7 +34,7 @@ def timed(run: Run, probes: tuple[float, float] = (1.0, 1.0), busy: float = 0.0,
     at = (run.rounds.index % 2).map(lambda odd: probes[odd])
     rounds = run.rounds.assign(probe_seconds=at, excluded=excluded)
     points = run.points.assign(is_excluded=bool(excluded))
-    session = Session(started="", core=1, busy_cores=[busy, busy])
+    session = Session(started="", core=1, busy_cores=[busy, busy], machine=run.info.machine)
     return dataclasses.replace(run, rounds=rounds, points=points, info=replace(run.info, sessions=[session]))
 
 
@@ -119,6 +120,16 @@ def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Ru
     assert sentence.startswith(
         f"UNFINISHED: {whole} of 15 cases are measured, {15 - whole} more in part; resume with: "
     )
+
+
+@pytest.mark.parametrize(("left", "n_named"), [(13, 3), (12, 3), (0, 0)])
+def test_few_missing_cases_are_named_beside_known_ones(left: int, n_named: int, tmp_path: Path) -> None:
+    run = load(store_run(tmp_path / "run", simulated_cases(0, solvers=("A", "B"))))
+    (sentence,) = unfinished(dataclasses.replace(run, cases=run.cases.iloc[:left]))
+    assert sentence.startswith(f"UNFINISHED: {left} of 16 cases are measured")
+    missing = [f"{case.solver} on {case.problem}" for case in run.cases.iloc[left:].itertuples()]
+    assert [name for name in missing if name in sentence] == missing[:n_named]
+    assert (" and 1 more" in sentence) is (left == 12)
 
 
 @pytest.mark.slow

@@ -4,9 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench import Run, bundle, run
+from proxbench.bench import Run, bundle
+from proxbench.bench import load as load_run
 from proxbench.bench.store.bundles.bundle import Bundle, read_bundle
 from proxbench.problems import ContactProblem, load
+from proxbench.problems.contact.judge import JUDGE
+from simulated_runs import store_run
+from stored_cases import solved_case
+
+SOLVERS = ("NSGS", "SORprox", "ClarabelSOCP", "Lemke")
+TOLERANCES = (1e-2, 1e-5)
 
 
 def sliding() -> ContactProblem:
@@ -19,14 +26,10 @@ def sliding() -> ContactProblem:
 @pytest.fixture(scope="package")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """The run."""
-    return run(
-        [sliding(), load("funnel-30"), load("hard-groove")],
-        ["NSGS", "SORprox", "ClarabelSOCP", "Lemke"],
-        results=tmp_path_factory.mktemp("results"),
-        run_id="it",
-        tolerances=[1e-2, 1e-5],
-        passes=2,
-    )
+    problems = (sliding(), load("funnel-30"), load("hard-groove"))
+    cases = [solved_case(problem, solver, TOLERANCES) for problem in problems for solver in SOLVERS]
+    folder = tmp_path_factory.mktemp("results") / "it"
+    return load_run(store_run(folder, cases, problems=problems[:1], passes=2, judge=JUDGE))
 
 
 @pytest.fixture(scope="package")

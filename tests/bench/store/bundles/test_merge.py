@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from proxbench.bench import Run, bundle, load, merge, run
+from proxbench.bench import Run, bundle, load, merge
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store.bundles.bundle import Bundle, bundle_of_run, write_bundle
 from proxbench.bench.store.condition import drift, hosts, mixtures, warnings
 from proxbench.bench.store.records import CaseRecord
-
-pytestmark = pytest.mark.slow
+from proxbench.problems import load as load_problem
+from stored_cases import solved_case
 
 
 def part(packed: Bundle, path: Path, problems: list[str], host: str = "", **plan: Any) -> Path:
@@ -82,7 +82,7 @@ def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: li
     assert mixtures(whole) == []
     (said,) = [sentence for sentence in warnings(whole) if sentence.startswith("MACHINES")]
     assert "one: 2 problems, two: 1 problems" in said
-    of_host = whole.rounds["session"].map(lambda number: whole.info.sessions[number].host)
+    of_host = whole.rounds["session"].map(lambda number: whole.info.sessions[number].machine.host)
     probes = of_host.map({"one": 1e-4, "two": 5e-4})
     assert drift(dataclasses.replace(whole, rounds=whole.rounds.assign(probe_seconds=probes))) == pytest.approx(1.0)
 
@@ -90,7 +90,6 @@ def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: li
 def test_other_versions_and_another_machine_for_one_problem_are_a_mixture(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     first, second = whole.info.sessions
-    assert second.machine is not None
     newer = replace(second, machine=replace(second.machine, versions={**second.machine.versions, "numpy": "99"}))
     info = replace(whole.info, sessions=[first, newer])
     assert [said.split()[0] for said in mixtures(dataclasses.replace(whole, info=info))] == ["numpy"]
@@ -118,7 +117,7 @@ def test_solvers_of_one_problem_from_two_machines_are_not_put_together(honest: B
 def test_a_finished_case_counts_before_an_unfinished_one_and_two_are_a_contradiction(
     honest: Bundle, tmp_path: Path
 ) -> None:
-    begun = [_begun(case, tmp_path) for case in honest.cases if (case.problem, case.solver) == ("funnel-30", "NSGS")]
+    begun = [solved_case(load_problem("funnel-30"), "NSGS", honest.run.plan.tolerances[:1])]
     names = honest.run.plan.problems
     unfinished = part(dataclasses.replace(honest, cases=begun), tmp_path / "begun.bundle", names)
     whole = part(honest, tmp_path / "whole.bundle", names)
@@ -129,14 +128,6 @@ def test_a_finished_case_counts_before_an_unfinished_one_and_two_are_a_contradic
     other = part(dataclasses.replace(honest, cases=slower), tmp_path / "slower.bundle", names)
     with pytest.raises(BenchError, match=r"was measured in .* and again in .*; leave one of them out"):
         merge([whole, other], tmp_path, "two")
-
-
-def _begun(case: CaseRecord, folder: Path) -> CaseRecord:
-    """Return a case as it was after its first point."""
-    first = [case.points[0].tolerance]
-    made = run(case.problem, case.solver, results=folder, run_id="begun", tolerances=first, passes=2)
-    (begun,) = bundle_of_run(made.folder).cases
-    return begun
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,6 @@ from proxbench.bench.store.records import CaseRecord, Measured, Point
 from proxbench.problems import ContactProblem
 from proxbench.problems.contact.model import Model
 
-pytestmark = pytest.mark.slow
-
 Attack = Callable[[Bundle, CaseRecord], CaseRecord]
 
 

@@ -28,9 +28,9 @@ RUN = RunRecord(
 )
 
 
-def bundle_that_says(judged: np.ndarray, sent: np.ndarray) -> Bundle:
+def bundle_that_says(judged: np.ndarray, sent: np.ndarray, problem: ContactProblem = PROBLEM) -> Bundle:
     """Return a bundle with some impulses, and with what the judge finds in others."""
-    verdict = judge(PROBLEM, judged)
+    verdict = judge(problem, judged)
     measured = measured_in(
         [timed_round(0, 1.0)],
         residual=verdict.residual,
@@ -39,8 +39,9 @@ def bundle_that_says(judged: np.ndarray, sent: np.ndarray) -> Bundle:
         impulses=[replace(Impulses.of(judged, verdict, verdict), packed=Impulses.of(sent, verdict, verdict).packed)],
     )
     point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
-    case: CaseRecord = case_record(problem="stuck", digest=PROBLEM.digest, points=[point])
-    return Bundle(Path("run.bundle"), RUN, [case], {"stuck": PROBLEM})
+    sizes = {"n_rows": problem.n_rows, "n_contacts": problem.n_contacts}
+    case: CaseRecord = case_record(problem="stuck", digest=problem.digest, points=[point], **sizes)
+    return Bundle(Path("run.bundle"), RUN, [case], {"stuck": problem})
 
 
 def test_a_residual_of_rounding_agrees_with_another_one() -> None:
@@ -50,6 +51,26 @@ def test_a_residual_of_rounding_agrees_with_another_one() -> None:
     found = rejudge_bundle(bundle_that_says(other, SOLUTION))
     assert found.disagreements == []
     assert (found.n_residuals, found.n_identical) == (2, 0)
+
+
+def test_rounding_of_terms_that_cancel_agrees_however_small_their_sum_is() -> None:
+    """In a ring of contacts (G Λ)_i = Λ_i - (1/2 - δ) (Λ_{i-1} + Λ_{i+1}) is 2 δ where all Λ_i are 1."""
+    count, small = 8, 1e-6
+    neighbour = np.roll(np.eye(count), 1, axis=0)
+    delassus = np.eye(count) - (0.5 - small) * (neighbour + neighbour.T)
+    ring = ContactProblem.from_delassus(delassus, np.full(count, -2.0 * small), dim=1, name="stuck")
+    impulses = np.ones(count)
+    other = impulses * (1.0 + 0.5 * ROUNDING * (-1.0) ** np.arange(count))
+    assert judge(ring, other).residual > 1e5 * ROUNDING
+    found = rejudge_bundle(bundle_that_says(other, impulses, ring))
+    assert found.disagreements == []
+    assert found.n_identical == 0
+
+
+def test_a_case_that_measured_nothing_has_nothing_to_judge() -> None:
+    crashed = case_record(problem="stuck", digest=PROBLEM.digest, outcome=Outcome.CRASHED, points=[])
+    found = rejudge_bundle(Bundle(Path("run.bundle"), RUN, [crashed], {"stuck": PROBLEM}))
+    assert (found.n_cases, found.n_judged, found.disagreements) == (1, 0, [])
 
 
 @pytest.mark.parametrize("part", [1e-9, 1e-6])
