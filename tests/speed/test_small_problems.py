@@ -3,11 +3,13 @@
 Each round has a problem of its own, so that nothing is assembled before the clock runs. Making it is timed apart.
 """
 
+import os
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from contestants import TOLERANCE
+from proxbench import solve_many
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Solution, Status, Stop, create
 
@@ -49,6 +51,18 @@ def test_solving(benchmark: Any, entry: str, name: str, form: str) -> None:
     solution = benchmark.pedantic(solve, setup=lambda: ((make(),), {}), rounds=ROUNDS, warmup_rounds=5)
     assert solution.status is Status.SOLVED
     benchmark.extra_info["iterations"] = solution.iterations
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("form", ["delassus", "factors"])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_solving_a_thousand_in_one_call(benchmark: Any, name: str, form: str, threads: int) -> None:
+    if threads > len(os.sched_getaffinity(0)):
+        pytest.skip("this process has one core")
+    make = maker(name, form)
+    problems = [make() for _ in range(1000)]
+    many = benchmark.pedantic(solve_many, (problems, TOLERANCE), {"threads": threads}, rounds=10, warmup_rounds=1)
+    assert many.residuals.max() <= TOLERANCE
 
 
 @pytest.mark.parametrize("form", ["sparse", "dense"])

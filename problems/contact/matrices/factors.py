@@ -203,7 +203,9 @@ class Factors:
             values = directions.data * inverse.root_diagonal[directions.indices]
             return with_entries(directions, values, directions.indices, directions.indptr)
         root = inverse.root.indptr, inverse.root.indices, inverse.root.data
-        return with_entries(directions, *_scale(*root, directions.indptr, directions.indices, directions.data))
+        entries = _scale(*root, directions.indptr, directions.indices, directions.data)
+        read_only(*entries)
+        return with_entries(directions, *entries)
 
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""

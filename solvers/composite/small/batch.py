@@ -131,15 +131,12 @@ def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: 
     coupling, stuck, scale, starts, lanes, store = prepared
     if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:
         return NOT_SOLVED, 0
+    between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free))) if coupling == COUPLED else 1
+    arguments = (starts, lanes, store, scale, free, *laws, tolerance, max_iterations, between_checks, impulses)
     if coupling == COUPLED:
-        between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free)))
-        is_solved, count = sweep_coupled(
-            starts, lanes, store, scale, free, *laws, tolerance, max_iterations, between_checks, impulses
-        )
+        is_solved, count = sweep_coupled(*arguments)
     else:
-        is_solved, count = sweep_uncoupled(
-            starts, lanes, store, scale, free, *laws, tolerance, max_iterations, 1, impulses
-        )
+        is_solved, count = sweep_uncoupled(*arguments)
     return (coupling if is_solved else NOT_SOLVED), count
 
 

@@ -16,6 +16,7 @@ from ....problems.arrays import FloatArray
 from ....problems.compilation import DeferredKernels
 from ....problems.contact.blocks import BlockLayout
 from ....problems.contact.laws import Laws
+from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
@@ -90,12 +91,11 @@ class PreparedSmall:
         prepare_by_parts: Callable[[ContactProblem], Prepared],
     ) -> None:
         self.problem, self._arguments = problem, arguments
-        self._kernel, self._message = sweep_uncoupled, UNCOUPLED_MESSAGE
-        sweeps: Any = UNCOUPLED_SWEEPS
-        if is_coupled:
-            self._kernel, self._message, sweeps = sweep_coupled, COUPLED_MESSAGE, SAFEGUARDED_SWEEPS
-        self._min_sweeps = sweeps_between_checks(problem, sweeps)
-        self._prepare_by_parts, self._by_parts = prepare_by_parts, None
+        self._kernel: Callable[..., tuple[bool, int]] = sweep_coupled if is_coupled else sweep_uncoupled
+        self._message = COUPLED_MESSAGE if is_coupled else UNCOUPLED_MESSAGE
+        self._min_sweeps = sweeps_between_checks(problem, SAFEGUARDED_SWEEPS if is_coupled else UNCOUPLED_SWEEPS)
+        self._prepare_by_parts = prepare_by_parts
+        self._by_parts: Prepared | None = None
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep; where anything is unusual, solve by the parts of ``Robust``; see ``Prepared.solve``."""
@@ -130,9 +130,12 @@ def _prepare(problem: ContactProblem, free: FloatArray, laws: tuple[Any, ...]) -
     if matrix is not None:
         return prepare_over_matrix(matrix.indptr, matrix.indices, matrix.data, free, *laws)
     assert factors is not None
-    if factors.has_plain_columns:
-        columns: Any = factors.directions
-        root = factors.inverse_mass.root_diagonal
+    columns = factors.directions
+    if not isinstance(columns, Pieces):
+        if factors.inverse_mass.is_diagonal:
+            root = factors.inverse_mass.root_diagonal
+        else:
+            root, columns = np.ones(factors.n_dofs), factors.scaled_directions
         return prepare_over_columns(columns.indptr, columns.indices, columns.data, root, free, *laws)
     pieces = problem.factor_pieces()
     return prepare_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, free, *laws)
