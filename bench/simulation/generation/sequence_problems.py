@@ -21,10 +21,10 @@ from ....problems.motion.state import State
 from ....problems.motion.stepping.midpoint import MidpointRule
 from ....solvers.registry import create
 
-APPROACH_STOP = Stop(tolerance=1e-4, max_iterations=2000, max_seconds=5.0)
+APPROACH_STOP = Stop(tolerance=1e-4, max_iterations=2000, max_seconds=600.0)
 """Solver limits of the motion before a sequence."""
 
-STEP_STOP = Stop(tolerance=1e-10, max_iterations=200_000, max_seconds=60.0)
+STEP_STOP = Stop(tolerance=1e-10, max_iterations=200_000, max_seconds=600.0)
 """Solver limits of the steps of a sequence."""
 
 
