@@ -133,24 +133,31 @@ def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: i
 
 
 @njit(cache=True)
-def _components_over_balls(chunks, n_balls, partner):  # type: ignore[no-untyped-def]
-    """Return the component of each contact of balls; its rows have entries for all velocities of its balls."""
-    starts, bodies, count = np.zeros(len(partner) + 1, dtype=np.int64), np.empty(len(chunks), dtype=np.int64), 0
-    for contact in range(len(partner)):
-        for p in (2 * contact, 2 * contact + 1):
-            if chunks[p] < n_balls:
-                bodies[count] = chunks[p]
-                count += 1
-        starts[contact + 1] = count
-    return _components(partner, n_balls, starts, bodies, np.arange(len(partner)))
-
-
-@njit(cache=True)
 def _root_of(root, contact):  # type: ignore[no-untyped-def]
     while root[contact] != contact:
         root[contact] = root[root[contact]]
         contact = root[contact]
     return contact
+
+
+@njit(cache=True)
+def _components_over_balls(chunks, n_balls, partner):  # type: ignore[no-untyped-def]
+    """Return the component of each contact of balls: its rows have entries for all velocities of its balls."""
+    root, number = np.arange(n_balls), np.full(n_balls, -1)
+    for contact in range(len(partner)):
+        first = _root_of(root, chunks[2 * contact])
+        for ball in (chunks[2 * contact + 1], chunks[2 * partner[contact]]):
+            if ball < n_balls:
+                other = _root_of(root, ball)
+                root[max(first, other)] = first = min(first, other)
+    component, count = np.empty(len(partner), dtype=np.int64), 0
+    for contact in range(len(partner)):
+        own = _root_of(root, chunks[2 * contact])
+        if number[own] < 0:
+            number[own] = count
+            count += 1
+        component[contact] = number[own]
+    return component
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..iteration.method import Method, check_form, check_option
-from ..sweeps.ball_batches import BallSweep
+from ..sweeps.batches.balls import BallSweep
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.factors import FactorSweep
 from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, row_sums_of_factors, step_sizes

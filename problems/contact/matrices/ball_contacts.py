@@ -46,12 +46,12 @@ class DeferredPieces(Pieces):
         raise NotImplementedError
 
     @cached_property
-    def starts(self) -> IntArray:  # type: ignore[override]
+    def starts(self) -> IntArray:
         """First piece of each block, shape (n_blocks + 1,)."""
         return 2 * np.arange(self.n_blocks + 1)
 
     @cached_property
-    def values(self) -> FloatArray:  # type: ignore[override]
+    def values(self) -> FloatArray:
         """The pieces, transposed, shape (n_pieces, width, length)."""
         return self._compute()
 
@@ -71,7 +71,7 @@ class DeferredPieces(Pieces):
         return self._shape[1]
 
     @property
-    def in_pairs(self) -> bool:  # type: ignore[override]
+    def in_pairs(self) -> bool:
         """Whether every block has exactly two pieces."""
         return True
 
@@ -253,18 +253,20 @@ def _write_free_velocity(chunks, normals, radii, free, velocity, restitution, pr
 
 @njit(cache=True)
 def _write_diagonal(chunks, normals, radii, inverse, diagonal):  # type: ignore[no-untyped-def]
-    rows = np.empty((3, 3))
     for c in range(len(normals)):
-        write_frame((normals[c, 0], normals[c, 1], normals[c, 2]), 3, rows)
-        for lane in range(3):
-            across, total = 3 - lane, 0.0  # n × T1 = T2 and n × T2 = −T1
-            for side in range(2):
-                ball = chunks[2 * c + side]
-                if ball == len(radii):
-                    continue
-                for axis in range(3):
-                    total += inverse[6 * ball + axis] * rows[lane, axis] * rows[lane, axis]
-                    if lane > 0:
-                        arm = radii[ball] * rows[across, axis]
-                        total += inverse[6 * ball + 3 + axis] * arm * arm
-            diagonal[3 * c + lane] = total
+        x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
+        (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
+        normal, first, second = 0.0, 0.0, 0.0
+        for side in range(2):
+            ball = chunks[2 * c + side]
+            if ball == len(radii):
+                continue
+            at, square = 6 * ball, radii[ball] * radii[ball]
+            light_x, light_y, light_z = inverse[at], inverse[at + 1], inverse[at + 2]
+            turn_x, turn_y, turn_z = square * inverse[at + 3], square * inverse[at + 4], square * inverse[at + 5]
+            normal += light_x * x * x + light_y * y * y + light_z * z * z
+            first += light_x * t1x * t1x + light_y * t1y * t1y + light_z * t1z * t1z
+            first += turn_x * t2x * t2x + turn_y * t2y * t2y + turn_z * t2z * t2z  # n × T1 = T2
+            second += light_x * t2x * t2x + light_y * t2y * t2y + light_z * t2z * t2z
+            second += turn_x * t1x * t1x + turn_y * t1y * t1y + turn_z * t1z * t1z
+        diagonal[3 * c], diagonal[3 * c + 1], diagonal[3 * c + 2] = normal, first, second

@@ -1,6 +1,6 @@
 """Sweeps over contacts of balls in batches, from records of a normal.
 
-The iterates are those of ``batches``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
+The iterates are those of ``pieces``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
 its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). A sweep updates v and τ with
 σ = κτ,
 
@@ -15,16 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.answer import ratio
-from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.matrices.ball_contacts import BallContacts
-from ...problems.contact.matrices.contact_frame import tangents
-from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import Residual, outside_disc
-from ..iteration.loop import SinglePassIterates
-from ..iteration.momentum import MomentumState
-from .batches import LANES, MIN_FILL, assign_batches
+from ....problems.arrays import FloatArray, IntArray
+from ....problems.contact.answer import ratio
+from ....problems.contact.blocks import BlockLayout
+from ....problems.contact.matrices.ball_contacts import BallContacts
+from ....problems.contact.matrices.contact_frame import tangents
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.residual import Residual, outside_disc
+from ...iteration.loop import SinglePassIterates
+from ...iteration.momentum import MomentumState
+from .pieces import LANES, MIN_FILL, assign_batches
 
 NUMBERS = 11
 """Numbers of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
@@ -238,7 +238,7 @@ def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untype
 def sweep_balls(  # type: ignore[no-untyped-def]
     count, bodies, records, share, held, moved, change, before, momentum, present
 ):
-    """Do ``count`` sweeps on Λ, ``held``, and v and τ, ``moved``; other arguments as in ``batches.sweep_batches``."""
+    """Do ``count`` sweeps on Λ, ``held``, and v and τ, ``moved``; other arguments as in ``pieces.sweep_batches``."""
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
     n_batches = uint64(len(bodies)) // (two * lanes)
     own, others, turn = np.empty(six * lanes), np.empty(six * lanes), np.empty(lanes)

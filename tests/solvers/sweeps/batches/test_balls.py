@@ -15,7 +15,7 @@ from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Stop, create
 from proxbench.solvers.iteration.loop import impulses_and_residual
-from proxbench.solvers.sweeps.ball_batches import BallIterates, BallSweep
+from proxbench.solvers.sweeps.batches.balls import BallIterates, BallSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit, uint64
 
-from ...problems.arrays import FloatArray, IntArray
-from ...problems.contact.matrices.pieces import Pieces
+from ....problems.arrays import FloatArray, IntArray
+from ....problems.contact.matrices.pieces import Pieces
 
 LANES = 16
 """Contacts in a batch: the smallest number for which compilers vectorise a loop of known length."""

@@ -1,0 +1,1 @@
+"""Sweeps over contacts in batches that the vector units of the processor update simultaneously."""
