@@ -227,6 +227,15 @@ def test_a_slip_that_draws_its_contact_in_is_an_error() -> None:
         simulate(rod, State(0.0, np.zeros(2), sliding), 1.0)
 
 
+@pytest.mark.parametrize("gap", [5e-7, -5e-7])
+def test_a_start_that_touches_up_to_rounding_is_put_onto_its_contact_and_stays_there(gap: float) -> None:
+    block = BlockOnIncline(slope=0.3, friction=0.5, speed=1.0)
+    motion = simulate(block.system(), State(0.0, np.array([0.0, gap]), np.array([1.0, 0.0])), 0.1)
+    for time in (0.0, 0.05, 0.1):
+        assert motion.at(time).position[1] == pytest.approx(0.0, abs=1e-15)
+    assert motion.at(0.0).position[0] == 0.0
+
+
 def test_a_start_in_penetration_is_named() -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=r"contact 0 is 1\.00e-03 m deep"):
