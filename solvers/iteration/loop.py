@@ -1,6 +1,5 @@
 """The loop that all projected iterations share: sweep, check the judge's residual, stop or continue."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
@@ -35,12 +34,12 @@ class Iterates(Protocol):
         ...
 
 
-class SinglePassIterates(ABC):
+class SinglePassIterates:
     """Base class of iterates that measure their residual in one pass, without an array of relative velocities."""
 
-    @abstractmethod
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows, a fresh array of shape (n_rows,), and its residual."""
+        raise NotImplementedError
 
 
 def impulses_and_residual(iterates: Iterates, residual: Residual) -> tuple[FloatArray, float]:
