@@ -31,13 +31,13 @@ def components(problem: ContactProblem) -> IntArray:
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
     found: IntArray
+    balls = None if problem.factors is None else problem.factors.directions
     if problem.factors is None:
         matrix = problem.delassus()
         pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
         found = components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
-    elif isinstance(problem.factors.directions, BallContacts) and problem.factors.inverse_mass.is_diagonal:
-        contacts = problem.factors.directions
-        found = _components_over_balls(contacts.chunks, contacts.n_chunks, layout.partner)
+    elif isinstance(balls, BallContacts) and layout.n_blocks == balls.n_blocks:
+        found = _components_over_balls(balls.chunks, balls.n_chunks, layout.partner)
     else:
         pieces = problem.factor_pieces()
         found = components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)

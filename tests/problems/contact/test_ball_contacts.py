@@ -79,3 +79,13 @@ def test_normals_are_the_first_lanes_of_the_pieces(seed: int, n_contacts: int, n
     normals = BallNormals(contacts.chunks, contacts.normals, n_balls, 6)
     assert np.array_equal(normals.to_csc().toarray(), contacts.to_csc().toarray()[:, ::3])
     assert np.array_equal(normals.copy().values, normals.values)
+
+
+def test_rows_of_balls_that_are_laws_of_their_own_are_blocks_of_their_own() -> None:
+    """Three unilateral laws in place of a contact with friction: W has the same columns, in pieces of one lane."""
+    contacts, rng = contacts_of_balls(4, 12, 8), np.random.default_rng(4)
+    inverse, c, laws = InverseMass.create(rng.uniform(0.5, 2.0, 48)), rng.normal(size=36), Laws.contacts(0.0, 1, 36)
+    first = ContactProblem(c, laws, factors=Factors(contacts, inverse))
+    second = ContactProblem(c, laws, factors=Factors.create(contacts.to_csc(), inverse))
+    assert np.array_equal(components(first), components(second))
+    assert first.delassus_diagonal == pytest.approx(second.delassus_diagonal, rel=1e-12)
