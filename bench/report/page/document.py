@@ -253,7 +253,7 @@ def _points(frames: RunFrames) -> dict[str, list[Any]]:
 def _starts(frames: RunFrames) -> list[dict[str, Any]]:
     """Return the rows of ``starts_table``, with four digits."""
     return [
-        {name: value if isinstance(value, str) else _numbers([value], 4)[0] for name, value in row.items()}
+        {str(name): value if isinstance(value, str) else _numbers([value], 4)[0] for name, value in row.items()}
         for row in starts_table(frames).to_dict("records")
     ]
 

@@ -181,8 +181,8 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
         yield from _funnel_problems(scene, stop, mixed, members)
     if pecks:
         yield from _woodpecker_problems(pecks)
-    for name, members in sequences.items():
-        yield from (problem for problem in sequence_problems(name) if problem.name in members)
+    for name, steps in sequences.items():
+        yield from (problem for problem in sequence_problems(name) if problem.name in steps)
 
 
 def _solver() -> Any:

@@ -252,7 +252,7 @@ def test_a_round_is_asked_for_at_its_tolerance_within_the_limits(monkeypatch: py
     process = Scripted(answered(SOLUTION))
     begun(monkeypatch, process).measure(1e-4, 0)
     (arguments,) = (arguments for request, arguments in process.asked if request == "round")
-    assert arguments == (Stop(1e-4, Limits().max_iterations, Limits().solve_seconds), case_module.ROUND_SECONDS)
+    assert arguments == (Stop(1e-4, Limits().max_iterations, Limits().solve_seconds), case_module.ROUND_SECONDS, None)
 
 
 @pytest.mark.parametrize(("waited", "outcome"), [(0.0, Outcome.MISBEHAVED), (10.0, Outcome.MEASURED)])
@@ -342,7 +342,7 @@ class Controlled:
         self.warm_up, self.core = b"", None
         self.firsts, self.copied = list[float](), list[float]()
 
-    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
+    def first_solves(self, stop: Stop, seconds: float, again: Callable[[], float], start: None) -> list[ControlSolve]:
         self.firsts.append(stop.tolerance)
         return [self._first(stop)]
 
