@@ -79,6 +79,9 @@ def form_fault(solver: Any) -> str | None:
         return _missing("model", model, "the model that it solves", "Model.COULOMB")
     if not isinstance(getattr(solver, "has_iterates", True), bool):
         return f"its has_iterates is {_with_article(solver.has_iterates)}; it must be True or False"
+    threads = getattr(solver, "threads", 1)
+    if type(threads) is not int or threads < 1:
+        return f"its threads is {threads!r:.60}; it must be a whole number from 1 on"
     for method, wanted in _METHODS.items():
         fault = _method_fault(solver, method, wanted, lambda signature: signature.bind(None))
         if fault:

@@ -21,6 +21,7 @@ BUILT_IN = {
     "Jprox": "prox.jorprox",
     "JORprox": "prox.jorprox",
     "SORprox": "prox.sorprox",
+    "ColouredSORprox": "prox.coloured_sorprox",
     "SafeguardedSORprox": "prox.safeguarded_sorprox",
     "NesterovSORprox": "prox.accelerated_sorprox",
     "AndersonSORprox": "prox.accelerated_sorprox",

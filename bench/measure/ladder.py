@@ -109,11 +109,16 @@ class LadderCase(ABC, Generic[Answer]):
     def identity(self) -> dict[str, Any]:
         """Return the fields of the record that identify problem and solver."""
 
+    @property
+    def threads(self) -> int:
+        """Number of threads in which the subject of the case computes."""
+        return 1
+
     def occupy(self, core: MeasuringCore) -> None:
-        """Pin the process to a core from now on."""
+        """Pin the process to a core from now on, and to another one for each further thread."""
         self.core = core
         if self._worker is not None:
-            core.pin(self._worker.process)
+            core.pin(self._worker.process, self.threads)
 
     def is_open(self, level: int) -> bool:
         """Return whether a level can be measured: the process is alive, and no coarser point ends the ladder."""
@@ -206,7 +211,8 @@ class LadderCase(ABC, Generic[Answer]):
             return None
         try:
             timed = kind.read(found[0], time.monotonic() - began)
-            if not self.core.holds(process) or (self.core.number is not None and timed.exceeds_one_core):
+            exceeds = self.core.number is not None and timed.exceeds(self.threads)
+            if exceeds or not self.core.holds(process, self.threads):
                 raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
         except Fault as fault:
             self._fail(fault)

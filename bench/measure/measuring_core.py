@@ -10,6 +10,9 @@ show whether other programs disturbed a round of solves:
 * the load of the *other* cores, which are idle if only this run works.
 
 A disturbed round is excluded and measured again. Measured times are never corrected.
+
+A solver with several threads is pinned to this core and to as many others as its further threads need. These are not
+claimed, so that two such runs on one machine disturb each other.
 """
 
 import contextlib
@@ -53,11 +56,13 @@ class MeasuringCore:
     Attributes:
         number: number of the core; None if the system has no affinity, or other runs have claimed every core.
         probes: wall times of all probes [s].
+        allowed: numbers of the cores that this process may use.
         busy_cores: mean number of other busy cores while this one was last occupied.
     """
 
     number: int | None
     probes: list[float] = field(default_factory=list)
+    allowed: frozenset[int] = frozenset()
     busy_cores: float = 0.0
     _claim: socket.socket | None = None
     _numbers: np.ndarray[tuple[int], np.dtype[np.float64]] = field(default_factory=lambda: np.ones(PROBE_NUMBERS))
@@ -65,10 +70,11 @@ class MeasuringCore:
     @staticmethod
     def claim() -> "MeasuringCore":
         """Claim the highest core that this process may use and no other run has claimed."""
-        for number in sorted(_allowed_cores(), reverse=True):
+        allowed = frozenset(_allowed_cores())
+        for number in sorted(allowed, reverse=True):
             claim = _claim(number)
             if claim is not None:
-                return MeasuringCore(number, _claim=claim)
+                return MeasuringCore(number, allowed=allowed, _claim=claim)
         return MeasuringCore(None)
 
     def release(self) -> None:
@@ -93,23 +99,30 @@ class MeasuringCore:
             if self.number is not None:
                 os.sched_setaffinity(0, before)
 
-    def pin(self, process: int) -> None:
-        """Pin all threads of a process and its descendants to the core; again, as long as others started meanwhile."""
+    def cores(self, count: int) -> set[int]:
+        """Return the core, and the highest other cores that this process may use, up to ``count`` in all."""
+        others = sorted(self.allowed - {self.number}, reverse=True)[: count - 1]
+        return set(others) if self.number is None else {self.number, *others}
+
+    def pin(self, process: int, count: int = 1) -> None:
+        """Pin all threads of a process and its descendants to ``count`` cores; again, as long as others start."""
         if self.number is None:
             return
+        cores = self.cores(count)
         for _ in range(MAX_PINNING):
             for thread in [thread for one in (process, *descendants(process)) for thread in threads(one)]:
                 with contextlib.suppress(OSError):  # a thread that has ended
-                    os.sched_setaffinity(thread, {self.number})
-            if self.holds(process):
+                    os.sched_setaffinity(thread, cores)
+            if self.holds(process, count):
                 return
 
-    def holds(self, process: int) -> bool:
-        """Return whether all threads of a process are still pinned to the core."""
+    def holds(self, process: int, count: int = 1) -> bool:
+        """Return whether all threads of a process are still pinned to ``count`` cores."""
         if self.number is None:
             return True
+        cores = self.cores(count)
         try:
-            return all(os.sched_getaffinity(thread) == {self.number} for thread in threads(process))
+            return all(os.sched_getaffinity(thread) == cores for thread in threads(process))
         except OSError:
             return True
 

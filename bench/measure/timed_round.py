@@ -9,6 +9,8 @@ seconds that the system counts as ready but not running,
 
 and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If the system does not count w, it is 0.
 
+Of a solver with several threads, w is that of its main thread, and P exceeds T.
+
 The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """
 
@@ -38,7 +40,7 @@ CLOCK_SECONDS = 5e-6
 """Processor time of a solve between the readings of both clocks [s]."""
 
 PARALLEL_SECONDS = 1e-3
-"""Further processor time by which a round may exceed its wall time [s]."""
+"""Further processor time of each core by which a round may exceed its wall time [s]."""
 
 
 Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]
@@ -115,11 +117,10 @@ class TimedRound(Struct, frozen=True):
         lost = waited if may_have_slept else max(missing, waited)
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
 
-    @property
-    def exceeds_one_core(self) -> bool:
-        """Whether its processor time exceeds that of one core."""
-        allowed = PARALLEL_SECONDS + CLOCK_SECONDS * self.n_readings
-        return sum(self.processor) - (1.0 + TOLERATED_SHARE) * float(self.totals.sum()) > allowed
+    def exceeds(self, cores: int) -> bool:
+        """Return whether its processor time exceeds that of as many cores."""
+        allowed = cores * (PARALLEL_SECONDS + CLOCK_SECONDS * self.n_readings)
+        return sum(self.processor) - cores * (1.0 + TOLERATED_SHARE) * float(self.totals.sum()) > allowed
 
     def record(self, session: int, number: int, turn: int, probe: float, is_steady: bool) -> Round:
         """Return the record of the round.

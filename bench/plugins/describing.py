@@ -12,7 +12,14 @@ import cloudpickle
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import Solver, SolverError, draws_randomly, shows_iterates, starts_from_last_answer
+from ...problems.contact.solver import (
+    Solver,
+    SolverError,
+    draws_randomly,
+    shows_iterates,
+    starts_from_last_answer,
+    threads_of,
+)
 from ...problems.errors import PluginError, ProxbenchError, first_line
 from ...problems.exchange.catalog import load, plugin_problems
 from ...problems.exchange.files.problem_file import problem_bytes, read_problem
@@ -116,8 +123,17 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
         raise error(f"{what} calls itself {answer['name']!r:.200}; its name must always be the one that creates it.")
     model, source = Model.from_text(answer["model"]), answer["source"]
     files = use_native_files(answer["name"], answer["native"])
-    is_random, is_warm = answer["random"], answer["warm"]
-    return SolverSpec(answer["name"], model, answer["shows"], source, pickled, is_random, files, is_warm)
+    return SolverSpec(
+        answer["name"],
+        model,
+        answer["shows"],
+        source,
+        pickled,
+        is_randomised=answer["random"],
+        threads=int(answer["threads"]),
+        files=files,
+        starts_warm=answer["warm"],
+    )
 
 
 def require_own_name(solver: Solver) -> None:
@@ -221,6 +237,7 @@ def _solver_description(solver: Solver, source: str, options: list[str], native:
         "shows": shows_iterates(solver),
         "random": draws_randomly(solver),
         "warm": starts_from_last_answer(solver),
+        "threads": threads_of(solver),
         "source": source,
         "options": options,
         "native": native,

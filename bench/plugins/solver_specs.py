@@ -11,7 +11,7 @@ from typing import Any
 import cloudpickle
 
 from ...problems.contact.model import Model
-from ...problems.contact.solver import Solver, draws_randomly, shows_iterates, starts_from_last_answer
+from ...problems.contact.solver import Solver, draws_randomly, shows_iterates, starts_from_last_answer, threads_of
 from ...solvers import registry
 from ...solvers.composite.warm import warm_name
 from ...solvers.native.executable import Executable
@@ -31,6 +31,7 @@ class SolverSpec:
         source: its plugin, for messages; empty for a built-in solver and for an object.
         carried: a pickled object of the caller; empty if the name suffices to create the solver.
         is_randomised: whether it declares that its answers differ between repeats.
+        threads: number of threads in which it computes.
         files: the files in other languages that it needs, with their digests.
         starts_warm: whether it starts from its own answer to the step before.
     """
@@ -41,6 +42,7 @@ class SolverSpec:
     source: str = ""
     carried: bytes = b""
     is_randomised: bool = False
+    threads: int = 1
     files: tuple[PluginUse, ...] = ()
     starts_warm: bool = False
 
@@ -78,6 +80,7 @@ def built_in(name: str) -> SolverSpec:
         solver.model,
         shows_iterates(solver),
         is_randomised=draws_randomly(solver),
+        threads=threads_of(solver),
         starts_warm=starts_from_last_answer(solver),
     )
 

@@ -93,18 +93,27 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
     """Return the standing of each solver on each problem at each of ``accuracies``, with intervals of the ratios.
 
-    Columns: problem, accuracy, and those of ``standings``. A run over trajectories has no such table.
+    A solver is compared with those that compute in as many threads. Columns: problem, accuracy, and those of
+    ``standings``. A run over trajectories has no such table.
     """
     points, rounds, limit = frames.points, frames.rounds, frames.info.plan.limits.solve_seconds
     found = []
     for problem in [] if frames.is_study else frames.cases["problem"].unique():
-        own = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
+        own, times = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
+        equals = [own[own["solver"].isin(solvers)] for solvers in solvers_by_threads(frames).values()]
         found += [
-            standings(*own, accuracy, limit).assign(problem=problem, accuracy=accuracy)
+            standings(some, times, accuracy, limit).assign(problem=problem, accuracy=accuracy)
             for accuracy in accuracies(frames)
+            for some in equals
         ]
     columns = ["problem", "accuracy", *STANDINGS]
     return pd.concat(found, ignore_index=True)[columns] if found else pd.DataFrame(columns=columns)
+
+
+def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
+    """Return the solvers of a run by the number of threads in which they compute, in ascending order."""
+    solvers = frames.cases.drop_duplicates("solver")
+    return {int(str(threads)): list(some) for threads, some in solvers.groupby("threads")["solver"]}
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:
@@ -288,6 +297,8 @@ def _gain(pairs: pd.DataFrame) -> dict[str, float]:
 def problems_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row per problem: the number of solvers that reach each accuracy, and the fastest one.
 
+    Only solvers of the fewest threads in the run are compared by their times.
+
     Columns: problem, family, n_contacts, n_rows, solvers (with a counted case); for each accuracy the number of solvers
     that reach it (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded)
     and its time [s] (``time_1e-04``); the least judged residual without wrong claims, and its solver (best).
@@ -298,10 +309,12 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     names, shown = table["problem"], accuracies(frames)
     table["solvers"] = _counts(names, counted_cases(frames)["problem"])
     tried = attempts(frames, shown).dropna(subset="seconds")
+    compared = next(iter(solvers_by_threads(frames).values()), [])
     for accuracy in shown:
         tag, reached = accuracy_tag(accuracy), tried[tried["accuracy"] == accuracy]
         disturbed = reached["problem"][reached["excluded"].astype(bool)]
-        least = _least(reached[~reached["problem"].isin(disturbed)], "seconds")
+        is_compared = reached["solver"].isin(compared) & ~reached["problem"].isin(disturbed)
+        least = _least(reached[is_compared], "seconds")
         table[f"solved_{tag}"] = _counts(names, reached["problem"])
         table[f"fastest_{tag}"] = [least["solver"].get(name, "") for name in names]
         table[f"time_{tag}"] = names.map(least["seconds"])

@@ -66,7 +66,8 @@ def shown_results(
 ) -> pd.DataFrame:
     """Return results as texts: times that tie with the least have a mark, and the fastest ones are ``bold``.
 
-    The column *by model* shows the residual by the model of each solver, if that of one of them is not Coulomb's law.
+    The column *threads* is shown if a solver computes in several. The column *by model* shows the residual by the model
+    of each solver, if that of one of them is not Coulomb's law.
     """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
@@ -79,6 +80,8 @@ def shown_results(
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
         cells = zip(shown.index, shown[head].map(duration), strict=True)
         shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
+    if (results["threads"] == 1).all():
+        shown = shown.drop(columns="threads")
     own = shown.pop("model_residual")
     if not is_study and not is_of_coulomb(results):
         shown.insert(list(shown.columns).index("residual") + 1, "by model", own)

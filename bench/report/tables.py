@@ -46,10 +46,11 @@ from .layout.text import counted, csv_content, inline, latex_table, markdown_fra
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
-_CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "model")
+_CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "threads", "model")
 
 _MARKS = (
     "Bold: the fastest, if the 95 % intervals of all ratios to it lie above 1.05. ≈: possibly as fast as the fastest. "
+    "Solvers are compared with those that compute in as many threads. "
     "tables/ratios has the intervals."
 )
 """Legend of the marks of times."""
@@ -76,9 +77,9 @@ MOST_TABLES = 20
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row per case: time to each accuracy [s], the best judged residual, its iterations, outcome and reason.
 
-    Columns: problem, family, n_contacts, solver, model, ``time_to_1e-02`` … (of ``accuracies``), excluded (accuracies
-    whose times have only excluded rounds), residual (by Coulomb's law), model_residual (the best one by the model of
-    the solver), iterations, outcome, reason, notes (of the finest point with notes).
+    Columns: problem, family, n_contacts, solver, threads, model, ``time_to_1e-02`` … (of ``accuracies``), excluded
+    (accuracies whose times have only excluded rounds), residual (by Coulomb's law), model_residual (the best one by the
+    model of the solver), iterations, outcome, reason, notes (of the finest point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]

@@ -17,7 +17,7 @@ MAX_ANSWERS = 20
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
-    """A library with threads, as threadpoolctl describes it. Cases use one thread of each."""
+    """A library with threads, as threadpoolctl describes it. Cases use one thread of each library."""
 
     user_api: str | None = None
     internal_api: str | None = None
@@ -262,6 +262,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
         is_randomised: whether the solver declares that its answers differ between repeats.
+        threads: number of threads in which the solver computes, as it declares.
         n_rows: number of rows of the problem.
         n_contacts: number of contacts of the problem.
         outcome: the outcome.
@@ -280,6 +281,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     model: str
     has_iterates: bool
     is_randomised: bool = False
+    threads: Annotated[int, Meta(ge=1)] = 1
     n_rows: Count
     n_contacts: Count
     outcome: Outcome

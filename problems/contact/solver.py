@@ -127,7 +127,9 @@ class Solver(Protocol):
     """A method with its options.
 
     A plugin may omit ``has_iterates``, which means True; ``shows_iterates`` reads it. A solver that uses random numbers
-    sets ``is_randomised = True``; for any other solver, results that differ between repeats are reported.
+    sets ``is_randomised = True``; for any other solver, results that differ between repeats are reported. A solver that
+    computes in several threads has their number in ``threads``, and measurements give it as many cores; any other
+    solver is measured on one core.
     """
 
     @property
@@ -157,6 +159,11 @@ class Solver(Protocol):
 def shows_iterates(solver: Solver) -> bool:
     """Whether ``solver`` calls its observer once per iteration."""
     return bool(getattr(solver, "has_iterates", True))
+
+
+def threads_of(solver: Solver) -> int:
+    """Number of threads in which ``solver`` declares to compute."""
+    return int(getattr(solver, "threads", 1))
 
 
 def draws_randomly(solver: Solver) -> bool:

@@ -14,7 +14,16 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
-from ...problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Stop, shows_iterates
+from ...problems.contact.solver import (
+    Observer,
+    Prepared,
+    Solution,
+    Solver,
+    SolverError,
+    Stop,
+    shows_iterates,
+    threads_of,
+)
 from ..iteration.method import Method, check_option
 from ..iteration.stopping import Clock
 from ..prox.sorprox import SORprox
@@ -85,6 +94,11 @@ class Fallback(Method):
     def has_iterates(self) -> bool:
         """Whether every part shows its iterates."""
         return all(map(shows_iterates, self.parts))
+
+    @property
+    def threads(self) -> int:
+        """The largest number of threads of a part."""
+        return max(map(threads_of, self.parts))
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why no part can solve ``problem``, or None."""

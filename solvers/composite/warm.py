@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import Prepared, Solver, draws_randomly, shows_iterates
+from ...problems.contact.solver import Prepared, Solver, draws_randomly, shows_iterates, threads_of
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,11 @@ class Warm:
     def is_randomised(self) -> bool:
         """Whether the solver declares that its results differ between repeats."""
         return draws_randomly(self.solver)
+
+    @property
+    def threads(self) -> int:
+        """The number of threads of the solver."""
+        return threads_of(self.solver)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""

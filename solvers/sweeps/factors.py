@@ -73,7 +73,7 @@ class FactorSweep:
             )
             return FactorSweep(layout, pieces, sweep_factors, given, _product, factor, free, None, len(free))
         laws = LawArrays.of(layout, sizes)
-        coupling = _own_coupling(pieces.starts, pieces.values).reshape(-1)
+        coupling = own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
             arguments: tuple[Any, ...] = (*factor, free, *laws, coupling)
@@ -170,7 +170,7 @@ def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
 
 
 @njit(cache=True)
-def _own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
+def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
     """G_T1N and G_T2N of every block, shape (n_blocks, 2)."""
     coupling = np.zeros((len(starts) - 1, 2))
     _, width, length = pieces.shape

@@ -17,6 +17,8 @@ VARIANTS = [
     "JORprox(step_size='row_sum')",
     "SORprox",
     "SORprox(relaxation=1.5, form='factors')",
+    "ColouredSORprox",
+    "ColouredSORprox(relaxation=1.1, momentum=0.65)",
     "SafeguardedSORprox",
     "NesterovSORprox",
     "AndersonSORprox",

@@ -317,6 +317,11 @@ class Case(LadderCase[MeasuredRound]):
         observed, claimed_then = self._observed
         return round(claimed * observed / claimed_then) if claimed and claimed_then else observed
 
+    @property
+    def threads(self) -> int:
+        """Number of threads in which the solver computes."""
+        return self.solver.threads
+
     def identity(self) -> dict[str, Any]:
         """Return the fields of the record that identify problem and solver."""
         return {
@@ -326,6 +331,7 @@ class Case(LadderCase[MeasuredRound]):
             "model": str(self.solver.model),
             "has_iterates": self.solver.has_iterates,
             "is_randomised": self.solver.is_randomised,
+            "threads": self.solver.threads,
             "n_rows": self.problem.n_rows,
             "n_contacts": self.problem.n_contacts,
         }

@@ -226,7 +226,7 @@ class Controls:
             task = MeasuringTask(self.warm_up, self.solver)
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
             self._worker.ask("warm_up", WARM_UP_STOP)
-            self.core.pin(self._worker.process)
+            self.core.pin(self._worker.process, self.solver.threads)
         worker, request = self._worker, ("first_solves", (stop, problems, start))
         worker.busy_seconds = 0.0
         began = time.monotonic()

@@ -117,7 +117,7 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
         sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
             notes.append(_listing(f"{what}s of {run.folder} alone", [name for name in own if name not in other]))
-    keys = before.cases[CASE].merge(after.cases[CASE])
+    keys = before.cases[[*CASE, "threads"]].merge(after.cases[[*CASE, "threads"]])[CASE]
     return keys[~keys["problem"].isin(changed)], [note for note in notes if note]
 
 

@@ -143,7 +143,7 @@ def sweep_batches(  # type: ignore[no-untyped-def]
                     own[lanes * x + lane] = scaled[a + x]
                     own[lanes * (length + x) + lane] = scaled[b + x]
             begin, at = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
-            _update(axes, records, begin, held, change, at, present, turn, own, others)
+            update_batch(axes, records, begin, held, change, at, present, turn, own, others)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
@@ -154,7 +154,7 @@ def sweep_batches(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def _update(axes, records, begin, held, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
+def update_batch(axes, records, begin, held, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
     """Update a batch: its record from ``begin`` on, its Λ in ``held`` from ``at`` on, v ``before`` and ``after``.
 
     Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.

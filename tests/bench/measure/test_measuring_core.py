@@ -37,6 +37,18 @@ def test_a_process_is_pinned_and_it_shows_if_it_leaves() -> None:
         process.communicate(b"\n")
 
 
+def test_a_process_of_several_threads_gets_further_cores() -> None:
+    core, allowed = MeasuringCore.claim(), os.sched_getaffinity(0)
+    with core.occupied(), subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        core.pin(process.pid, 2)
+        given = os.sched_getaffinity(process.pid)
+        assert core.number in given
+        assert len(given) == min(2, len(allowed))
+        assert core.holds(process.pid, 2)
+        assert core.holds(process.pid) is (len(allowed) == 1)
+        process.communicate(b"\n")
+
+
 def test_this_process_is_back_on_all_cores_afterwards() -> None:
     core, before = MeasuringCore.claim(), os.sched_getaffinity(0)
     with core.occupied():

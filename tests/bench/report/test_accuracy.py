@@ -9,7 +9,14 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 from proxbench.bench import load
-from proxbench.bench.report.accuracy import families, mean_time, problems_table, starts_table, summary_table
+from proxbench.bench.report.accuracy import (
+    families,
+    mean_time,
+    problems_table,
+    ratios_table,
+    starts_table,
+    summary_table,
+)
 from proxbench.bench.report.cells import duration, shown_points, shown_summary
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.outcome import Outcome
@@ -46,6 +53,22 @@ def test_the_best_residual_of_a_problem_is_none_of_a_wrong_claim(tmp_path: Path)
     assert (row["best"], row["residual"]) == ("Honest", 5e-3)
     assert (row["solvers"], row["solved_1e-02"], row["fastest_1e-02"]) == (2, 1, "Honest")
     assert row["time_1e-02"] == pytest.approx(0.5)
+
+
+def test_times_are_compared_between_equal_numbers_of_threads(tmp_path: Path) -> None:
+    seconds = {"A": (0.2, 1), "B": (0.4, 1), "C": (0.1, 2), "D": (0.3, 2)}
+    cases = [
+        replace(case(name, solved_point(1e-2, [timed_round(turn, time) for turn in range(5)])), threads=threads)
+        for name, (time, threads) in seconds.items()
+    ]
+    frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))
+    ratios = ratios_table(frames).set_index("solver")["ratio"]
+    assert ratios.to_dict() == pytest.approx({"A": 1.0, "B": 2.0, "C": 1.0, "D": 3.0})
+    (row,) = problems_table(frames).to_dict("records")
+    assert (row["solved_1e-02"], row["fastest_1e-02"]) == (4, "A")
+    console = Console(file=StringIO(), width=200)
+    print_tables(frames, console)
+    assert "threads" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
 def test_a_summary_counts_claims_correct_answers_and_wrong_ones_and_failures_at_the_limit(tmp_path: Path) -> None:

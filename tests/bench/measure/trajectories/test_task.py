@@ -72,5 +72,6 @@ def test_an_answer_that_cannot_be_is_refused(changes: dict[str, Any]) -> None:
 
 
 def test_threads_beyond_the_readings_of_the_clocks_exceed_one_core() -> None:
-    assert not simulated(processor=[2e-3 + 20 * 4e-6]).exceeds_one_core
-    assert simulated(processor=[4e-3]).exceeds_one_core
+    assert not simulated(processor=[2e-3 + 20 * 4e-6]).exceeds(1)
+    assert simulated(processor=[4e-3]).exceeds(1)
+    assert not simulated(processor=[4e-3]).exceeds(2)

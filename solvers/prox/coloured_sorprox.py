@@ -1,0 +1,52 @@
+"""ColouredSORprox: SORprox that visits the contacts colour by colour, so that several threads can share a sweep.
+
+The contacts of one colour share no movable body; see ``parallel.coloured_sweep``.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+from ...problems.contact.problem import ContactProblem
+from ...problems.contact.residual import Residual
+from ..iteration.loop import PreparedIteration
+from ..iteration.method import Method, check_option
+from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
+from .parallel.coloured_sweep import ColouredIterates, ColouredSweep
+from .parallel.pairs import unsupported_reason
+from .parallel.team import check_threads
+
+
+@dataclass(frozen=True)
+class ColouredSORprox(Method):
+    """Projected Gauss–Seidel over the factors, colour by colour, for contacts of one or two bodies.
+
+    The result has the same bits for any number of threads.
+
+    Attributes:
+        relaxation: ω, as in ``SORprox``.
+        momentum: β, as in ``SORprox``.
+        threads: number of threads; at most the number of cores of the machine.
+
+    Raises:
+        SolverError: for an option out of range.
+    """
+
+    relaxation: float = 1.0
+    momentum: float = 0.0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        check_relaxation(self.relaxation)
+        is_valid = isinstance(self.momentum, int | float) and 0.0 <= self.momentum < 1.0
+        check_option("momentum", self.momentum, is_valid, "a number from 0 to below 1")
+        check_threads(self.threads)
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        """Return why the solver cannot solve ``problem``, or None."""
+        return unsupported_reason(problem)
+
+    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+        """Colour the contacts, and assemble the data of the batches."""
+        self.check_supports(problem)
+        sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, self.relaxation), self.threads)
+        return PreparedIteration(problem, Residual(problem), partial(ColouredIterates, sweep, momentum=self.momentum))

@@ -1,0 +1,68 @@
+"""Atomic operations on arrays of 64-bit integers, with which threads of compiled kernels share work.
+
+numba has none for processors. Each is one instruction of LLVM, ordered such that what a thread wrote before
+``add`` is seen by a thread that reads the sum by ``read``.
+"""
+
+from typing import Any
+
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+SPINS_BEFORE_YIELD = 20_000
+"""Readings, about 50 µs, after which a waiting thread lets others run on its core, for example the one it waits for.
+
+A colour of a thousand contacts takes as long. The system may give the core to another program for milliseconds.
+"""
+
+_yield_core = types.ExternalFunction("sched_yield", types.intc())
+
+
+def _pointer(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
+    struct = context.make_array(array_type)(context, builder, array)
+    return cgutils.get_item_pointer(context, builder, array_type, struct, [index], wraparound=False)
+
+
+@intrinsic
+def swap_if_equal(typing_context, array, index, expected, new):  # type: ignore[no-untyped-def]
+    """Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        place = _pointer(context, builder, signature.args[0], *arguments[:2])
+        found = builder.cmpxchg(place, arguments[2], arguments[3], "acq_rel", "acquire")
+        return builder.extract_value(found, 1)
+
+    return types.boolean(array, types.intp, types.int64, types.int64), generate
+
+
+@intrinsic
+def add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
+    """Add ``number`` to ``array[index]``; return what it was."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        place = _pointer(context, builder, signature.args[0], *arguments[:2])
+        return builder.atomic_rmw("add", place, arguments[2], "acq_rel")
+
+    return types.int64(array, types.intp, types.int64), generate
+
+
+@intrinsic
+def read(typing_context, array, index):  # type: ignore[no-untyped-def]
+    """Return ``array[index]`` as other threads have left it."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        place = _pointer(context, builder, signature.args[0], *arguments)
+        return builder.load_atomic(place, "acquire", 8)
+
+    return types.int64(array, types.intp), generate
+
+
+@njit(cache=True)
+def wait_for(array, index, least):  # type: ignore[no-untyped-def]
+    """Wait until ``array[index]`` is at least ``least``."""
+    spins = 0
+    while read(array, index) < least:
+        spins += 1
+        if spins > SPINS_BEFORE_YIELD:
+            _yield_core()

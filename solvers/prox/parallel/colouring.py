@@ -1,0 +1,78 @@
+"""Colours of contacts: two contacts of one colour share no movable body, so that their updates commute.
+
+Each contact in turn gets the smallest colour that none of its bodies has yet (first fit). A body of d contacts needs d
+colours, so that most colours of a packing of balls hold many contacts. Contacts of a body that has used up
+``MAX_FIRST_FIT`` colours follow one another in further colours.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ....problems.arrays import IntArray
+from ....problems.contact.matrices.pieces import Pieces
+
+MAX_FIRST_FIT = 63
+"""Number of colours that are assigned by first fit: one bit each of a signed number."""
+
+
+class Colouring(NamedTuple):
+    """The colour of each block, from 0, shape (n_blocks,), and the number of colours."""
+
+    colours: Any
+    n_colours: int
+
+
+def colour_contacts(pieces: Pieces) -> Colouring:
+    """Colour the blocks of pieces that come in pairs; the idle chunk belongs to no body."""
+    colours, n_colours = _first_fit(pieces.chunks, pieces.n_chunks)
+    return Colouring(colours, int(n_colours))
+
+
+def order_by_colour(colouring: Colouring, lanes: int) -> tuple[Any, IntArray]:
+    """Return the place of each block in batches of ``lanes`` that hold one colour each, and first batches of colours.
+
+    Within a colour the blocks keep their order. Shapes are (n_blocks,) and (n_colours + 1,).
+    """
+    sizes = np.bincount(colouring.colours, minlength=colouring.n_colours)
+    first_batch = np.zeros(colouring.n_colours + 1, dtype=np.int64)
+    np.cumsum(-(-sizes // lanes), out=first_batch[1:])
+    return _places(colouring.colours, lanes * first_batch[:-1]), first_batch
+
+
+@njit(cache=True)
+def _first_fit(chunks, idle):  # type: ignore[no-untyped-def]
+    n_blocks, n_colours = len(chunks) // 2, 0
+    colours = np.empty(n_blocks, dtype=np.int64)
+    used = np.zeros(idle + 1, dtype=np.int64)  # a bit for each colour of a body
+    last = np.full(idle + 1, MAX_FIRST_FIT - 1, dtype=np.int64)  # the last further colour of a body
+    for block in range(n_blocks):
+        first, second = chunks[2 * block], chunks[2 * block + 1]
+        taken, after = np.int64(0), MAX_FIRST_FIT - 1
+        for body in (first, second):
+            if body != idle:
+                taken |= used[body]
+                after = max(after, last[body])
+        colour = 0
+        while colour < MAX_FIRST_FIT and (taken >> colour) & 1:
+            colour += 1
+        if colour == MAX_FIRST_FIT:
+            colour = after + 1
+            last[first] = last[second] = colour
+        else:
+            used[first] |= np.int64(1) << colour
+            used[second] |= np.int64(1) << colour
+        colours[block] = colour
+        n_colours = max(n_colours, colour + 1)
+    return colours, n_colours
+
+
+@njit(cache=True)
+def _places(colours, first):  # type: ignore[no-untyped-def]
+    """Return the place of each block; ``first`` is the first place of each colour, which is overwritten."""
+    places = np.empty(len(colours), dtype=np.int64)
+    for block in range(len(colours)):
+        places[block] = first[colours[block]]
+        first[colours[block]] += 1
+    return places

@@ -1,0 +1,36 @@
+"""Contacts of at most two bodies, the form that sweeps by colour and on devices work on."""
+
+import numpy as np
+
+from ....problems.contact.matrices.pieces import Pieces
+from ....problems.contact.problem import ContactProblem
+from ...iteration.method import unsupported_laws
+
+MAX_BODIES = 2
+"""Largest number of bodies of a contact."""
+
+
+def unsupported_reason(problem: ContactProblem) -> str | None:
+    """Return why a problem has not this form, or None."""
+    if problem.factors is None:
+        return "the problem holds G only, and sweeps over pairs of bodies need the factors W and M⁻¹"
+    declined = unsupported_laws(problem)
+    if declined:
+        return declined
+    if np.diff(problem.factor_pieces().starts).max(initial=0) > MAX_BODIES:
+        return "a contact touches more than two bodies, and sweeps over pairs of bodies support one or two"
+    if not problem.layout.bounds_are_own:
+        return "the friction of one contact is bounded by the normal impulse of another"
+    return None
+
+
+def in_pairs(pieces: Pieces) -> Pieces:
+    """Return pieces of width 3, two for each block; those that are added are zero and on the idle chunk."""
+    if pieces.in_pairs and pieces.width == 3:
+        return pieces
+    n_blocks, counts = pieces.n_blocks, np.diff(pieces.starts)
+    offsets = np.arange(len(pieces.chunks)) - np.repeat(pieces.starts[:-1], counts)
+    places = 2 * np.repeat(np.arange(n_blocks), counts) + offsets
+    chunks, values = np.full(2 * n_blocks, pieces.n_chunks), np.zeros((2 * n_blocks, 3, pieces.length))
+    chunks[places], values[places, : pieces.width] = pieces.chunks, pieces.values
+    return Pieces(2 * np.arange(n_blocks + 1), chunks, values, pieces.n_chunks)

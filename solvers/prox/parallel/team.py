@@ -1,0 +1,78 @@
+"""A team of threads that run one compiled kernel together; the calling thread is one of them.
+
+The kernels release the interpreter's lock. The other threads start when they are first needed, wait without using a
+core, and end with the team: none outlives a solve, and no threading library need be installed. The members share
+work by claims (``atomic``), so that a member that is late, or preempted, delays the others at most by the task that it
+holds.
+"""
+
+import _thread
+import os
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from ...iteration.method import check_option
+
+
+def check_threads(threads: int) -> None:
+    """Raise ``SolverError`` unless ``threads`` is at most the number of cores of this machine."""
+    cores = os.cpu_count() or 1
+    is_valid = type(threads) is int and 1 <= threads <= cores
+    check_option("threads", threads, is_valid, f"a whole number from 1 to {cores}, the cores of this machine")
+
+
+class _Member:
+    """A thread that runs its calls one by one, until one is None."""
+
+    def __init__(self) -> None:
+        self.call: Callable[[], Any] | None = None
+        self._begin, self._end = _thread.allocate_lock(), _thread.allocate_lock()
+        self._begin.acquire()
+        self._end.acquire()
+        _thread.start_new_thread(self._run, ())
+
+    def begin(self, call: Callable[[], Any] | None) -> None:
+        """Let the thread do one call, or end."""
+        self.call = call
+        self._begin.release()
+
+    def wait(self) -> None:
+        """Wait until the call is done, or the thread has ended."""
+        self._end.acquire()
+
+    def _run(self) -> None:
+        while True:
+            self._begin.acquire()
+            call, self.call = self.call, None
+            try:
+                if call is None:
+                    return
+                call()
+            finally:
+                self._end.release()
+
+
+class Team:
+    """The calling thread and others, which end when nothing refers to the team any more."""
+
+    def __init__(self) -> None:
+        self._members: list[_Member] = []
+
+    def run(self, threads: int, kernel: Callable[..., Any], *arguments: Any) -> Any:
+        """Return ``kernel(0, threads, *arguments)``, while others run it with the numbers from 1 on, all to the end."""
+        while len(self._members) < threads - 1:
+            self._members.append(_Member())
+        called = self._members[: threads - 1]
+        for number, member in enumerate(called, start=1):
+            member.begin(partial(kernel, number, threads, *arguments))
+        try:
+            return kernel(0, threads, *arguments)
+        finally:
+            for member in called:
+                member.wait()
+
+    def __del__(self) -> None:
+        for member in self._members:
+            member.begin(None)
+            member.wait()

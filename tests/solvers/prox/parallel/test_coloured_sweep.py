@@ -1,0 +1,120 @@
+"""Sweeps by colour are Gauss–Seidel sweeps in another order, with the same bits for any number of threads."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.contact.transformations import permuted
+from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers.prox.parallel import coloured_sweep
+from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
+from proxbench.solvers.prox.parallel.team import Team
+from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
+
+
+def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[int, ...] = (1, 4, 10)) -> list[Any]:
+    """Return the bits of Λ and ξ after each window, from a start that is not zero."""
+    sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.1), threads)
+    start = np.maximum(np.random.default_rng(0).normal(size=problem.n_rows), 0.0)
+    iterates = ColouredIterates(sweep, start, momentum)
+    bits = []
+    for count in counts:
+        iterates.sweep(count)
+        bits += [iterates.impulses().tobytes(), iterates.relative_velocity().tobytes()]
+    return bits
+
+
+@pytest.mark.parametrize("momentum", [0.0, 0.65])
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100"])
+def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    used = []
+    monkeypatch.setattr(coloured_sweep, "MIN_SHARE", 1)  # threads for small problems too
+    run = Team.run
+    monkeypatch.setattr(Team, "run", lambda self, threads, *rest: used.append(threads) or run(self, threads, *rest))
+    problem = load(name)
+    alone = swept(problem, 1, momentum)
+    for threads in (2, 3, 4):
+        used.clear()
+        assert swept(problem, threads, momentum) == alone
+        assert set(used) == {threads}
+
+
+def test_small_colours_are_swept_in_one_thread() -> None:
+    problem = load("funnel-300")
+    assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2).threads == 1
+
+
+@pytest.mark.parametrize("absent", [1, 2])
+def test_threads_that_never_come_change_no_bit(absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tasks of a thread that has not begun are done by those that have."""
+    problem, threads = load("funnel-300"), 3
+    alone = swept(problem, 1, 0.65)
+    monkeypatch.setattr(coloured_sweep, "MIN_SHARE", 1)
+    monkeypatch.setattr(Team, "run", lambda self, _, kernel, *rest: kernel(absent, threads, *rest))
+    assert swept(problem, threads, 0.65) == alone
+
+
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box"])
+@pytest.mark.parametrize("momentum", [0.0, 0.5])
+def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(name: str, momentum: float) -> None:
+    problem = load(name)
+    sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.2), 1)
+    order = np.argsort(sweep.slots.reshape(problem.n_contacts, -1)[:, 0])
+    plain = permuted(problem, order)
+    seen: list[list[np.ndarray]] = []
+    for solver, solved in (("ColouredSORprox", problem), ("SORprox", plain.problem)):
+        own: list[np.ndarray] = []
+        prepared = create(solver, relaxation=1.2, momentum=momentum).prepare(solved)
+        prepared.solve(Stop(1e-300, 40), observe=lambda _, x, own=own: own.append(x.copy()))
+        seen.append(own)
+    coloured, sequential = np.array(seen[0]), np.array([plain.impulses(x) for x in seen[1]])
+    assert coloured.shape == sequential.shape == (40, problem.n_rows)
+    assert np.abs(coloured - sequential).max() <= 1e-11 * np.abs(coloured).max()
+
+
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100"])
+def test_the_velocity_is_that_of_the_impulses(name: str) -> None:
+    problem = load(name)
+    iterates = ColouredIterates(
+        ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1), np.zeros(problem.n_rows), 0.6
+    )
+    assert iterates.relative_velocity() == pytest.approx(problem.free_velocity)
+    for count in (1, 20):
+        iterates.sweep(count)
+        expected = problem.relative_velocity(iterates.impulses())
+        assert np.abs(iterates.relative_velocity() - expected).max() <= 1e-12 * np.abs(problem.free_velocity).max()
+
+
+def test_the_solution_without_friction_is_that_of_newton_steps() -> None:
+    """Without friction ξ is unique, whatever the order of the contacts."""
+    problem = load("funnel-frictionless-100")
+    rng = np.random.default_rng(2)
+    oracle = solve(problem, "SemismoothNewton", tolerance=1e-10)
+    assert oracle.status is Status.SOLVED
+    expected = problem.relative_velocity(oracle.impulses)
+    for order in (np.arange(problem.n_contacts), rng.permutation(problem.n_contacts)):
+        reordered = permuted(problem, order)
+        found = solve(reordered.problem, "ColouredSORprox(relaxation=1.3)", tolerance=1e-10, max_iterations=100_000)
+        assert found.status is Status.SOLVED
+        velocity = problem.relative_velocity(reordered.impulses(found.impulses))
+        assert np.abs(velocity - expected).max() <= 1e-7 * np.abs(problem.free_velocity).max()
+
+
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "bodies-stack-10", "hard-sticking-box"])
+def test_the_judge_confirms_what_is_solved(name: str) -> None:
+    problem = load(name)
+    solution = solve(problem, "ColouredSORprox(relaxation=1.2)", tolerance=1e-6, max_iterations=100_000)
+    assert solution.status is Status.SOLVED
+    assert judge(problem, solution.impulses).residual <= 1e-6
+
+
+def test_what_cannot_be_coloured_is_declined_with_the_reason() -> None:
+    solver, rng = create("ColouredSORprox"), np.random.default_rng(1)
+    assembled = ContactProblem.from_delassus(np.eye(3), -np.ones(3), 0.3)
+    assert "need the factors" in str(solver.supports(assembled))
+    assert "joints" in str(solver.supports(load("bodies-four-bar")))
+    three = sp.csc_array(np.vstack([rng.normal(size=(6, 3)) for _ in range(3)]))
+    problem = ContactProblem.from_factors(sp.hstack([three, three], format="csc"), np.ones(18), rng.normal(size=6), 0.3)
+    assert "more than two bodies" in str(solver.supports(problem))

@@ -1,0 +1,64 @@
+"""A team runs a kernel once for each of its threads, and leaves none behind."""
+
+import _thread
+import os
+import threading
+
+import pytest
+from proxbench.problems import load
+from proxbench.solvers import SolverError, Stop, create
+from proxbench.solvers.prox.parallel.team import Team
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_each_thread_runs_the_kernel_with_its_own_number(threads: int) -> None:
+    before, meeting = _thread._count(), threading.Barrier(threads)
+    numbers = []
+
+    def kernel(number: int, of: int, word: str) -> tuple[int, str]:
+        meeting.wait(30.0)  # all of them at a time
+        numbers.append((number, of))
+        return number, word
+
+    team = Team()
+    for _ in range(3):
+        numbers.clear()
+        assert team.run(threads, kernel, "word") == (0, "word")
+        assert sorted(numbers) == [(number, threads) for number in range(threads)]
+    assert _thread._count() == before + threads - 1
+    del team
+    assert _thread._count() == before
+
+
+def test_a_kernel_that_raises_leaves_no_thread_running() -> None:
+    before = _thread._count()
+
+    def fail(number: int, of: int) -> None:
+        if number == 0:
+            raise ArithmeticError
+
+    team = Team()
+    with pytest.raises(ArithmeticError):
+        team.run(3, fail)
+    del team
+    assert _thread._count() == before
+
+
+def test_more_threads_than_cores_are_refused_in_one_sentence() -> None:
+    cores = os.cpu_count()
+    sentence = f"threads must be a whole number from 1 to {cores}, the cores of this machine, got {cores + 1}."
+    with pytest.raises(SolverError) as raised:
+        create("ColouredSORprox", threads=cores + 1)
+    assert str(raised.value) == sentence
+    for value in (0, 1.0, True, "2"):
+        with pytest.raises(SolverError, match="threads must be"):
+            create("ColouredSORprox", threads=value)
+
+
+def test_a_solve_leaves_no_thread_running() -> None:
+    before = _thread._count()
+    cores = min(os.cpu_count() or 1, 2)
+    prepared = create("ColouredSORprox", threads=cores).prepare(load("funnel-300"))
+    for _ in range(3):
+        prepared.solve(Stop(1e-2))
+        assert _thread._count() == before

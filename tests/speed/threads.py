@@ -1,0 +1,106 @@
+"""Measure sweeps in plain order and by colour, in one and in several threads, and against a stream of the same bytes.
+
+``python tests/speed/threads.py --balls 1000 4000 16000 --threads 1 2`` pours balls into a funnel for 0.45 s (Δt 1 ms),
+and prints a line for each way to sweep the contacts of that state: microseconds of ten sweeps (least and median),
+nanoseconds a sweep and contact, and the ratio of the least times to that of one thread by colour. The ways take turns.
+``--momentum 0`` leaves the stage of the momentum out. Sweeps by colour include ξ. The last line is a kernel that reads
+the records once, and reads and writes Λ and its change.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numba import njit
+from proxbench.problems import ContactProblem
+from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.solvers import Stop, create
+from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
+from proxbench.solvers.sweeps.factors import FactorSweep
+from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
+
+STEPS, TIME_STEP = 450, 1e-3
+DEPTH = 0.02 * RADIUS
+SWEEPS = 10
+RELAXATION = 1.1
+SOLVER = "SORprox(relaxation=1.1, momentum=0.65, form='factors')"
+
+
+def poured(balls: int) -> ContactProblem:
+    """Return the contacts of a pour at 0.45 s."""
+    funnel = Funnel(balls)
+    rule = MidpointRule(funnel.system(), create(SOLVER), Stop(1e-2, 1000), TIME_STEP, depth=DEPTH)
+    for step in rule.steps(funnel.start(), STEPS):
+        problem = step.problem
+    assert problem is not None
+    return problem
+
+
+@njit(fastmath=True)
+def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
+    """Read the records, and read and write two arrays."""
+    total, count = 0.0, 0
+    for k in range(len(records)):
+        total += records[k]
+    for k in range(len(bodies)):
+        count += bodies[k]
+    for k in range(len(held)):
+        held[k] = 0.5 * held[k] + change[k]
+        change[k] = 0.5 * change[k]
+    return total + count
+
+
+def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
+    """Return a function that streams the bytes of so many sweeps."""
+    _, bodies, records = sweep.batches
+    held, change = np.zeros((2, 3 * len(bodies) // 2))
+
+    def run(count: int) -> None:
+        for _ in range(count):
+            stream(records, bodies.view(np.int64), held, change)
+
+    return run
+
+
+def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, seconds: float) -> None:
+    """Print the table of one problem."""
+    sizes, start = diagonal_step_sizes(problem, RELAXATION), np.zeros(problem.n_rows)
+    ways = {"plain order": FactorSweep.over(problem, sizes).begin(start, momentum).sweep}
+    for number in threads:
+        sweep = ColouredSweep.over(problem, sizes, number)
+        ways[f"by colour, threads={number}"] = partial(ColouredIterates.sweep, ColouredIterates(sweep, start, momentum))
+    ways["stream of the same bytes"] = streamed(sweep)
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    end = time.perf_counter() + seconds
+    while len(times["plain order"]) < 3 or time.perf_counter() < end:
+        for name, run in ways.items():
+            began = time.perf_counter()
+            run(SWEEPS)
+            times[name].append(time.perf_counter() - began)
+    kept = {name: np.array(values[1:]) for name, values in times.items()}
+    print(f"{problem.n_contacts} contacts, {sweep.n_colours} colours, {len(kept['plain order'])} windows")
+    for name, values in kept.items():
+        each = 1e9 * values.min() / (SWEEPS * problem.n_contacts)
+        ratio = kept[f"by colour, threads={threads[0]}"].min() / values.min()
+        print(f"  {name:28} {1e6 * values.min():9.0f} {1e6 * np.median(values):9.0f} us {each:6.1f} ns {ratio:6.2f}")
+
+
+def main() -> None:
+    """Read the command line and print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--balls", type=int, nargs="+", default=[1000, 4000, 16000])
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--momentum", type=float, default=0.65)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    given = parser.parse_args()
+    for balls in given.balls:
+        print(f"{balls} balls: ", end="", flush=True)
+        measure(poured(balls), given.threads, given.momentum, given.seconds)
+
+
+if __name__ == "__main__":
+    main()
