@@ -46,13 +46,14 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test outside solvers, captures, engines and contacts of coal, each with its extra."""
-    session.install(".[test,peers,kamino,mujoco,engines,bodies]")
+    """Test outside solvers, devices of Warp, captures, engines and contacts of coal, each with its extra."""
+    session.install(".[test,peers,kamino,mujoco,engines,bodies,gpu]")
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
     engines = "tests/bench/measure/trajectories/engines"
     shapes = ("tests/problems/motion/detection", "tests/problems/motion/scenes/rigid/test_rolling.py")
-    session.run("pytest", "tests/solvers/peers", *captures, engines, *shapes, *session.posargs)
+    warp = "tests/solvers/prox/test_warp_sorprox.py"
+    session.run("pytest", "tests/solvers/peers", warp, *captures, engines, *shapes, *session.posargs)
 
 
 @nox.session

@@ -57,13 +57,16 @@ PEERS = {
 }
 """Module of each outside solver, whose library is an optional dependency."""
 
+ON_DEVICES = {"WarpJORprox": "prox.warp_sorprox", "WarpColouredSORprox": "prox.warp_sorprox"}
+"""Module of each solver that needs Warp, an optional dependency, and a device of it."""
+
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback", "Warm": "composite.warm"}
 """Module of each solver that is made of other solvers."""
 
 _NATIVE = {"Shared": "native.shared_library", "Executable": "native.executable"}
 """Module of each solver that is a file in another language."""
 
-_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS, **_NATIVE}
+_OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS, **ON_DEVICES, **_NATIVE}
 """Names that plugins cannot use."""
 
 _EXAMPLES = {
@@ -91,6 +94,11 @@ def parts() -> list[str]:
 def peers() -> list[str]:
     """Return the names of outside solvers; ``create`` raises if the library of one is not installed."""
     return list(PEERS)
+
+
+def on_devices() -> list[str]:
+    """Return the names of solvers on devices of Warp; ``create`` raises without Warp, or without the device."""
+    return list(ON_DEVICES)
 
 
 def composites() -> dict[str, str]:

@@ -94,6 +94,7 @@ AT_HOME = {
     },
     "h5py": {f"problems/exchange/fclib/{name}.py" for name in ("container", "files")},
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
+    "warp": {f"solvers/prox/parallel/warp_{name}.py" for name in ("kernels", "sweeps")},
     "distributed": {"bench/measure/execution/cluster.py"},
     "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
 }

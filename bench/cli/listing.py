@@ -6,6 +6,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
+from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProxbenchError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, load, plugin_problems, problem_names, suite_members
@@ -14,7 +15,7 @@ from ...problems.exchange.index import ProblemSummary, stored_summaries, summary
 from ...problems.exchange.plugins.offers import Offer
 from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
-from ...solvers.registry import available, composites, create, natives, parts, peers, plugin_solvers
+from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import describe_scene, describe_solver, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
@@ -167,6 +168,7 @@ def _solvers() -> list[Row]:
     of_plugins = {offer.name for offer in offers if not offer.refusal}
     own = [name for name in available() if name not in of_plugins] + peers()
     rows = [_row(name, "", partial(_solver, name)) for name in own]
+    rows += [_row(name, "", partial(_on_device, name)) for name in on_devices()]
     rows += [_row(name, "", partial(_composite, name, example)) for name, example in composites().items()]
     rows += [_row(name, "", partial(_native, example)) for name, example in natives().items()]
     return rows + [_offered(offer, _plugin_solver) for offer in offers]
@@ -174,6 +176,11 @@ def _solvers() -> list[Row]:
 
 def _solver(name: str) -> Row:
     return {"model": str(create(name).model), "options": option_texts(name)}
+
+
+def _on_device(name: str) -> Row:
+    """Return the row of a solver on a device, which is neither looked for nor needed."""
+    return {"model": str(Model.COULOMB), "options": option_texts(name)}
 
 
 def _composite(name: str, example: str) -> Row:

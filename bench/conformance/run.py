@@ -9,7 +9,7 @@ from ...problems.errors import suggestion
 from ...problems.exchange.catalog import load, plugin_problems, problem_names
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import forget, registered
-from ...solvers.registry import available, composites, natives, peers, plugin_solvers
+from ...solvers.registry import available, composites, natives, on_devices, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
 from ..plugins.describing import solver_spec
@@ -101,7 +101,7 @@ def _subjects_of_file(file: PluginFile, seconds: float) -> list[dict[str, str]]:
 
 def _subjects_by_name(target: str) -> list[dict[str, str]]:
     """Return kind, name and source of the solver or problem called ``target``."""
-    if target.partition("(")[0].strip() in (*available(), *composites(), *peers(), *natives()):
+    if target.partition("(")[0].strip() in (*available(), *composites(), *peers(), *on_devices(), *natives()):
         solver = solver_spec(target)
         return [{"kind": "solver", "name": solver.name, "source": solver.source}]
     known = problem_names()

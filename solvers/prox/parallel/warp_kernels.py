@@ -1,0 +1,119 @@
+# mypy: ignore-errors
+"""Kernels of Warp for sweeps over the factors, for contacts of at most two bodies; a thread for each contact.
+
+They do in double precision what the kernels of ``sweeps.factors`` do. Every number has one writer, and a body adds the
+changes of its contacts in their order, so that a device repeats its bits.
+"""
+
+import warp as wp
+
+wp.config.log_level = wp.LOG_ERROR
+wp.set_module_options({"enable_backward": False})
+
+Number = wp.float64
+Numbers = wp.array(dtype=wp.float64)
+Indices = wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Contacts:
+    """The constant data of all contacts.
+
+    Attributes:
+        length: degrees of freedom of a body.
+        idle: the body that stands for none, after all others.
+        bodies: two bodies of each contact.
+        pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
+        free: c, three for each contact.
+        sizes: r of N and T.
+        friction: μ.
+        fixed: a.
+        coupling: G_T1N and G_T2N, by which ξ_T is corrected after a change of Λ_N; zero in Jacobi sweeps.
+    """
+
+    length: wp.int32
+    idle: wp.int32
+    bodies: wp.array(dtype=wp.int32)
+    pieces: wp.array(dtype=wp.float64)
+    free: wp.array(dtype=wp.float64)
+    sizes: wp.array(dtype=wp.float64)
+    friction: wp.array(dtype=wp.float64)
+    fixed: wp.array(dtype=wp.float64)
+    coupling: wp.array(dtype=wp.float64)
+
+
+@wp.func
+def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.vec3d:
+    """Return ξ of a contact from v."""
+    n, t, s = contacts.free[3 * i], contacts.free[3 * i + 1], contacts.free[3 * i + 2]
+    length = contacts.length
+    for side in range(2):
+        body, own = contacts.bodies[2 * i + side] * length, 3 * length * (2 * i + side)
+        for x in range(length):
+            v = velocity[body + x]
+            n = n + contacts.pieces[own + x] * v
+            t = t + contacts.pieces[own + length + x] * v
+            s = s + contacts.pieces[own + 2 * length + x] * v
+    return wp.vec3d(n, t, s)
+
+
+@wp.func
+def changed_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
+    """Move Λ of a contact along -r ξ and project; return its change."""
+    zero, one = Number(0.0), Number(1.0)
+    old_n, old_t, old_s = impulses[3 * i], impulses[3 * i + 1], impulses[3 * i + 2]
+    n = wp.max(old_n - contacts.sizes[2 * i] * xi[0], zero)
+    dn, r = n - old_n, contacts.sizes[2 * i + 1]
+    t = old_t - r * (xi[1] + contacts.coupling[2 * i] * dn)
+    s = old_s - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
+    bound, squared, scale = contacts.fixed[i] + contacts.friction[i] * n, t * t + s * s, one
+    if squared > bound * bound:
+        scale = bound / wp.sqrt(squared)
+    impulses[3 * i], impulses[3 * i + 1], impulses[3 * i + 2] = n, t * scale, s * scale
+    return wp.vec3d(dn, t * scale - old_t, s * scale - old_s)
+
+
+@wp.kernel
+def update_colour(contacts: Contacts, order: Indices, first: wp.int32, impulses: Numbers, velocity: Numbers):
+    """Update the contacts of one colour, which begins at ``first`` in the order, and v of their bodies."""
+    i = order[first + wp.tid()]
+    change = changed_impulse(contacts, i, contact_velocity(contacts, i, velocity), impulses)
+    length = contacts.length
+    for side in range(2):
+        body = contacts.bodies[2 * i + side]
+        if body != contacts.idle:
+            own = 3 * length * (2 * i + side)
+            for x in range(length):
+                added = contacts.pieces[own + x] * change[0] + contacts.pieces[own + length + x] * change[1]
+                added = added + contacts.pieces[own + 2 * length + x] * change[2]
+                velocity[body * length + x] = velocity[body * length + x] + added
+
+
+@wp.kernel
+def update_all(contacts: Contacts, impulses: Numbers, velocity: Numbers, changes: Numbers):
+    """Update all contacts from the same v, and write the changes of Λ."""
+    i = wp.tid()
+    change = changed_impulse(contacts, i, contact_velocity(contacts, i, velocity), impulses)
+    for lane in range(3):
+        changes[3 * i + lane] = change[lane]
+
+
+@wp.kernel
+def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
+    """Add the changes of the contacts of a body to its v; ``touching`` lists twice the contact plus its side."""
+    body, length = wp.tid(), contacts.length
+    for p in range(starts[body], starts[body + 1]):
+        own, k = 3 * length * touching[p], 3 * (touching[p] / 2)
+        for x in range(length):
+            added = contacts.pieces[own + x] * changes[k] + contacts.pieces[own + length + x] * changes[k + 1]
+            added = added + contacts.pieces[own + 2 * length + x] * changes[k + 2]
+            velocity[body * length + x] = velocity[body * length + x] + added
+
+
+@wp.kernel
+def write_velocity(contacts: Contacts, velocity: Numbers, relative: Numbers):
+    """Write ξ of all contacts."""
+    i = wp.tid()
+    xi = contact_velocity(contacts, i, velocity)
+    for lane in range(3):
+        relative[3 * i + lane] = xi[lane]

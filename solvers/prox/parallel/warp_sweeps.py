@@ -1,0 +1,214 @@
+"""Sweeps on a device of Warp: a graphics processor (CUDA), or the processor itself.
+
+The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels, which a graphics
+processor records once for each length and then starts at once (a CUDA graph). Before each check of the residual, Λ and
+ξ are copied back, which waits for the device: times of a solve are complete. ``transfer_seconds`` counts these copies.
+"""
+
+import time
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from ....problems.arrays import FloatArray
+from ....problems.contact.problem import ContactProblem
+from ....problems.contact.solver import SolverError
+from ...sweeps.factors import own_coupling
+from .colouring import colour_contacts
+from .pairs import in_pairs
+
+
+def find_device(solver: str, name: str) -> Any:
+    """Return a device of Warp by its name.
+
+    Raises:
+        SolverError: if there is no such device.
+    """
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    if name != "cpu" and not wp.is_cuda_available():
+        raise SolverError(f"{solver} finds no graphics processor for device={name!r}; use device='cpu'.")
+    try:
+        return wp.get_device(name)
+    except (ValueError, RuntimeError):
+        known = ", ".join(repr(str(device)) for device in wp.get_devices())
+        raise SolverError(f"{solver} finds no device {name!r}; the devices of this machine are {known}.") from None
+
+
+class DeviceSweep(ABC):
+    """The data of a problem on a device.
+
+    Args:
+        problem: a problem with factors whose contacts touch at most two bodies each.
+        sizes: the step sizes [kg] of ``step_size``, shape (n_blocks, 2).
+        device: the device.
+
+    Attributes:
+        layout: the padded blocks.
+        pieces: W̃ in pairs of pieces, of width 3.
+        device: the device.
+        contacts: the constant data of all contacts, see ``warp_kernels.Contacts``.
+        upload_seconds: wall time of copying the data to the device [s].
+        transfer_seconds: wall time of copying Λ and ξ between both, in all solves [s].
+    """
+
+    def __init__(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> None:
+        import warp as wp
+
+        from . import warp_kernels
+
+        wp.load_module(warp_kernels, device=device)  # compiled here: a recorded graph cannot load it
+        began = time.perf_counter()
+        self._kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
+        self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
+        pieces, layout = self.pieces, self.layout
+        free = np.zeros((layout.n_blocks, 3))
+        free[:, : layout.width] = layout.pad(problem.free_velocity)
+        contacts = warp_kernels.Contacts()
+        contacts.length, contacts.idle = pieces.length, pieces.n_chunks
+        contacts.bodies, contacts.pieces = self.indices(pieces.chunks), self.numbers(pieces.values)
+        contacts.free, contacts.sizes = self.numbers(free), self.numbers(sizes)
+        contacts.friction = self.numbers(layout.friction_coefficient)
+        contacts.fixed = self.numbers(layout.fixed_bound)
+        contacts.coupling = self.numbers(self.coupling())
+        self.contacts = contacts
+        self.add_order()
+        self.synchronise()
+        self.upload_seconds = time.perf_counter() - began
+
+    @abstractmethod
+    def coupling(self) -> FloatArray:
+        """Return the correction of ξ_T after a change of Λ_N, shape (n_blocks, 2)."""
+
+    @abstractmethod
+    def add_order(self) -> None:
+        """Copy to the device in which order contacts are updated."""
+
+    @abstractmethod
+    def launch_sweep(self, impulses: Any, velocity: Any) -> None:
+        """Start the kernels of one sweep."""
+
+    def numbers(self, values: FloatArray) -> Any:
+        """Return a copy of numbers on the device, flat."""
+        import warp as wp
+
+        return wp.array(
+            np.ascontiguousarray(values, dtype=np.float64).reshape(-1), dtype=wp.float64, device=self.device
+        )
+
+    def indices(self, values: Any) -> Any:
+        """Return a copy of indices on the device, flat."""
+        import warp as wp
+
+        return wp.array(np.ascontiguousarray(values, dtype=np.int32).reshape(-1), dtype=wp.int32, device=self.device)
+
+    def launch(self, kernel: Any, n_threads: int, *arguments: Any) -> None:
+        """Start a kernel."""
+        import warp as wp
+
+        wp.launch(kernel, dim=n_threads, inputs=[self.contacts, *arguments], device=self.device)
+
+    def synchronise(self) -> None:
+        """Wait for the device."""
+        import warp as wp
+
+        wp.synchronize_device(self.device)
+
+
+class ColouredDeviceSweep(DeviceSweep):
+    """Gauss–Seidel sweeps colour by colour: one kernel for each colour."""
+
+    def coupling(self) -> FloatArray:
+        """Return G_T1N and G_T2N."""
+        coupling: FloatArray = own_coupling(self.pieces.starts, self.pieces.values)
+        return coupling
+
+    def add_order(self) -> None:
+        """Sort the contacts by colour."""
+        colours, n_colours = colour_contacts(self.pieces)
+        self._order = self.indices(np.argsort(colours, kind="stable"))
+        self._sizes = np.bincount(colours, minlength=n_colours).tolist()
+
+    def launch_sweep(self, impulses: Any, velocity: Any) -> None:
+        """Start the kernels of all colours."""
+        first = 0
+        for size in self._sizes:
+            self.launch(self._kernels.update_colour, size, self._order, first, impulses, velocity)
+            first += size
+
+
+class JacobiDeviceSweep(DeviceSweep):
+    """Jacobi sweeps: one kernel for all contacts, and one for all bodies."""
+
+    def coupling(self) -> FloatArray:
+        """Return zeros, since ξ is that of the last sweep."""
+        return np.zeros((self.layout.n_blocks, 2))
+
+    def add_order(self) -> None:
+        """List the contacts of each body."""
+        chunks, n_bodies = self.pieces.chunks, self.pieces.n_chunks
+        touching = np.argsort(chunks, kind="stable")
+        counts = np.bincount(chunks, minlength=n_bodies + 1)[:n_bodies]
+        self._starts = self.indices(np.concatenate([[0], np.cumsum(counts)]))
+        self._touching = self.indices(touching[: counts.sum()])
+        self._changes = self.numbers(np.zeros(3 * self.layout.n_blocks))
+
+    def launch_sweep(self, impulses: Any, velocity: Any) -> None:
+        """Start both kernels."""
+        n_blocks, n_bodies = self.layout.n_blocks, self.pieces.n_chunks
+        self.launch(self._kernels.update_all, n_blocks, impulses, velocity, self._changes)
+        self.launch(self._kernels.move_bodies, n_bodies, self._starts, self._touching, self._changes, velocity)
+
+
+class DeviceIterates:
+    """Λ, three for each contact, and v of an iteration from ``start``, shape (n_rows,), on a device."""
+
+    def __init__(self, sweep: DeviceSweep, start: FloatArray) -> None:
+        layout, pieces = sweep.layout, sweep.pieces
+        padded = np.zeros((layout.n_blocks, 3))
+        padded[:, : layout.width] = layout.pad(start)
+        began = time.perf_counter()
+        self._sweep = sweep
+        self._impulses = sweep.numbers(padded)
+        self._velocity = sweep.numbers(np.append(pieces.times(padded), np.zeros(pieces.length)))
+        self._relative = sweep.numbers(np.zeros(padded.size))
+        sweep.synchronise()
+        sweep.transfer_seconds += time.perf_counter() - began
+        self._graphs: dict[int, Any] = {}
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps: on a graphics processor as one recorded graph."""
+        if not self._sweep.device.is_cuda:
+            self._launch(count)
+            return
+        import warp as wp
+
+        if count not in self._graphs:
+            with wp.ScopedCapture(device=self._sweep.device) as capture:
+                self._launch(count)
+            self._graphs[count] = capture.graph
+        wp.capture_launch(self._graphs[count])
+
+    def impulses(self) -> FloatArray:
+        """Return Λ over rows."""
+        return self._sweep.layout.unpad(self._lanes(self._impulses))
+
+    def relative_velocity(self) -> FloatArray:
+        """Return ξ over rows."""
+        sweep = self._sweep
+        sweep.launch(sweep._kernels.write_velocity, sweep.layout.n_blocks, self._velocity, self._relative)
+        return sweep.layout.rows_of(self._lanes(self._relative))
+
+    def _launch(self, count: int) -> None:
+        for _ in range(count):
+            self._sweep.launch_sweep(self._impulses, self._velocity)
+
+    def _lanes(self, values: Any) -> FloatArray:
+        """Return numbers of the device in padded lanes, flat; only the copy counts as transfer."""
+        self._sweep.synchronise()
+        began = time.perf_counter()
+        lanes: FloatArray = values.numpy().reshape(-1, 3)
+        self._sweep.transfer_seconds += time.perf_counter() - began
+        return np.ascontiguousarray(lanes[:, : self._sweep.layout.width]).reshape(-1)
