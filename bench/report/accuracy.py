@@ -113,7 +113,8 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
 def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
     """Return the solvers of a run by the number of threads in which they compute, in ascending order."""
     solvers = frames.cases.drop_duplicates("solver")
-    return {int(str(threads)): list(some) for threads, some in solvers.groupby("threads")["solver"]}
+    counts = sorted(map(int, solvers["threads"].unique()))
+    return {count: list(solvers["solver"][solvers["threads"] == count]) for count in counts}
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:
