@@ -21,13 +21,12 @@ _yield_core = types.ExternalFunction("sched_yield", types.intc())
 
 def _pointer(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
     struct = context.make_array(array_type)(context, builder, array)
-    return cgutils.get_item_pointer(context, builder, array_type, struct, [index], wraparound=False)
+    return cgutils.get_item_pointer(  # type: ignore[no-untyped-call]
+        context, builder, array_type, struct, [index], wraparound=False
+    )
 
 
-@intrinsic
-def swap_if_equal(typing_context, array, index, expected, new):  # type: ignore[no-untyped-def]
-    """Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was."""
-
+def _swap_if_equal(typing_context, array, index, expected, new):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         place = _pointer(context, builder, signature.args[0], *arguments[:2])
         found = builder.cmpxchg(place, arguments[2], arguments[3], "acq_rel", "acquire")
@@ -36,10 +35,11 @@ def swap_if_equal(typing_context, array, index, expected, new):  # type: ignore[
     return types.boolean(array, types.intp, types.int64, types.int64), generate
 
 
-@intrinsic
-def add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
-    """Add ``number`` to ``array[index]``; return what it was."""
+swap_if_equal: Any = intrinsic(_swap_if_equal)
+"""Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was; (array, index, expected, new)."""
 
+
+def _add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         place = _pointer(context, builder, signature.args[0], *arguments[:2])
         return builder.atomic_rmw("add", place, arguments[2], "acq_rel")
@@ -47,15 +47,20 @@ def add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
     return types.int64(array, types.intp, types.int64), generate
 
 
-@intrinsic
-def read(typing_context, array, index):  # type: ignore[no-untyped-def]
-    """Return ``array[index]`` as other threads have left it."""
+add: Any = intrinsic(_add)
+"""Add ``number`` to ``array[index]``; return what it was; (array, index, number)."""
 
+
+def _read(typing_context, array, index):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         place = _pointer(context, builder, signature.args[0], *arguments)
         return builder.load_atomic(place, "acquire", 8)
 
     return types.int64(array, types.intp), generate
+
+
+read: Any = intrinsic(_read)
+"""Return ``array[index]`` as other threads have left it; (array, index)."""
 
 
 @njit(cache=True)

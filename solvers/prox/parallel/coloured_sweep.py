@@ -1,6 +1,6 @@
 """Gauss–Seidel sweeps colour by colour over the factors, which several threads share.
 
-The contacts of a colour share no movable body, and are swept in the batches of ``sweeps.batches``. A sweep is a
+The contacts of a colour share no movable body, and are swept in the batches of ``sweeps.batches.pieces``. A sweep is a
 sequence of stages: the momentum of v, and one stage for each colour. The tasks of a stage (pieces of v, or batches)
 write different numbers and read none that another task of the stage writes. A stage begins when the last one is
 complete.
@@ -21,7 +21,7 @@ from ....problems.contact.blocks import BlockLayout
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ...iteration.momentum import MomentumState
-from ...sweeps.batches import LANES, Batches, batch_arguments, slots_in_batches, update_batch
+from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches, update_batch
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
 from .colouring import colour_contacts, order_by_colour
