@@ -1,11 +1,13 @@
 """Steps of a sequence know the step before, and a start continues its impulses contact by contact."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.contact.solver import Stop
+from proxbench.problems.exchange.catalog import SEQUENCE_MEMBERS
 from proxbench.problems.exchange.files.problem_file import save_problem
 from proxbench.problems.exchange.sequences import BEFORE, STEP, continued_impulses, predecessors
 from proxbench.problems.motion.scenes.registry import make_scene
@@ -85,3 +87,12 @@ def test_predecessors_are_the_consecutive_steps_from_the_first_on() -> None:
     assert "s-1, which is not at hand" in predecessors(steps[2], {}.get).missing
     known["s-1"] = steps[1].renamed("s-1", **{STEP: 0})
     assert "not consecutive" in predecessors(steps[2], known.get).missing
+
+
+@pytest.mark.parametrize("name", ["flow-30", "stack-10", "chain-20", "pile-100"])
+def test_the_steps_of_a_shipped_sequence_follow_each_other_and_share_most_contacts(name: str) -> None:
+    steps = [load(member) for member in SEQUENCE_MEMBERS[name]]
+    assert [step.name for step in predecessors(steps[-1], load).steps] == SEQUENCE_MEMBERS[name][:-1]
+    for before, after in pairwise(steps):
+        assert len(set(before.keys) & set(after.keys)) > 0.8 * after.n_contacts
+        assert continued_impulses(before, np.ones(before.n_rows), after).mean() > 0.8
