@@ -45,10 +45,13 @@ class Contacts:
 @wp.func
 def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.vec3d:
     """Return ξ of a contact from v."""
-    n, t, s = contacts.free[3 * i], contacts.free[3 * i + 1], contacts.free[3 * i + 2]
+    n = contacts.free[3 * i]
+    t = contacts.free[3 * i + 1]
+    s = contacts.free[3 * i + 2]
     length = contacts.length
     for side in range(2):
-        body, own = contacts.bodies[2 * i + side] * length, 3 * length * (2 * i + side)
+        body = contacts.bodies[2 * i + side] * length
+        own = 3 * length * (2 * i + side)
         for x in range(length):
             v = velocity[body + x]
             n = n + contacts.pieces[own + x] * v
@@ -60,16 +63,22 @@ def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.v
 @wp.func
 def changed_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
     """Move Λ of a contact along -r ξ and project; return its change."""
-    zero, one = Number(0.0), Number(1.0)
-    old_n, old_t, old_s = impulses[3 * i], impulses[3 * i + 1], impulses[3 * i + 2]
-    n = wp.max(old_n - contacts.sizes[2 * i] * xi[0], zero)
-    dn, r = n - old_n, contacts.sizes[2 * i + 1]
+    old_n = impulses[3 * i]
+    old_t = impulses[3 * i + 1]
+    old_s = impulses[3 * i + 2]
+    n = wp.max(old_n - contacts.sizes[2 * i] * xi[0], Number(0.0))
+    dn = n - old_n
+    r = contacts.sizes[2 * i + 1]
     t = old_t - r * (xi[1] + contacts.coupling[2 * i] * dn)
     s = old_s - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
-    bound, squared, scale = contacts.fixed[i] + contacts.friction[i] * n, t * t + s * s, one
+    bound = contacts.fixed[i] + contacts.friction[i] * n
+    squared = t * t + s * s
+    scale = Number(1.0)
     if squared > bound * bound:
         scale = bound / wp.sqrt(squared)
-    impulses[3 * i], impulses[3 * i + 1], impulses[3 * i + 2] = n, t * scale, s * scale
+    impulses[3 * i] = n
+    impulses[3 * i + 1] = t * scale
+    impulses[3 * i + 2] = s * scale
     return wp.vec3d(dn, t * scale - old_t, s * scale - old_s)
 
 
@@ -101,9 +110,11 @@ def update_all(contacts: Contacts, impulses: Numbers, velocity: Numbers, changes
 @wp.kernel
 def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
     """Add the changes of the contacts of a body to its v; ``touching`` lists twice the contact plus its side."""
-    body, length = wp.tid(), contacts.length
+    body = wp.tid()
+    length = contacts.length
     for p in range(starts[body], starts[body + 1]):
-        own, k = 3 * length * touching[p], 3 * (touching[p] / 2)
+        own = 3 * length * touching[p]
+        k = 3 * (touching[p] // 2)
         for x in range(length):
             added = contacts.pieces[own + x] * changes[k] + contacts.pieces[own + length + x] * changes[k + 1]
             added = added + contacts.pieces[own + 2 * length + x] * changes[k + 2]

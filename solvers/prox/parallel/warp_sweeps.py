@@ -49,6 +49,7 @@ class DeviceSweep(ABC):
         layout: the padded blocks.
         pieces: W̃ in pairs of pieces, of width 3.
         device: the device.
+        kernels: the module of the kernels, imported late.
         contacts: the constant data of all contacts, see ``warp_kernels.Contacts``.
         upload_seconds: wall time of copying the data to the device [s].
         transfer_seconds: wall time of copying Λ and ξ between both, in all solves [s].
@@ -61,7 +62,7 @@ class DeviceSweep(ABC):
 
         wp.load_module(warp_kernels, device=device)  # compiled here: a recorded graph cannot load it
         began = time.perf_counter()
-        self._kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
+        self.kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
         self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
         pieces, layout = self.pieces, self.layout
         free = np.zeros((layout.n_blocks, 3))
@@ -135,7 +136,7 @@ class ColouredDeviceSweep(DeviceSweep):
         """Start the kernels of all colours."""
         first = 0
         for size in self._sizes:
-            self.launch(self._kernels.update_colour, size, self._order, first, impulses, velocity)
+            self.launch(self.kernels.update_colour, size, self._order, first, impulses, velocity)
             first += size
 
 
@@ -158,8 +159,8 @@ class JacobiDeviceSweep(DeviceSweep):
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
         """Start both kernels."""
         n_blocks, n_bodies = self.layout.n_blocks, self.pieces.n_chunks
-        self.launch(self._kernels.update_all, n_blocks, impulses, velocity, self._changes)
-        self.launch(self._kernels.move_bodies, n_bodies, self._starts, self._touching, self._changes, velocity)
+        self.launch(self.kernels.update_all, n_blocks, impulses, velocity, self._changes)
+        self.launch(self.kernels.move_bodies, n_bodies, self._starts, self._touching, self._changes, velocity)
 
 
 class DeviceIterates:
@@ -198,7 +199,7 @@ class DeviceIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         sweep = self._sweep
-        sweep.launch(sweep._kernels.write_velocity, sweep.layout.n_blocks, self._velocity, self._relative)
+        sweep.launch(sweep.kernels.write_velocity, sweep.layout.n_blocks, self._velocity, self._relative)
         return sweep.layout.rows_of(self._lanes(self._relative))
 
     def _launch(self, count: int) -> None:

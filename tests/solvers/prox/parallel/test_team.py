@@ -3,10 +3,12 @@
 import _thread
 import os
 import threading
+from typing import Any
 
 import pytest
 from proxbench.problems import load
 from proxbench.solvers import SolverError, Stop, create
+from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.team import Team
 
 
@@ -55,10 +57,19 @@ def test_more_threads_than_cores_are_refused_in_one_sentence() -> None:
             create("ColouredSORprox", threads=value)
 
 
-def test_a_solve_leaves_no_thread_running() -> None:
-    before = _thread._count()
-    cores = min(os.cpu_count() or 1, 2)
-    prepared = create("ColouredSORprox", threads=cores).prepare(load("funnel-300"))
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="there is one core alone")
+def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coloured_sweep, "MIN_SHARE", 1)
+    before, during, run = _thread._count(), [], Team.run
+
+    def counted(team: Team, *arguments: Any) -> Any:
+        result = run(team, *arguments)
+        during.append(_thread._count())
+        return result
+
+    monkeypatch.setattr(Team, "run", counted)
+    prepared = create("ColouredSORprox", threads=2).prepare(load("funnel-300"))
     for _ in range(3):
         prepared.solve(Stop(1e-2))
         assert _thread._count() == before
+    assert max(during) == before + 1
