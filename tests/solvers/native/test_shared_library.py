@@ -2,7 +2,6 @@
 
 import pickle
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +16,6 @@ from proxbench.solvers.contract import solution_fault
 from proxbench.solvers.native.elf import elf_length
 from proxbench.solvers.native.native_solver import BrokenInterfaceError
 from proxbench.solvers.native.shared_library import Shared
-
-MAX_CALL_SECONDS = 5e-6
-"""What a call may cost beside the solver, on ten contacts [s]."""
 
 
 def ten_contacts() -> ContactProblem:
@@ -160,12 +156,3 @@ def test_a_library_that_is_cut_off_is_refused_before_it_is_loaded(
     sentence = f"is cut off after {cut.stat().st_size} bytes; build or copy it again"
     with pytest.raises(SolverError, match=sentence):
         create(f"Shared({cut})")
-
-
-def test_a_call_costs_little_beside_the_solver(faulty_library: Path) -> None:
-    prepared, limits, seconds = faulty(faulty_library).prepare(ten_contacts()), Stop(), []
-    for _ in range(5000):
-        began = time.perf_counter()
-        prepared.solve(limits)
-        seconds.append(time.perf_counter() - began)
-    assert min(seconds) <= MAX_CALL_SECONDS

@@ -6,7 +6,7 @@ import pytest
 from holding_solver import PAUSE_SECONDS, Holding
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.ladder import CasePass
-from proxbench.bench.measure.trajectories.case import Simulated, TrajectoryCase
+from proxbench.bench.measure.trajectories.case import Member, Simulated, TrajectoryCase
 from proxbench.bench.measure.trajectories.methods import make_method
 from proxbench.bench.measure.trajectories.plan import LIMITS
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
@@ -48,7 +48,7 @@ def test_a_point_has_the_times_of_its_undisturbed_members_and_keeps_all_rounds(c
         timed_round(0, 3.0, turn=1, processor_seconds=2.0),
         timed_round(0, 5.0, turn=2, processor_seconds=4.0),
     ]
-    measured = case.point(1e-6, [(simulated(), one) for one in rounds]).measured
+    measured = case.point(1e-6, [Member(simulated(), one) for one in rounds]).measured
     assert measured is not None
     assert (measured.rounds, measured.repeats, measured.is_excluded) == (rounds, 3, False)
     assert measured.total_seconds.median == 4.0
@@ -58,8 +58,8 @@ def test_a_point_has_the_times_of_its_undisturbed_members_and_keeps_all_rounds(c
 
 def test_a_failed_member_has_a_round_and_no_part_in_the_times(case: TrajectoryCase) -> None:
     good, failed = simulated(), simulated(values={}, status="stalled")
-    answers = [(good, timed_round(0, 1.0)), (failed, timed_round(0, 9.0)), (good, timed_round(0, 3.0))]
-    measured = case.point(1e-6, answers).measured
+    answers = [(good, 1.0), (failed, 9.0), (good, 3.0)]
+    measured = case.point(1e-6, [Member(one, timed_round(0, seconds)) for one, seconds in answers]).measured
     assert measured is not None
     assert (len(measured.rounds), measured.repeats, measured.failed_members) == (3, 2, 1)
     assert measured.total_seconds.median == 2.0

@@ -205,7 +205,7 @@ def test_friction_and_restitution_depend_on_the_pair_of_materials() -> None:
     assert contacts.laws.friction_coefficient[1::2].tolist() == [0.1] * 4 + [0.9] * 4
     assert contacts.restitution[::3].tolist() == [0.0] * 4 + [0.7] * 4
     with pytest.raises(ProblemError, match="between 0 and 1"):
-        on_ground([Restitution(replace(friction, coefficients={**friction.coefficients, ("ice", "road"): 1.1}))])
+        on_ground([Restitution(replace(friction, coefficients={**friction.coefficients, ("ice", "road"): 1.1}))], 2)
 
 
 @pytest.mark.parametrize("height", [0.0499, 1.0])
