@@ -191,7 +191,8 @@ def _compare_verdict(measured: Measured, again: Verdict, moved: Sequence[Verdict
             if stated is not number:
                 raise _Disagreement(f"{_words(name)} {stated}, the judge reads {number}")
         else:
-            change = max((abs(number - one[name]) for one in others if one[name] is not None), default=0.0)
+            changes = [abs(number - number_of(one[name])) for one in others if one[name] is not None]
+            change = max(changes, default=0.0)
             _compare(name, number_of(stated), number_of(number), change)
 
 
