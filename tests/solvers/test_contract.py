@@ -23,6 +23,7 @@ VARIANTS = [
     "NesterovSORprox",
     "AndersonSORprox",
     "NSGS",
+    "ColouredSORprox",
     "SemismoothNewton",
     "ProximalADMM",
     "ProximalADMM(memory=0)",

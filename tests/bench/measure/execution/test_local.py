@@ -108,7 +108,7 @@ def test_a_run_stores_its_cases_and_one_session_with_its_machine_core_and_load(
     assert all(case.is_finished(PLAN) for case in cases)
     (session,) = run.sessions
     loaded = session.machine.thread_pools
-    assert session.machine == replace(MACHINE, thread_pools=loaded)  # libraries may be loaded after this module
+    assert session.machine == replace(this_machine(), thread_pools=loaded)  # libraries may be loaded meanwhile
     assert session.started <= session.finished
     assert len(session.busy_cores) == 4
     assert {one.session for case in cases for point in case.points for one in point.rounds} == {0}
