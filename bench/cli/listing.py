@@ -179,7 +179,7 @@ def _solver(name: str) -> Row:
 
 
 def _on_device(name: str) -> Row:
-    """Return the row of a solver on a device, which is neither looked for nor needed."""
+    """Return the row of a solver on a device; the device need not exist."""
     return {"model": str(Model.COULOMB), "options": option_texts(name)}
 
 

@@ -7,7 +7,7 @@ complete.
 
 Each task is done by the thread that claims it first. Which thread that is has no influence on its arithmetic, and sums
 over tasks are taken in the order of the tasks, so that any number of threads gives the same bits. Each thread begins
-with its own share of a stage, whose data are then in the cache of its core. A thread that is late delays nobody.
+with its own share of a stage, whose data are then in the cache of its core. A late thread does not delay the others.
 """
 
 from dataclasses import dataclass

@@ -56,7 +56,7 @@ def case_record(**others: Any) -> CaseRecord:
 def solved_case(
     problem: ContactProblem, solver: str, tolerances: Sequence[float], passes: int = 2, session: int = 0
 ) -> CaseRecord:
-    """Return a case that a solver solves here, with judged impulses and times that nobody measured."""
+    """Return a case that a solver solves here, with judged impulses and invented times."""
     made, points = create(solver), list[Point]()
     prepared = made.prepare(problem)
     for tolerance in tolerances:
