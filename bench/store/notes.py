@@ -10,14 +10,14 @@ from .impulses import number_of
 from .outcome import ROUNDING, Outcome
 from .records import MAX_ANSWERS, CaseRecord, Measured, Point
 
-SHARE = 0.05
-"""Relative slowdown of first solves that repetition explains."""
+EXPLAINED_RATIO = 1.25
+"""Ratio of two times of one piece of work that a change of the core's speed explains, if the core counts as steady."""
 
 ALLOWANCE_SECONDS = 2e-5
 """Further time that a first solve may take [s], for branches and memory pages not used before."""
 
-COPY_RATIO = 1.25
-"""Ratio of the least time on copies of a problem to the time on the problem that their differences explain."""
+MIN_NOTED = 3
+"""Least number of undisturbed first solves, or of undisturbed copies, of which a note is made."""
 
 LOCAL_RATIO = 100.0
 """Ratio of the local to the judged residual from which fast contacts hide the violations of the others."""
@@ -28,9 +28,9 @@ def hides_contacts(judged: FloatArray | float, local: FloatArray | float) -> NDA
     return np.greater(local, np.maximum(ROUNDING, np.multiply(LOCAL_RATIO, judged)))
 
 
-def is_explained_by_repetition(repeated: float, first: float) -> bool:
-    """Return whether repetition alone explains the time of a first solve [s], given that of repeated ones [s]."""
-    return first <= (1.0 + SHARE) * repeated + ALLOWANCE_SECONDS
+def is_explained(repeated: float, first: float) -> bool:
+    """Return whether the machine explains the time of a first solve [s], given that of repeated ones [s]."""
+    return first <= EXPLAINED_RATIO * repeated + ALLOWANCE_SECONDS
 
 
 def notes_of(case: CaseRecord, point: Point) -> str:
@@ -48,12 +48,10 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
     if measured.answers > 1 and not case.is_randomised:
         least = "at least " if measured.answers == MAX_ANSWERS else ""
         yield f"{least}{measured.answers} different answers in {measured.repeats} solves"
-    seconds = measured.total_seconds.median
-    if measured.first_seconds and not measured.is_excluded:
-        first = float(np.median(measured.first_seconds))
-        if not is_explained_by_repetition(seconds, first):
-            yield f"first solves take {first / seconds:.2f} times as long"
-    if measured.copy_seconds and not measured.is_excluded:
-        copy = min(measured.copy_seconds)
-        if copy > COPY_RATIO * seconds + ALLOWANCE_SECONDS:
-            yield f"copies of the problem take {copy / seconds:.2g} times as long"
+    for name, seconds in (
+        ("first solves", measured.first_seconds),
+        ("copies of the problem", measured.copy_seconds),
+    ):
+        repeated, first = measured.total_seconds.median, min(seconds, default=0.0)
+        if len(seconds) >= MIN_NOTED and not measured.is_excluded and not is_explained(repeated, first):
+            yield f"{name} take at least {first / repeated:.2g} times as long"

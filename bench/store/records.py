@@ -179,7 +179,7 @@ class Measured(Record, frozen=True, kw_only=True):
         repeats: number of timed solves.
         is_excluded: whether all rounds are excluded, so that comparisons ignore the times.
         rounds: the rounds, those of a trajectory one for each member.
-        first_seconds: times of first solves in fresh processes [s]; processor times if they were preempted.
+        first_seconds: times of first solves in fresh processes during which no other program used the core [s].
         copy_seconds: times of first solves of copies of the problem [s].
         answers: number of different impulse vectors of solved solves, up to ``MAX_ANSWERS``; the worst is judged.
         hashes: hashes of these vectors.

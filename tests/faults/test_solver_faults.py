@@ -35,11 +35,11 @@ ACTIONS = {
     "segfault": (CRASHED, "SIGSEGV"),
     "abort": (CRASHED, "SIGABRT"),
     "set an alarm": (CRASHED, "SIGALRM"),
-    "stop itself": (TIMEOUT, "4 s"),
+    "stop itself": (TIMEOUT, "8 s"),
     "hang up": (CRASHED, "closed its connection"),
     "leave slowly": (MISBEHAVED, "thread running"),
-    "sleep": (TIMEOUT, "4 s"),
-    "spin": (TIMEOUT, "4 s"),
+    "sleep": (TIMEOUT, "8 s"),
+    "spin": (TIMEOUT, "8 s"),
     "allocate": ("out of memory", "256 MB"),
     "write": (MISBEHAVED, "changed the numbers"),
     "print": (CRASHED, "after much noise"),
@@ -54,7 +54,7 @@ ACTIONS = {
     "return twice": (MEASURED, ""),
     "run away": (MISBEHAVED, "running"),
     "kill its supervisor": (CRASHED, "together with its supervisor"),
-    "stop its supervisor": (TIMEOUT, "4 s"),
+    "stop its supervisor": (TIMEOUT, "8 s"),
     "forge": (MISBEHAVED, "an invalid answer"),
 }
 """The outcome of each action, and words that name it: the reason of a failed case, the outcome of a measured point."""
@@ -70,7 +70,7 @@ run(
     ],
     tolerances=[1e-1, 1e-3],
     passes=1,
-    limits=Limits(solve_seconds=4.0, case_seconds=4.0, memory_bytes=2**28),
+    limits=Limits(solve_seconds=8.0, case_seconds=8.0, memory_bytes=2**28),
 )
 """
 

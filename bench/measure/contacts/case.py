@@ -20,7 +20,7 @@ from ....problems.representation import counted
 from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
 from ...plugins.remote_solver import are_iterations
 from ...plugins.solver_specs import SolverSpec
-from ...store.notes import is_explained_by_repetition
+from ...store.notes import is_explained
 from ...store.outcome import ON_COPY, Outcome, late_reason
 from ...store.plans import Limits
 from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
@@ -272,8 +272,8 @@ class Case(LadderCase[MeasuredRound]):
             if level == self._copied_level and not self.solver.starts_warm:  # no start suits a copy
                 point = self._compared_with_copies(point, measured, seconds)
             known = measured.first_seconds
-            is_explained = known and is_explained_by_repetition(seconds, float(np.median(known)))
-            if point.outcome is not Outcome.WRONG and not is_explained:
+            is_controlled = bool(known) and is_explained(seconds, min(known))
+            if point.outcome is not Outcome.WRONG and not is_controlled:
                 point = self._compared_with_first_solves(point, seconds)
         except Fault as fault:
             self._fail(fault)
@@ -283,7 +283,7 @@ class Case(LadderCase[MeasuredRound]):
     def _compared_with_copies(self, point: Point, measured: Measured, seconds: float) -> Point:
         """Return a point with the times of copies of the problem, and their answers judged."""
         copies = self._controls.copies(self._stop(point.tolerance), seconds)
-        times = [*measured.copy_seconds, *(one.seconds for one in copies if one.is_steady)]
+        times = [*measured.copy_seconds, *(one.seconds for one in copies if one.is_undisturbed)]
         point = replace(point, measured=replace(measured, copy_seconds=times))
         return confirmed(self.problem, self.solver.model, point, copies, ON_COPY)
 
@@ -293,7 +293,7 @@ class Case(LadderCase[MeasuredRound]):
         start = self._starts.impulses(stop)
         firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
-            timed = (one for one in firsts if one.timed.status is Status.SOLVED and not one.timed.is_preempted)
+            timed = (one for one in firsts if one.timed.status is Status.SOLVED and one.is_undisturbed)
             times = [*measured.first_seconds, *(one.seconds for one in timed)]
             point = replace(point, measured=replace(measured, first_seconds=times))
         return confirmed(self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process")

@@ -7,12 +7,12 @@ the median of several such first solves and t that of the repeated ones, repetit
     t₁ ≤ (1 + SHARE) t + ALLOWANCE_SECONDS.
 
 First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are within the bound than beyond it, or until
-``MAX_SLOW_SOLVES`` more are beyond it. In the latter case the ratio t₁/t becomes part of the row, and beyond
-``MAX_RATIO`` the solver has misbehaved. A solver may load or compile something in its first solve. Before it is
-accused, first solves are repeated in forks that have solved another problem to the same tolerance. All cached kernels
-are in their memory, among them those that only the timed solves have used. The faster ones count, compared with one
-more round of repeated ones: the machine may be slower by now. Only solves that were not preempted accuse a solver, and
-only if they are more than half of ``MAX_SLOW_SOLVES``.
+``MAX_SLOW_SOLVES`` more are beyond it. If all are beyond it, the least ratio t₁/t becomes part of the row. If the ratio
+of the medians exceeds ``MAX_RATIO``, the solver has misbehaved. A solver may load or compile something in its first
+solve. Before it is accused, first solves are repeated in forks that have solved another problem to the same tolerance.
+All cached kernels are in their memory, among them those that only the timed solves have used. The faster ones count,
+compared with one more round of repeated ones: the machine may be slower by now. Only solves during which no other
+program used the core accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
@@ -28,7 +28,7 @@ from ....problems.exchange.files.problem_file import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec
-from ...store.notes import ALLOWANCE_SECONDS, COPY_RATIO, is_explained_by_repetition
+from ...store.notes import is_explained
 from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
@@ -66,13 +66,18 @@ class ControlSolve:
         problem: the problem, or a copy of it.
         timed: the round that ends with the solve.
         impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
-        is_steady: whether no other program used the core.
+        is_steady: whether the probes of the core before and after it are close to the reference.
     """
 
     problem: ContactProblem
     timed: TimedRound
     impulses: FloatArray
     is_steady: bool = True
+
+    @property
+    def is_undisturbed(self) -> bool:
+        """Whether no other program used the core."""
+        return self.is_steady and not self.timed.is_preempted
 
     @property
     def seconds(self) -> float:
@@ -106,7 +111,7 @@ class Controls:
         """Pin the process to a core from now on."""
         self.core = core
         if self._worker is not None:
-            core.pin(self._worker.process)
+            core.pin(self._worker.process, self.solver.threads)
 
     def close(self) -> None:
         """End the process."""
@@ -144,7 +149,7 @@ class Controls:
             if solve.timed.status is not Status.SOLVED:
                 return [*solves, self._unscaled_solve(stop, seconds, start)]
             solves.append(solve)
-            balance += 1 if is_explained_by_repetition(seconds, solve.seconds) else -1
+            balance += 1 if is_explained(seconds, solve.seconds) else -1
             if balance >= needed:
                 return solves
             if balance <= -MAX_SLOW_SOLVES:
@@ -152,7 +157,7 @@ class Controls:
         self._load_kernels()
         loaded = [self._first_solve(stop, start, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
         solves, seconds = min(solves, loaded, key=_median), max(seconds, again())
-        undisturbed = [solve for solve in solves if not solve.timed.is_preempted]
+        undisturbed = [solve for solve in solves if solve.is_undisturbed]
         if len(undisturbed) > MAX_SLOW_SOLVES // 2 and _is_repeated(seconds, _median(undisturbed)):
             raise _repeats(stop, f"take {_median(undisturbed):.3g} s", seconds)
         return solves
@@ -161,13 +166,12 @@ class Controls:
         """Return first solves of copies: one if it is as fast as the problem [s], else several."""
         found: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
-            copy, probe = disguised_copy(self.problem, stop.tolerance), self.core.probe()
-            timed, impulses = self._solve_in_fork(stop, problem_bytes(copy))
-            if timed.status is not Status.SOLVED:
+            copy = disguised_copy(self.problem, stop.tolerance)
+            solve = self._control_solve(copy, stop, problem_bytes(copy))
+            if solve.timed.status is not Status.SOLVED:
                 break
-            is_steady = not timed.is_preempted and self.core.is_steady(probe, self.core.probe())
-            found.append(ControlSolve(copy, timed, _of_length(impulses, copy.n_rows), is_steady))
-            if is_steady and timed.totals[0] <= COPY_RATIO * seconds + ALLOWANCE_SECONDS:
+            found.append(solve)
+            if solve.is_undisturbed and is_explained(seconds, solve.seconds):
                 break
             self._load_kernels()
         return found
@@ -177,10 +181,8 @@ class Controls:
         variant = in_other_units(self.problem)
         problems = [variant.problem] if after is None else [after, variant.problem]
         scale = variant.back.diagonal()
-        timed, impulses = self._solve_in_fork(
-            stop, *map(problem_bytes, problems), start=None if start is None else start / scale
-        )
-        return ControlSolve(self.problem, timed, scale * _of_length(impulses, self.problem.n_rows))
+        start = None if start is None else start / scale
+        return self._control_solve(self.problem, stop, *map(problem_bytes, problems), start=start, scale=scale)
 
     def _unscaled_solve(self, stop: Stop, seconds: float, start: FloatArray | None) -> ControlSolve:
         """Return a first solve of the problem in its own units.
@@ -188,11 +190,25 @@ class Controls:
         Raises:
             Fault: if it reaches the time limit, and repeated solves [s] are far below it.
         """
-        timed, impulses = self._solve_in_fork(stop, problem_bytes(self.problem.anonymous()), start=start)
-        is_late = timed.status is Status.TIME_LIMIT and not timed.is_preempted
+        solve = self._control_solve(self.problem, stop, problem_bytes(self.problem.anonymous()), start=start)
+        is_late = solve.timed.status is Status.TIME_LIMIT and solve.is_undisturbed
         if is_late and _is_repeated(seconds, stop.max_seconds):
             raise _repeats(stop, f"reach the time limit of {stop.max_seconds:g} s", seconds)
-        return ControlSolve(self.problem, timed, _of_length(impulses, self.problem.n_rows))
+        return solve
+
+    def _control_solve(
+        self,
+        problem: ContactProblem,
+        stop: Stop,
+        *problems: bytes,
+        start: FloatArray | None = None,
+        scale: FloatArray | float = 1.0,
+    ) -> ControlSolve:
+        """Return the solve of the last of ``problems`` in a fork; its impulses times ``scale`` solve ``problem``."""
+        probe = self.core.probe()
+        timed, impulses = self._solve_in_fork(stop, *problems, start=start)
+        is_steady = self.core.is_steady(probe, self.core.probe())
+        return ControlSolve(problem, timed, scale * _of_length(impulses, problem.n_rows), is_steady)
 
     def _load_kernels(self) -> None:
         """Load all cached kernels in the process that is forked, unless it is gone; a kernel is loaded once."""

@@ -112,7 +112,7 @@ class Waiting(Remembering):
 
 
 class WaitingLonger(Waiting):
-    share = 0.8
+    share = 0.7
 
 
 class Carrying(Remembering):

@@ -104,9 +104,9 @@ class BeforeSolving(Hiding):
     def spoil(self) -> None:
         true, self.ready = protocol.Measurement._solve, {}
 
-        def solve(measurement: Any, problem: ContactProblem, stop: Stop) -> Any:
+        def solve(measurement: Any, problem: ContactProblem, stop: Stop, start: Any = None) -> Any:
             self.ready[id(problem)] = Honest.solve(self, problem, stop, None)
-            return true(measurement, problem, stop)
+            return true(measurement, problem, stop, start)
 
         protocol.Measurement._solve = solve
 

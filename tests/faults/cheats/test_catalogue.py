@@ -7,6 +7,7 @@ from catalogue import LADDER, VERDICTS, make_cheat, measured
 from cheating_solvers import ANSWERS, Honest
 from proxbench.bench.store.notes import notes_of
 from proxbench.bench.store.outcome import FAULTS, Outcome
+from proxbench.bench.store.records import CaseRecord
 from tampering_solvers import CHANGES
 
 TRIES = 3
@@ -21,24 +22,27 @@ FAMILIES = {"OnBox", "Answering", "Tampering", "Changing", "Hiding"}
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
-    outcome, _, words = VERDICTS[name].partition(": ")
+    differences = []
     for number in range(TRIES):
         folder = tmp_path / str(number)
         folder.mkdir()
-        case = measured(make_cheat(name, folder))
-        texts = [f"{point.reason}; {notes_of(case, point)}" for point in case.points]
-        is_named = outcome == NAMED and any(words in text for text in [case.reason, *texts])
-        if is_named or outcome in (case.outcome, *(point.outcome for point in case.points)):
-            break
+        differences.append(difference(measured(make_cheat(name, folder)), *VERDICTS[name].partition(": ")[::2]))
+        if not differences[-1]:
+            return
+    pytest.fail("\n".join(differences))
+
+
+def difference(case: CaseRecord, outcome: str, words: str) -> str:
+    """Return how a case ends if it does not end with ``outcome`` and ``words``; empty if it does."""
+    outcomes = [point.outcome for point in case.points]
+    texts = [f"{point.reason}; {notes_of(case, point)}" for point in case.points]
     if outcome == NAMED:
-        assert is_named, [case.reason, *texts]
+        is_as_told = any(words in text for text in [case.reason, *texts])
     elif outcome in (*FAULTS, Outcome.UNSUPPORTED):
-        assert case.outcome == outcome, case.reason
-        assert words in case.reason
-        assert case.points == []
+        is_as_told = case.outcome == outcome and words in case.reason and not case.points
     else:
-        assert outcome in [point.outcome for point in case.points], case.reason
-        assert words in ("gains nothing", "") or any(words in text for text in texts), texts
+        is_as_told = outcome in outcomes and (words in ("gains nothing", "") or any(words in text for text in texts))
+    return "" if is_as_told else f"{case.outcome}: {case.reason}; {[*map(str, outcomes)]}; {texts}"
 
 
 @pytest.mark.parametrize("problem", ["hard-sticking-box", "funnel-100", "funnel-1000"])

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace as spec_replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.case import warm_up_data
 from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, ROUND_SECONDS, SHARE, ClockAccount
 from proxbench.bench.measure.contacts.control import Controls
+from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
@@ -110,6 +112,14 @@ def test_a_machine_that_has_become_slower_accuses_nobody() -> None:
         Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.002)
 
 
+def test_first_solves_while_other_programs_use_the_core_accuse_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(MeasuringCore, "is_steady", lambda core, *probes: False)
+    found = Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.001)
+    assert not any(one.is_undisturbed for one in found)
+    late = Scripted([1.0], status=Status.TIME_LIMIT).first_solves(STOP, 1e-3, never)
+    assert not late[-1].is_undisturbed
+
+
 def never() -> float:
     raise AssertionError
 
@@ -126,3 +136,13 @@ def test_first_solves_that_reach_the_time_limit_are_repeated_in_own_units_and_mi
     with pytest.raises(Fault, match="reach the time limit"):
         late.first_solves(STOP, 1e-3, never)
     assert Scripted([1.0], status=Status.STALLED).first_solves(STOP, 1e-3, never)[-1].timed.status is Status.STALLED
+
+
+def test_first_solves_have_as_many_cores_as_timed_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    pinned = list[int]()
+    monkeypatch.setattr(MeasuringCore, "pin", lambda core, process, count=1: pinned.append(count))
+    spec = spec_replace(solver_spec("SORprox"), threads=2)
+    with contextlib.closing(Controls(PROBLEM, warm_up_data(PROBLEM), spec, LIMITS)) as controls:
+        controls.first_solves(STOP, 1.0, never)
+        controls.occupy(MeasuringCore(0, allowed=frozenset({0, 1})))
+    assert set(pinned) == {2}
