@@ -9,7 +9,7 @@ from typing import Any
 
 from ..problems.compilation import interprets_kernels
 from ..problems.contact.problem import ContactProblem
-from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop
+from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop, starts_from_last_answer
 from ..problems.errors import suggestion
 from ..problems.exchange.catalog import load
 from ..problems.exchange.plugins.offers import Offer, offers
@@ -159,6 +159,9 @@ def _make_composite(plain: str, parts: list[Solver], options: Mapping[str, Any])
         parts = []
     if not parts:
         raise SolverError(f"{plain} needs other solvers as its parts; name them as in {_EXAMPLES[plain]}.")
+    warm = next((part.name for part in parts if starts_from_last_answer(part)), "")
+    if warm:
+        raise SolverError(f"{plain} cannot contain {warm}, whose start a run provides; make {plain} a part of Warm.")
     return make(*parts, **options)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from ...problems.arrays import FloatArray
+from ...problems.representation import counted
 from ..isolation.worker import MAX_CONTENT_BYTES, Fault, Task, Worker, no_answer, numbers_of
 from ..store.outcome import Outcome
 from ..store.plans import Limits
@@ -117,6 +118,9 @@ class LadderCase(ABC, Generic[Answer]):
     def occupy(self, core: MeasuringCore) -> None:
         """Pin the process to a core from now on, and to another one for each further thread."""
         self.core = core
+        if self._worker is not None and core.number is not None and self.threads > len(core.allowed):
+            allowed = counted(len(core.allowed), "core")
+            self._fail(Fault(Outcome.UNSUPPORTED, f"it needs {self.threads} threads, and this run may use {allowed}"))
         if self._worker is not None:
             core.pin(self._worker.process, self.threads)
 
@@ -248,7 +252,7 @@ def measure_ladder(
     levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
         _begin([case for case in cases if any(map(case.is_left, range(len(case.ladder))))])
-        with core.occupied():
+        with core.occupied(max((case.threads for case in cases), default=1)):
             for case in cases:
                 case.occupy(core)
             for level in levels:

@@ -5,6 +5,7 @@ import hashlib
 import os
 import platform
 import subprocess
+from collections.abc import Set
 from importlib import metadata
 from pathlib import Path
 
@@ -43,11 +44,11 @@ def this_machine() -> Machine:
     )
 
 
-def busy_seconds(except_core: int | None) -> float:
-    """Return the busy time of all cores except one since the system started [s]; 0 if that core is unknown."""
-    if except_core is None:
+def busy_seconds(except_cores: Set[int]) -> float:
+    """Return the busy time of all cores except some since the system started [s]; 0 if these are unknown."""
+    if not except_cores:
         return 0.0
-    others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number != except_core]
+    others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number not in except_cores]
     return float(sum(sum(one[:8]) - one.idle - getattr(one, "iowait", 0.0) for one in others))
 
 

@@ -11,8 +11,9 @@ show whether other programs disturbed a round of solves:
 
 A disturbed round is excluded and measured again. Measured times are never corrected.
 
-A solver with several threads is pinned to this core and to as many others as its further threads need. These are not
-claimed, so that two such runs on one machine disturb each other.
+A solver with several threads is pinned to this core and to as many others as its further threads need. The
+further cores are not claimed, so a run with several threads can disturb any other run on the machine. The load does not
+include other programs on these cores.
 """
 
 import contextlib
@@ -84,17 +85,18 @@ class MeasuringCore:
             self._claim = None
 
     @contextlib.contextmanager
-    def occupied(self) -> Iterator[None]:
-        """Pin the calling thread to the core, and measure the load of the other cores."""
+    def occupied(self, count: int = 1) -> Iterator[None]:
+        """Pin the calling thread to the core, and measure the load of all except ``count`` cores, those of solvers."""
+        own = set[int]() if self.number is None else self.cores(count)
         before = _allowed_cores()
         if self.number is not None:
             os.sched_setaffinity(0, {self.number})
         try:
             while len(self.probes) < FIRST_PROBES:
                 self.probe()
-            busy, began = busy_seconds(self.number), perf_counter()
+            busy, began = busy_seconds(own), perf_counter()
             yield
-            self.busy_cores = max(busy_seconds(self.number) - busy, 0.0) / max(perf_counter() - began, 1e-3)
+            self.busy_cores = max(busy_seconds(own) - busy, 0.0) / max(perf_counter() - began, 1e-3)
         finally:
             if self.number is not None:
                 os.sched_setaffinity(0, before)

@@ -9,7 +9,7 @@ seconds that the system counts as ready but not running,
 
 and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If the system does not count w, it is 0.
 
-Of a solver with several threads, w is that of its main thread, and P exceeds T.
+Preemption of further threads of a solver is not detected: w is that of its main thread, and P may exceed T.
 
 The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """

@@ -10,7 +10,7 @@ from ...problems.arrays import FloatArray
 from ...solvers.composite.warm import warm_name
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome
-from ..store.ratios import EXCLUDED, MARGIN, STANDINGS, reaching, standings, times_by_point
+from ..store.ratios import ALONE, EXCLUDED, MARGIN, STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Judged residuals for which tables give times, if the run has more tolerances."""
@@ -93,19 +93,19 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
     """Return the standing of each solver on each problem at each of ``accuracies``, with intervals of the ratios.
 
-    A solver is compared with those that compute in as many threads. Columns: problem, accuracy, and those of
-    ``standings``. A run over trajectories has no such table.
+    A solver is compared with those that compute in as many threads; if no other does, its standing is "alone".
+    Columns: problem, accuracy, and those of ``standings``. A run over trajectories has no such table.
     """
     points, rounds, limit = frames.points, frames.rounds, frames.info.plan.limits.solve_seconds
     found = []
     for problem in [] if frames.is_study else frames.cases["problem"].unique():
         own, times = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
         equals = [own[own["solver"].isin(solvers)] for solvers in solvers_by_threads(frames).values()]
-        found += [
-            standings(some, times, accuracy, limit).assign(problem=problem, accuracy=accuracy)
-            for accuracy in accuracies(frames)
-            for some in equals
-        ]
+        for accuracy in accuracies(frames):
+            groups = [standings(some, times, accuracy, limit) for some in equals]
+            if len(groups) > 1:
+                groups = [group.assign(standing=ALONE) if len(group) == 1 else group for group in groups]
+            found += [group.assign(problem=problem, accuracy=accuracy) for group in groups]
     columns = ["problem", "accuracy", *STANDINGS]
     return pd.concat(found, ignore_index=True)[columns] if found else pd.DataFrame(columns=columns)
 
@@ -313,8 +313,9 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     compared = next(iter(solvers_by_threads(frames).values()), [])
     for accuracy in shown:
         tag, reached = accuracy_tag(accuracy), tried[tried["accuracy"] == accuracy]
-        disturbed = reached["problem"][reached["excluded"].astype(bool)]
-        is_compared = reached["solver"].isin(compared) & ~reached["problem"].isin(disturbed)
+        is_compared = reached["solver"].isin(compared)
+        disturbed = reached["problem"][is_compared & reached["excluded"].astype(bool)]
+        is_compared &= ~reached["problem"].isin(disturbed)
         least = _least(reached[is_compared], "seconds")
         table[f"solved_{tag}"] = _counts(names, reached["problem"])
         table[f"fastest_{tag}"] = [least["solver"].get(name, "") for name in names]

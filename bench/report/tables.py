@@ -225,6 +225,8 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
 def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
     """Print one row per problem, by families, and below them the faults."""
     title = "problems: how many of the supporting solvers reach each accuracy, the least time, and the fastest solver"
+    if frames.cases["threads"].nunique() > 1:
+        title += " of those with the fewest threads"
     console.print(Text(title, style="bold"))
     shown = shown_problems(problems_table(frames))
     print_table(console, shown, words=("problem", "family"), optional=("contacts", "residual", "family"))

@@ -50,7 +50,7 @@ RESAMPLES = 1000
 MAX_OVERTIME = 1.1
 """Solves that exceed this multiple of their time limit reach nothing; others may have finished an iteration."""
 
-SLOWER, EXCLUDED = "slower", "excluded"
+SLOWER, EXCLUDED, ALONE = "slower", "excluded", "alone"
 """Standings of a solver that is slower than the fastest one, and of one whose rounds are all excluded."""
 
 STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")

@@ -54,7 +54,7 @@ class ContactProblem:
         provenance: its origin (scene, step, seed, …).
         answer: the known part of its solution, if any.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
-        keys: names of the contacts, one a block of the layout, which last in a sequence of steps; may be empty.
+        keys: name of each contact, the same in all steps of a sequence; empty if contacts have no names.
     """
 
     free_velocity: FloatArray

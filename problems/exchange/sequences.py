@@ -49,7 +49,7 @@ class Predecessors:
     """
 
     steps: tuple[ContactProblem, ...] = ()
-    missing: str = "it follows no step of a sequence, from whose answer a solver could start"
+    missing: str = "it follows no step of a sequence from which to start"
 
 
 NO_PREDECESSORS = Predecessors()
@@ -66,7 +66,7 @@ def predecessors(problem: ContactProblem, find: Callable[[str], ContactProblem |
     while name := step.provenance.get(BEFORE):
         found = find(str(name))
         if found is None:
-            return Predecessors(missing=f"it follows {name}, which is not at hand; measure or generate it too")
+            return Predecessors(missing=f"it follows {name}, which is not available; add it to the run or generate it")
         if not (found.keys and step.keys and _number(found) == _number(step) - 1):
             return Predecessors(missing=f"{name} and {step.name} are not consecutive steps with keys of their contacts")
         steps.insert(0, found)

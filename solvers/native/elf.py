@@ -1,4 +1,4 @@
-"""Lengths of shared libraries by their headers: the loader maps a file that is cut off, and its process is killed."""
+"""Detect truncated ELF files before loading them: a read beyond the end of a mapped file kills the process."""
 
 import struct
 from pathlib import Path
@@ -11,7 +11,7 @@ _LOADED = 1
 def elf_length(file: Path) -> int:
     """Return the number of bytes that the loaded segments of a 64-bit ELF file reach to; 0 for other files.
 
-    A file that ends within its header or its table of segments should have at least one byte more than it has.
+    It is one byte more than the file has if the file ends within its header or its table of segments.
     """
     with file.open("rb") as stream:
         header = stream.read(_HEADER_LENGTH)
@@ -21,7 +21,7 @@ def elf_length(file: Path) -> int:
         try:
             (table,) = struct.unpack_from(f"{order}Q", header, 32)
             size, count = struct.unpack_from(f"{order}HH", header, 54)
-            stream.seek(table)
+            stream.seek(min(table, file.stat().st_size))
             entries = stream.read(size * count)
             segments = [struct.unpack_from(f"{order}IIQQQQ", entries, size * k) for k in range(count)]
         except struct.error:

@@ -169,7 +169,9 @@ class Program:
         self._into, self._from = child.stdin.fileno(), child.stdout.fileno()
         weakref.finalize(self, _end, child, self._owner)
         self.send(DESCRIBE, INTERFACE)
-        if not select.select([self._from], [], [], START_SECONDS)[0]:
+        answers = select.poll()
+        answers.register(self._from, select.POLLIN)
+        if not answers.poll(1e3 * START_SECONDS):
             self.discard()
             raise SolverError(
                 f"{self.source} has not answered within {START_SECONDS:g} s of its start; read messages from standard "

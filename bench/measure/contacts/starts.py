@@ -24,7 +24,7 @@ class Starts:
     """
 
     def __init__(self, steps: Sequence[ContactProblem], problem: ContactProblem, controls: Controls) -> None:
-        """Set the steps, the problem, and what solves the steps."""
+        """Initialise with the earlier steps, the problem, and the process that solves the steps."""
         self.steps, self.problem, self._controls = steps, problem, controls
         self._known: dict[float, FloatArray | None] = {}
 

@@ -117,7 +117,11 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
         sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
             notes.append(_listing(f"{what}s of {run.folder} alone", [name for name in own if name not in other]))
-    keys = before.cases[[*CASE, "threads"]].merge(after.cases[[*CASE, "threads"]])[CASE]
+    both = before.cases[[*CASE, "threads"]].merge(after.cases[[*CASE, "threads"]], on=CASE)
+    is_equal = both["threads_x"] == both["threads_y"]
+    others = list(dict.fromkeys(both["solver"][~is_equal]))
+    notes.append(_listing("omitted because these solvers ran in other numbers of threads", others))
+    keys = both[is_equal][CASE]
     return keys[~keys["problem"].isin(changed)], [note for note in notes if note]
 
 

@@ -6,7 +6,7 @@ seed, so that generating twice gives equal digests. Between machines rounding di
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from ....problems.exchange.catalog import (
     FUNNEL_SIZES,
     MIXED_PILES,
     PILE_SIZES,
+    SEQUENCE_MEMBERS,
     cache_folder,
     is_available,
     plugin_problems,
@@ -161,7 +162,10 @@ def generate_missing(names: Iterable[str]) -> None:
 
 
 def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
-    """Yield the named problems; problems of the same scene share one simulation."""
+    """Yield the named problems; problems of the same scene share one simulation.
+
+    With a step of a sequence, the steps before it are yielded too, from which warm solvers start.
+    """
     flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     pecks: dict[str, WoodpeckerRecipe] = {}
     sequences: dict[str, set[str]] = {}
@@ -182,7 +186,7 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     if pecks:
         yield from _woodpecker_problems(pecks)
     for name, steps in sequences.items():
-        yield from (problem for problem in sequence_problems(name) if problem.name in steps)
+        yield from islice(sequence_problems(name), max(map(SEQUENCE_MEMBERS[name].index, steps)) + 1)
 
 
 def _solver() -> Any:

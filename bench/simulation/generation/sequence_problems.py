@@ -84,7 +84,7 @@ def sequence_problems(name: str) -> Iterator[ContactProblem]:
 
 
 def first_state(recipe: SequenceRecipe) -> State:
-    """Return the state at the begin of the first step of a sequence."""
+    """Return the state at the beginning of the first step of a sequence."""
     scene = make_scene(recipe.scene)
     state, length = scene.start, scene.step_size
     approach = MidpointRule(scene.system, create("MomentumFallback"), APPROACH_STOP, length, depth=scene.depth)

@@ -13,39 +13,37 @@ USUAL_PAIRS = 8
 """Pairs per ball for which there is room at first; equal balls that do not interpenetrate have at most 6."""
 
 MIN_SKIN, MAX_SKIN = 0.05, 0.5
-"""Bounds of the skin over the smallest radius. A larger skin holds more pairs, and each look visits all of them."""
+"""Bounds of the skin, relative to the smallest radius. A larger skin holds more pairs, which each query visits."""
 
-LOOKS = 3.0
-"""Looks for which the pairs should last: a step finds the contacts, then its overlaps before and after they move apart.
-The passes of a projection share one search in any case, as do many steps of a pile at rest."""
+QUERIES_PER_SEARCH = 3.0
+"""Number of queries for which a search should remain valid. A step makes three: for contacts, and for overlaps before
+and after the projection."""
 
 
 class NearPairs:
     """Pairs of balls that may overlap, found again when a ball has moved so far that another one may have come near.
 
-    Pairs are near if their gap is below the skin, which follows the speed of the balls: it is ``LOOKS`` times as wide
-    as the fastest ball and another one can approach each other from one look to the next.
+    Pairs are near if their gap is below the skin, which follows the speed of the balls: it is
+    ``QUERIES_PER_SEARCH`` times as wide as the fastest ball and another one can approach each other between queries.
     """
 
     def __init__(self, radii: FloatArray) -> None:
         self._radii = radii
         self._least = MIN_SKIN * float(radii.min(initial=np.inf))
-        self._skin, self._looks = self._least, 0
+        self._skin, self._queries = self._least, 0
         self._found: tuple[FloatArray, IntArray] | None = None
 
     def at(self, centres: FloatArray) -> IntArray:
         """Return all pairs i < j that overlap at ``centres`` and some that do not, sorted by i, then j."""
-        self._looks += 1
+        self._queries += 1
         if self._found is not None:
             moved = float(_farthest(self._found[0], centres))
             if moved <= 0.499 * self._skin:
                 return self._found[1]
-            # NaN, a position that is no number, leaves the skin as it is
-            wanted = 2.0 * LOOKS * moved / self._looks
-            self._skin = (
-                min(max(wanted, self._least), MAX_SKIN / MIN_SKIN * self._least) if moved < np.inf else self._skin
-            )
-        self._looks = 0
+            if np.isfinite(moved):
+                wanted = 2.0 * QUERIES_PER_SEARCH * moved / self._queries
+                self._skin = min(max(wanted, self._least), MAX_SKIN / MIN_SKIN * self._least)
+        self._queries = 0
         self._found = centres.copy(), overlapping_pairs(centres, self._radii + 0.5 * self._skin)
         return self._found[1]
 

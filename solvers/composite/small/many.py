@@ -56,6 +56,8 @@ def solve_many(
     """
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
+    if isinstance(problems, ContactProblem):
+        raise SolverError("problems must be a list of ContactProblem; for one problem, use solve.")
     problems = list(problems)
     for at, problem in enumerate(problems):
         if not isinstance(problem, ContactProblem):
@@ -73,7 +75,7 @@ def solve_many(
 
 def _check_threads(threads: int) -> None:
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if not isinstance(threads, int) or not 1 <= threads <= n_cores:
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or not 1 <= threads <= n_cores:
         raise SolverError(f"threads must be a number from 1 to {n_cores}, the cores of this process, got {threads!r}.")
 
 

@@ -14,7 +14,7 @@ from ...sweeps.step_size import write_step_sizes
 from ..sweeping import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
-"""Whether other sweeps are faster, or no contacts affect each other, or some do."""
+"""Kinds of coupling: other sweeps are faster; no two contacts are coupled; some are."""
 
 ROWS_OF_NUMBERS = 5
 """Rows of the numbers of the residual, as in ``Residual``."""

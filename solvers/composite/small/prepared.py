@@ -35,7 +35,7 @@ COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
 )
 
 _KERNELS = DeferredKernels(
-    (prepare_over_matrix, prepare_over_columns, sweep_coupled, sweep_uncoupled),
+    (prepare_over_matrix, prepare_over_columns, prepare_over_pieces, sweep_coupled, sweep_uncoupled),
     uses_before_loading=300,
     uses_before_compiling=20_000,
 )

@@ -1,4 +1,4 @@
-"""A team of threads that run one compiled kernel together; the calling thread is one of them.
+"""Run one compiled kernel in several threads, including the calling one.
 
 The kernels release the interpreter's lock. The other threads start when they are first needed, wait without using a
 core, and end with the team: none outlives a solve, and no threading library need be installed. The members share
@@ -27,6 +27,7 @@ class _Member:
 
     def __init__(self) -> None:
         self.call: Callable[[], Any] | None = None
+        self.error: BaseException | None = None
         self._begin, self._end = _thread.allocate_lock(), _thread.allocate_lock()
         self._begin.acquire()
         self._end.acquire()
@@ -44,17 +45,19 @@ class _Member:
     def _run(self) -> None:
         while True:
             self._begin.acquire()
-            call, self.call = self.call, None
+            call, self.call, self.error = self.call, None, None
             try:
                 if call is None:
                     return
                 call()
+            except BaseException as error:  # which the calling thread raises
+                self.error = error
             finally:
                 self._end.release()
 
 
 class Team:
-    """The calling thread and others, which end when nothing refers to the team any more."""
+    """Threads that run a kernel together. They end when the team is deleted."""
 
     def __init__(self) -> None:
         self._members: list[_Member] = []
@@ -67,10 +70,14 @@ class Team:
         for number, member in enumerate(called, start=1):
             member.begin(partial(kernel, number, threads, *arguments))
         try:
-            return kernel(0, threads, *arguments)
+            result = kernel(0, threads, *arguments)
         finally:
             for member in called:
                 member.wait()
+        for member in called:
+            if member.error is not None:
+                raise member.error
+        return result
 
     def __del__(self) -> None:
         for member in self._members:

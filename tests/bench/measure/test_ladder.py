@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ from counting_task import Counting
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure import ladder
 from proxbench.bench.measure.ladder import CasePass, LadderCase, measure_ladder
+from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import CaseRecord, Point
@@ -114,3 +116,15 @@ def test_a_case_that_is_resumed_keeps_its_peak_memory_and_adds_up_its_time() -> 
     assert 0.0 < fresh.wall_seconds < 1000.0 < small.wall_seconds
     assert small.peak_memory_bytes > 2**20
     assert large.peak_memory_bytes == 2**40
+
+
+def test_more_threads_than_the_run_may_use_are_unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, pinned = Fake(lambda case: None), list[int]()
+    monkeypatch.setattr(Fake, "threads", 3)
+    monkeypatch.setattr(case, "_worker", SimpleNamespace(process=0, busy_seconds=0.0, close=lambda: None))
+    monkeypatch.setattr(MeasuringCore, "pin", lambda core, process, count: pinned.append(count))
+    case.occupy(MeasuringCore(1, allowed=frozenset({0, 1, 2})))
+    assert (pinned, case.outcome) == ([3], Outcome.MEASURED)
+    monkeypatch.setattr(case, "end", lambda: setattr(case, "_worker", None))
+    case.occupy(MeasuringCore(1, allowed=frozenset({0, 1})))
+    assert (pinned, case.outcome) == ([3], Outcome.UNSUPPORTED)

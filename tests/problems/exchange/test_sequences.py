@@ -84,7 +84,7 @@ def test_predecessors_are_the_consecutive_steps_from_the_first_on() -> None:
     known = {step.name: step for step in steps}
     assert [step.name for step in predecessors(steps[2], known.get).steps] == ["s-0", "s-1"]
     assert predecessors(steps[0], known.get).steps == ()
-    assert "s-1, which is not at hand" in predecessors(steps[2], {}.get).missing
+    assert "s-1, which is not available" in predecessors(steps[2], {}.get).missing
     known["s-1"] = steps[1].renamed("s-1", **{STEP: 0})
     assert "not consecutive" in predecessors(steps[2], known.get).missing
 

@@ -1,9 +1,10 @@
 """Warm is its solver under a name that tells the start."""
 
 import numpy as np
+import pytest
 from proxbench.problems import load
 from proxbench.problems.contact.solver import starts_from_last_answer
-from proxbench.solvers import Status, Stop, create
+from proxbench.solvers import SolverError, Status, Stop, create
 
 
 def test_it_solves_as_its_solver_does_from_any_start() -> None:
@@ -20,3 +21,9 @@ def test_it_alone_declares_that_it_starts_from_its_last_answer() -> None:
     assert starts_from_last_answer(create("Warm(NSGS)"))
     assert not starts_from_last_answer(create("NSGS"))
     assert create("Warm(PyramidPGS(sides=4))").model == create("PyramidPGS(sides=4)").model
+
+
+@pytest.mark.parametrize("name", ["Fallback(Warm(SORprox), NSGS)", "Warm(Warm(SORprox))"])
+def test_no_solver_contains_it_as_a_run_would_not_provide_its_start(name: str) -> None:
+    with pytest.raises(SolverError, match=r"cannot contain Warm\(SORprox\), whose start a run provides"):
+        create(name)

@@ -71,5 +71,5 @@ def test_the_table_compares_the_steps_that_have_both_starts(frames: object) -> N
 def test_a_step_whose_predecessor_is_not_in_the_run_is_not_solved_warm(tmp_path: Path) -> None:
     step = steps_of_a_sequence()[2]
     alone = run(step, "Warm(SORprox)", results=tmp_path, run_id="alone", tolerances=TOLERANCE, passes=1)
-    assert "step-1, which is not at hand" in alone.cases["reason"].iloc[0]
+    assert "step-1, which is not available" in alone.cases["reason"].iloc[0]
     assert load(tmp_path / "alone").n_finished == 1

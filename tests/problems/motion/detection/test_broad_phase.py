@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems.motion.detection.broad_phase import (
     CELLS_PER_BALL,
-    LOOKS,
     MAX_SKIN,
     MIN_SKIN,
+    QUERIES_PER_SEARCH,
     NearPairs,
     _cell_numbers,
     overlapping_pairs,
@@ -108,11 +108,13 @@ def test_balls_that_do_not_move_are_searched_once() -> None:
     assert near.at(centres) is not near.at(centres + 1.1 * along_x)
 
 
-@pytest.mark.parametrize(("speed", "looks"), [(0.5 * MAX_SKIN / LOOKS, int(LOOKS)), (0.02 * MIN_SKIN, 25)])
-def test_a_search_lasts_for_several_looks_at_balls_of_steady_speed(speed: float, looks: int) -> None:
+@pytest.mark.parametrize(
+    ("speed", "queries"), [(0.5 * MAX_SKIN / QUERIES_PER_SEARCH, int(QUERIES_PER_SEARCH)), (0.02 * MIN_SKIN, 25)]
+)
+def test_a_search_lasts_for_several_queries_of_balls_of_steady_speed(speed: float, queries: int) -> None:
     """The skin becomes as wide as balls need, between its bounds; slow ones need no wider one than the least."""
     radii, centres = np.ones(50), np.random.default_rng(6).uniform(0.0, 8.0, (50, 3))
     near, step = NearPairs(radii), np.array([0.98 * speed, 0.0, 0.0])
     found = [near.at(centres + look * step) for look in range(80)]
     searches = [look for look in range(1, 80) if found[look] is not found[look - 1]]
-    assert min(np.diff(searches)[1:]) >= looks - 1
+    assert min(np.diff(searches)[1:]) >= queries - 1

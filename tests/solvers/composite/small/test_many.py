@@ -53,10 +53,16 @@ def test_no_problems_have_no_solutions() -> None:
     assert many.residuals.shape == (0,)
 
 
-@pytest.mark.parametrize("threads", [0, -1, N_CORES + 1, 1.0, "2"])
+@pytest.mark.parametrize("threads", [0, -1, N_CORES + 1, 1.0, "2", True])
 def test_only_as_many_threads_as_cores_are_granted(threads: Any) -> None:
     with pytest.raises(SolverError, match=rf"threads must be a number from 1 to {N_CORES}, .* got"):
         solve_many([load("hard-tower-3")], threads=threads)
+
+
+def test_one_problem_is_not_a_list() -> None:
+    one: Any = load("hard-tower-3")
+    with pytest.raises(SolverError, match="for one problem, use solve"):
+        solve_many(one)
 
 
 def test_what_is_no_problem_is_named_by_its_place() -> None:

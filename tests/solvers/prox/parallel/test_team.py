@@ -32,16 +32,19 @@ def test_each_thread_runs_the_kernel_with_its_own_number(threads: int) -> None:
     assert _thread._count() == before
 
 
-def test_a_kernel_that_raises_leaves_no_thread_running() -> None:
+@pytest.mark.parametrize("failing", [0, 2])
+def test_a_kernel_that_raises_in_any_thread_raises_each_time_and_leaves_no_thread_running(failing: int) -> None:
     before = _thread._count()
 
     def fail(number: int, of: int) -> None:
-        if number == 0:
+        if number == failing:
             raise ArithmeticError
 
     team = Team()
-    with pytest.raises(ArithmeticError):
-        team.run(3, fail)
+    for _ in range(2):
+        with pytest.raises(ArithmeticError):
+            team.run(3, fail)
+    assert team.run(3, lambda number, of: number) == 0
     del team
     assert _thread._count() == before
 
