@@ -1,8 +1,8 @@
-"""Measure cases level by level of their ladders, in rounds that alternate between them.
+"""Measurement of cases over ladders of tolerances or steps, level by level.
 
-All cases of one problem exist at the same time, each in its process. Untimed work runs in parallel. Timed work runs one
-case at a time, in alternation, so that a drift of the machine affects all cases equally. A point of the ladder may be
-measured in several passes, each with new processes.
+All cases of one problem exist at the same time, each in its own process. Untimed work runs in parallel. Timed rounds
+alternate between the cases, one at a time, so that a drift of the machine affects all cases equally. A point of the
+ladder may be measured in several passes, each with new processes.
 """
 
 import os
@@ -24,13 +24,13 @@ from .points import joined
 from .timed_round import TimedRound
 
 MAX_REASON_LENGTH = 2000
-"""Largest number of characters of a solver's message that are kept."""
+"""Largest number of characters of a solver's message that a record keeps."""
 
 MAX_PARALLEL_STARTS = 4
 """Largest number of cases that start at the same time."""
 
 INTERRUPT_SECONDS = 0.05
-"""Time after which starting cases are asked again to end [s]."""
+"""Interval at which an interrupt asks starting cases to end [s]."""
 
 Answer = TypeVar("Answer")
 """The result of one round of a level."""
@@ -44,7 +44,7 @@ class CasePass:
 
     Attributes:
         session: number of the session of the run.
-        number: number of the pass in the session; points that were measured in more passes are skipped.
+        number: number of the pass in the session; points with more passes are skipped.
     """
 
     session: int = 0
@@ -61,7 +61,7 @@ class LadderCase(ABC, Generic[Answer]):
         case_pass: the current pass.
         outcome: MEASURED, or the fault of the case.
         points: the finished points of the ladder.
-        is_solvable: whether its problem has a solution under Coulomb's law; None if unknown.
+        is_solvable: whether the problem has a solution under Coulomb's law; None if unknown.
     """
 
     is_solvable: bool | None = None
@@ -88,7 +88,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def begin(self) -> None:
-        """Start the process, and do the work that is done once."""
+        """Start the process, and do the work that precedes all levels."""
 
     @abstractmethod
     def measure(self, value: float, number: int) -> Answer | None:
@@ -96,7 +96,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def needs_round(self, answers: Sequence[Answer]) -> bool:
-        """Return whether another round of the same level must follow these answers, of which there is at least one."""
+        """Return whether the level needs another round after these answers, at least one."""
 
     @abstractmethod
     def point(self, value: float, answers: list[Answer]) -> Point:
@@ -104,7 +104,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def end_after(self, point: Point) -> str:
-        """Return why finer points are not attempted after this one; empty if they are."""
+        """Return why finer points are not attempted after this one; an empty text if they are."""
 
     @abstractmethod
     def identity(self) -> dict[str, Any]:
@@ -112,20 +112,21 @@ class LadderCase(ABC, Generic[Answer]):
 
     @property
     def threads(self) -> int:
-        """Number of threads in which the subject of the case computes."""
+        """Number of threads that the subject of the case uses."""
         return 1
 
     def occupy(self, core: MeasuringCore) -> None:
-        """Pin the process to a core from now on, and to another one for each further thread."""
+        """Pin the process to one core per thread."""
         self.core = core
         if self._worker is not None and core.number is not None and self.threads > len(core.allowed):
             allowed = counted(len(core.allowed), "core")
-            self._fail(Fault(Outcome.UNSUPPORTED, f"it needs {self.threads} threads, and this run may use {allowed}"))
+            reason = f"it needs {self.threads} threads, but this run may use only {allowed}"
+            self._fail(Fault(Outcome.UNSUPPORTED, reason))
         if self._worker is not None:
             core.pin(self._worker.process, self.threads)
 
     def is_open(self, level: int) -> bool:
-        """Return whether a level can be measured: the process is alive, and no coarser point ends the ladder."""
+        """Return whether a level can be measured: the process runs, and no coarser point ends the ladder."""
         return self._worker is not None and self.outcome is Outcome.MEASURED and not self._end_before(level)
 
     def add_point(self, level: int, answers: list[Answer]) -> None:
@@ -143,7 +144,7 @@ class LadderCase(ABC, Generic[Answer]):
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
     def finish(self) -> None:
-        """Do the work that is done once after all levels."""
+        """Do the work that follows all levels."""
 
     def dismiss(self) -> None:
         """Ask the process to end without waiting for it; the case has not failed."""
@@ -187,7 +188,7 @@ class LadderCase(ABC, Generic[Answer]):
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
-        """Return the answer of the process; without one, or if the solver declines, fail the case and return None."""
+        """Return the answer of the process; if there is none, or the solver declines, fail the case and return None."""
         if self._worker is None:
             return None
         try:
@@ -241,7 +242,7 @@ Keep = Callable[[LadderCase[Any], float], None]
 def measure_ladder(
     cases: Sequence[LadderCase[Any]], keep: Keep = lambda case, value: None, core: MeasuringCore | None = None
 ) -> None:
-    """Measure the remaining levels of each case once.
+    """Measure the remaining levels of each case in one pass.
 
     Args:
         cases: cases of one problem.
@@ -268,7 +269,7 @@ def measure_ladder(
 
 
 def _begin(cases: Sequence[LadderCase[Any]]) -> None:
-    """Start cases in parallel, at most one per core; on an interrupt, end them immediately and raise it."""
+    """Start cases in parallel, at most one per core; on an exception, end them immediately and raise it again."""
     at_once = min(MAX_PARALLEL_STARTS, os.cpu_count() or 1)
     with ThreadPoolExecutor(at_once) as pool:
         begun = [pool.submit(case.begin) for case in cases]

@@ -1,4 +1,4 @@
-"""The state of a contact under given impulses: open, stick or slip; and its colour."""
+"""Contact states under given impulses (open, stick or slip) and their colours."""
 
 from enum import IntEnum
 
@@ -11,10 +11,10 @@ from ...problems.contact.blocks import BlockLayout
 from ..report.charts.palette import rgb
 
 OPEN_SHARE = 1e-6
-"""Share of the largest normal impulse below which a contact is open, because interior points are never exactly zero."""
+"""Share of the largest normal impulse below which a contact is open. Interior-point iterates are never exactly zero."""
 
 SLIP_SHARE = 1.0 - 1e-4
-"""Share of the bound of friction above which a contact slips."""
+"""Share of the friction bound above which a contact slips."""
 
 States = NDArray[np.uint16]
 
@@ -33,12 +33,12 @@ STATE_COLOURS = {ContactState.OPEN: "#8a8f98", ContactState.STICK: "#2fb6a8", Co
 def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
     """Return the ``ContactState`` of every contact, shape (n_contacts,).
 
-    A friction law without a unilateral law is never open, and a joint sticks. Rolling is ignored.
+    A friction law without a unilateral law is never open, and a joint always sticks. Rolling friction is ignored.
 
     Args:
         layout: the contacts.
-        lanes: Λ [N s], padded to shape (n_contacts, width), with or without rolling; contacts with infinite or NaN
-            values are open.
+        lanes: Λ [N s], padded to shape (n_contacts, width), with or without rolling lanes. Infinite and NaN entries
+            count as zero.
     """
     held = np.where(np.isfinite(lanes), lanes, 0.0)
     normal = held[:, 0]
@@ -57,7 +57,7 @@ def count_states(states: States) -> NDArray[np.int64]:
 
 
 def write_state_colours(stream: rr.RecordingStream, root: str) -> None:
-    """Give contacts under the entity ``root`` the colours and names of their states."""
+    """Write the colours and names of contact states for the entities below ``root``."""
     infos = [
         rr.AnnotationInfo(id=int(state), label=state.name.lower(), color=rgb(colour))
         for state, colour in STATE_COLOURS.items()

@@ -1,10 +1,10 @@
-"""Selection of the states of a simulation to keep, evenly over simulated time of unknown length.
+"""Selection of the states that a result file keeps, evenly spaced in time although the duration is unknown.
 
 Time is divided into cells of 2^k base spacings, and the first state in each cell is kept. If there are more than 2N
 states, k grows by one: pairs of cells are merged, and the first state of each pair is kept. The selection depends only
 on the states, not on interruptions of the simulation. Marked states are kept in addition.
 
-The arrays of a result file are
+A result file contains the arrays
 
 state_times              times of n states [s], shape (n,)
 state_marks              whether each is marked, shape (n,)
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ...problems.motion.state import State
 
 STATES = 500
-"""N by default."""
+"""Default of N."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class KeptState:
     Attributes:
         state: the state.
         cell: index of its base spacing, from 0.
-        is_marked: whether it is kept even if it is not the first state of its cell.
+        is_marked: whether to keep it even if it is not the first state of its cell.
     """
 
     state: State
@@ -44,10 +44,10 @@ class KeptState:
 
 
 class KeptStates:
-    """Select from states that are offered in the order of time.
+    """Select states to keep from states that arrive in the order of time.
 
-    With steps as long as the base spacing, every 2^k-th state is kept. With steps of at most a third of the present
-    spacing, the distances of kept states differ by at most a factor of two.
+    With steps as long as the base spacing, every 2^k-th state is kept. With steps of at most a third of the current
+    spacing, the intervals between kept states differ by at most a factor of two.
 
     Args:
         number: N, at least 1. At most 2N states are kept, including the last one and excluding marked ones. At least N
@@ -138,16 +138,16 @@ def kept_arrays(kept_states: KeptStates) -> dict[str, NDArray[Any]]:
 def restore_kept(
     kept_states: KeptStates, content: Mapping[str, NDArray[Any]], doublings: int, times: NDArray[Any]
 ) -> None:
-    """Put stored states into ``kept_states``, which is new.
+    """Restore stored states into ``kept_states``.
 
     Args:
-        kept_states: a new object with the arguments of the stored one.
+        kept_states: a new object, created with the arguments of the stored one.
         content: the arrays of ``kept_arrays``.
         doublings: number of doublings of the stored object.
         times: times of all states that were offered after the first [s].
 
     Raises:
-        KeyError, ValueError: if the arrays are not states of the motion.
+        KeyError, ValueError: if an array is missing or malformed, or if the states do not belong to the motion.
     """
     names = ("times", "marks", "positions", "velocities", "contacts", "keys", "impulses")
     time, marks, positions, velocities, contacts, keys, impulses = (content[f"state_{name}"] for name in names)
@@ -163,12 +163,12 @@ def restore_kept(
     }
     for name, (array, kind, shape) in shapes.items():
         if array.dtype != kind or array.shape != shape or (kind == np.float64 and not np.isfinite(array).all()):
-            raise ValueError(f"the {name} of the states are none")
+            raise ValueError(f"the {name} of the kept states have a wrong shape or type, or are not finite")
     known = np.array([start.time, *times])
     if not len(time) or time[0] != known[0] or time[-1] != known[-1] or not np.isin(time, known).all():
-        raise ValueError("these are no states of the motion")
+        raise ValueError("the kept states are not states of the motion")
     if (contacts < 0).any() or (np.diff(time) <= 0.0).any() or doublings < 0:
-        raise ValueError("these are no states that follow each other")
+        raise ValueError("the times of the kept states do not increase, or a count is negative")
     borders = np.cumsum(contacts)[:-1]
     parts = zip(time, positions, velocities, np.split(keys, borders), np.split(impulses, borders), strict=True)
     states = [State(float(t), *arrays) for t, *arrays in parts]

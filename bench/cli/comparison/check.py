@@ -1,4 +1,4 @@
-"""``proxbench check``."""
+"""The command ``proxbench check``."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Charts that a page draws: Vega specifications, into which the page inserts rows and width."""
+"""Vega specifications of the charts of a page, which inserts the data and the width."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,14 +18,14 @@ WIDTH, HEIGHT = 480, 280
 
 
 def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]]:
-    """Return the charts of a page by name: those of profiles, "cost" and "convergence" of a problem.
+    """Return the Vega specifications of a page by name: the profiles, and "cost" and "convergence" of a problem.
 
-    The rows of profiles have the columns of ``profile_tables``; those of "cost" solver, tolerance, residual,
-    milliseconds, low, high, iterations and outcome; those of "convergence" solver, iteration and residual.
+    The data of a profile have the columns of ``profile_tables``. The data of "cost" have the columns solver, tolerance,
+    residual, milliseconds, low, high, iterations and outcome; those of "convergence" solver, iteration and residual.
 
     Args:
         named: the style of each solver.
-        residual: kind of the residual, "judged" or "local".
+        residual: kind of residual, "judged" or "local".
     """
     rows = alt.NamedData(name=ROWS)
     panels: Mapping[str, Any] = {

@@ -10,7 +10,7 @@ from typing import Any
 from ....problems.representation import counted as counted
 
 PIPE_WIDTH = 1000
-"""Width of lines in a file or a pipe, in which names and commands are not wrapped."""
+"""Line width for files and pipes, so that names and commands are not wrapped."""
 
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
@@ -28,20 +28,20 @@ def inline(value: object) -> str:
 
 
 def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return a table in Markdown, of texts that are escaped by ``inline``."""
+    """Return a Markdown table; the caller escapes the cells with ``inline``."""
     heads = list(map(str, head))
     lines = (map(str, line) for line in (heads, ["---"] * len(heads), *rows))
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def markdown_frame(shown: Any) -> str:
-    """Return a frame of texts as a table in Markdown, with escaped cells."""
+    """Return a frame of texts as a Markdown table, with escaped cells."""
     heads = [inline(column).replace("\n", " ") for column in shown.columns]
     return markdown_table(heads, shown.map(inline).itertuples(index=False))
 
 
 def latex_table(shown: Any) -> str:
-    """Return a frame of texts as a LaTeX table with rules of ``booktabs``; texts between ``**`` become bold."""
+    """Return a frame of texts as a LaTeX table with the rules of ``booktabs``; texts between ``**`` become bold."""
     heads = [str(column).replace("\n", " ") for column in shown.columns]
     styled = shown.set_axis(heads, axis="columns").style.hide(axis="index")
     made: str = styled.format(escape="latex").format_index(escape="latex", axis="columns").to_latex(hrules=True)
@@ -49,10 +49,10 @@ def latex_table(shown: Any) -> str:
 
 
 def csv_content(table: Any) -> bytes:
-    """Return a pandas frame as CSV in which a spreadsheet finds no formulas.
+    """Return a pandas frame as CSV without cells that a spreadsheet would execute as formulas.
 
-    A text that begins like a formula is preceded by an apostrophe, so that spreadsheets show it as text. Texts that are
-    numbers, and all other values, are unchanged. Carriage returns become line feeds.
+    An apostrophe precedes a text that begins like a formula, so that spreadsheets show it as text. Texts that are
+    numbers, and all other values, do not change. Carriage returns become line feeds.
     """
     content: str = table.rename(columns=_inert).map(_inert).to_csv(index=False)
     return content.encode()
@@ -83,5 +83,5 @@ def json_records(table: Any) -> list[dict[str, Any]]:
 
 
 def unsolved_words(number: int, steps: int, tolerance: str) -> str:
-    """Return the number of unsolved steps in words: ``"1 of 20 steps is not solved to 1e-04"``."""
+    """Return the number of unsolved steps in words, as in ``"1 of 20 steps is not solved to 1e-04"``."""
     return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance}"

@@ -1,4 +1,4 @@
-"""State and summary of a run in a notebook."""
+"""HTML representation of a run in notebooks."""
 
 from html import escape
 
@@ -11,7 +11,7 @@ from ..studies import headline, points_table
 
 
 def run_page(frames: RunFrames) -> str:
-    """Return the state and the summary of a run as HTML, with all texts escaped."""
+    """Return the warnings, measuring conditions and summary of a run as HTML, with all texts escaped."""
     info = frames.info
     n_problems, n_solvers = len(info.plan.problems), len(info.plan.solvers)
     counts = f"{counted(n_problems, 'problem')}, {counted(n_solvers, 'solver')}"

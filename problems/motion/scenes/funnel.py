@@ -226,7 +226,7 @@ def _effects(options: Mapping[str, Any]) -> tuple[Effect, ...]:
 _OPTIONS: dict[str, Option] = {
     "balls": Option(1000, "number of balls", lowest=1, highest=1_000_000),
     "seed": Option(0, "of the jitter of the start"),
-    "gravity": Option(STANDARD_GRAVITY, "acceleration of weight [m/s²]", can_be_off=True),
+    "gravity": Option(STANDARD_GRAVITY, "gravitational acceleration [m/s²]", can_be_off=True),
     "friction": Option(0.3, "friction coefficient; off: no friction laws, and balls do not turn", can_be_off=True),
     "restitution": Option(0.3, "normal restitution", highest=1.0, can_be_off=True),
     "tangential_restitution": Option(None, "tangential restitution", highest=1.0, can_be_off=True),

@@ -1,4 +1,7 @@
-"""Scenes whose motion is known in closed form, as entries of the registry; options are the fields of their classes."""
+"""Registry entries of the scenes whose motion is known in closed form.
+
+The options of a scene are the fields of its class.
+"""
 
 import inspect
 import math
@@ -20,21 +23,21 @@ from .resting import Stack, VGroove
 from .scene import ClosedFormScene, Scene, SceneKind, completed, kinetic_energy
 
 STEP_SIZE = 1e-3
-"""Δt [s] of a fixed step."""
+"""Default Δt [s] of a fixed step."""
 
 LENGTH = 0.1
-"""Length of scenes without a radius [m], over which penetrations are given."""
+"""Reference length [m] of penetrations in scenes without a radius."""
 
 
 def scene_kind(made: Any, summary: str, duration: float = 1.0, *, has_few_contacts: bool = True) -> SceneKind:
-    """Return the entry of a class whose fields are the options of its scene.
+    """Return the registry entry of a class whose fields are the options of its scene.
 
     Args:
         made: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``,
             ``ending``, ``step_size`` and ``depth``.
-        summary: what it is, for people.
-        duration: how long it is simulated by default [s].
-        has_few_contacts: as in ``Scene``.
+        summary: one-line description for lists.
+        duration: default duration of a simulation [s].
+        has_few_contacts: see ``Scene``.
     """
     meanings = _meanings(made)
     options = {field.name: _option(field, meanings.get(field.name, "")) for field in fields(made)}
@@ -78,7 +81,7 @@ def _weight(balls: BallSystem, weight: Gravity, position: FloatArray) -> float:
 
 
 def _option(field: "Field[Any]", meaning: str) -> Option:
-    """Return the option of a field, whose range the class checks."""
+    """Return the option of a field; the class itself checks narrower ranges."""
     default = field.default
     whole = isinstance(default, int) and not isinstance(default, bool)
     return Option(
@@ -104,7 +107,7 @@ KNOWN_MOTIONS: Mapping[str, SceneKind] = {
     "newtons_cradle": scene_kind(NewtonsCradle, "a row of balls that touch, struck by the first one"),
     "sphere_on_incline": scene_kind(SphereOnIncline, "a sphere that rolls or slides down an incline"),
     "block_on_incline": scene_kind(BlockOnIncline, "a block that slides, stops or stays on an incline"),
-    "stack": scene_kind(Stack, "balls at rest one upon the other"),
+    "stack": scene_kind(Stack, "balls at rest on top of each other"),
     "v_groove": scene_kind(VGroove, "a sphere in a groove, level or inclined"),
 }
-"""Scenes with an exact answer by name."""
+"""Scenes with an exact solution, by name."""

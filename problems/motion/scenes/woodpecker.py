@@ -50,13 +50,13 @@ INCIDENTS = (
 [s], computed event by event in 45-digit arithmetic."""
 
 CONTACT_NAMES = ("beak", "lower edge", "upper edge")
-"""Contacts by their keys; the paper counts them from 1, and the edges are those of the sleeve."""
+"""Names of the contacts by key (the paper counts contacts from 1); the edges belong to the sleeve."""
 
 RANGES = (0.01945, 0.47, 17.57)
-"""What y [m], φ_S [rad] and its velocity [rad/s] range over in one period."""
+"""Ranges of y [m], φ_S [rad] and its velocity [rad/s] in one period."""
 
 OVERLAP = 1e-12
-"""Depth [m] at which a start in contact is taken for closed; it turns the sleeve by 2e-10 rad."""
+"""Initial depth [m] with which rounding cannot open a closed contact; it rotates the sleeve by 2e-10 rad."""
 
 _MASS = np.array(
     [
@@ -88,8 +88,8 @@ def woodpecker(
     """Return the woodpecker's equations of motion.
 
     Args:
-        friction: μ of all contacts, or None for contacts of one row, without friction.
-        beak_restitution: ε_N of the beak; the sleeve's is 0.
+        friction: μ of all contacts; if None, contacts have one row and no friction.
+        beak_restitution: ε_N of the beak; that of the sleeve is 0.
         gravity: g [m/s²].
 
     Raises:
@@ -117,14 +117,14 @@ def woodpecker(
 
 
 def potential_energy(position: FloatArray, gravity: float = GRAVITY) -> float:
-    """Return V [J] of weight and spring at q, shape (3,)."""
+    """Return V(q) [J] of weight and spring; q has shape (3,)."""
     height, sleeve, bird = position
     weight = (BIRD_MASS + SLEEVE_MASS) * height + BIRD_MASS * (SPRING_ARM * sleeve + BIRD_ARM * bird)
     return float(gravity * weight + 0.5 * SPRING_STIFFNESS * (sleeve - bird) ** 2)
 
 
 def published_start() -> State:
-    """Return the state that the literature starts from; it reaches the limit cycle after some periods."""
+    """Return the initial state of the literature, from which the motion reaches the limit cycle after some periods."""
     return State(0.0, np.array([0.0, -0.1036, -0.2788]), np.array([-0.3411, 0.0, -7.4583]))
 
 
@@ -132,15 +132,15 @@ def section_start(overlap: float = 0.0) -> State:
     """Return the state of the limit cycle in which the lower edge of the sleeve begins to slip.
 
     Args:
-        overlap: depth [m] of that edge in the pole. At 0 the gap vanishes up to rounding, which decides whether the
-            first steps find the contact closed; ``OVERLAP`` settles it.
+        overlap: depth [m] of that edge in the pole. At 0, rounding of the gap determines whether the first steps
+            detect a closed contact; with ``OVERLAP`` they always do.
     """
     jammed = -(SLEEVE_RADIUS - POLE_RADIUS + overlap) / SLEEVE_HALF_HEIGHT
     return State(0.0, np.array([0.0, jammed, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))
 
 
 def section_error(state: State) -> float:
-    """Return the largest error of y, φ_S and its velocity after one period, each over its range in the cycle."""
+    """Return the largest error of y, φ_S and its velocity after one period, each relative to its range in the cycle."""
     start = section_start()
     errors = (
         state.position[0] - start.position[0] + DESCENT,
@@ -157,9 +157,9 @@ LIMIT_CYCLE = KnownCycle(
     section=1,
     section_error=section_error,
     source="table 1 of the paper",
-    transient=60,  # the deviation falls by 0.839 a period, and by 3e-5 in 60
+    transient=60,  # the deviation decreases by a factor of 0.839 per period, and of 3e-5 in 60 periods
 )
-"""The limit cycle; in its section the lower edge of the sleeve begins to slip."""
+"""The limit cycle; at its section the lower edge of the sleeve begins to slip."""
 
 
 def _build(name: str, options: Mapping[str, Any]) -> Scene:
@@ -186,7 +186,7 @@ def _build(name: str, options: Mapping[str, Any]) -> Scene:
 
 
 _OPTIONS = {
-    "gravity": Option(GRAVITY, "acceleration of weight [m/s²]", can_be_off=True),
+    "gravity": Option(GRAVITY, "gravitational acceleration [m/s²]", can_be_off=True),
     "friction": Option(FRICTION, "friction coefficient; off: no friction laws", can_be_off=True),
     "restitution": Option(RESTITUTION[0], "normal restitution of the beak", highest=1.0, can_be_off=True),
     "start": Option("published", "first state", choices=("published", "cycle")),

@@ -26,7 +26,7 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
     "rolling_cylinder": scene_kind(
         RollingCylinder, "a cylinder that rolls to rest under rolling resistance", 2.0, has_few_contacts=False
     ),
-    "box_stack": scene_kind(BoxStack, "boxes at rest one upon the other", 10.0, has_few_contacts=False),
+    "box_stack": scene_kind(BoxStack, "boxes at rest on top of each other", 10.0, has_few_contacts=False),
     "arch": scene_kind(Arch, "a masonry arch that stands or falls by its thickness", has_few_contacts=False),
     "card_house": scene_kind(CardHouse, "a house of cards that stands if it has friction", has_few_contacts=False),
     "spinning_top": scene_kind(SpinningTop, "a top on its tip that precesses steadily", has_few_contacts=False),
