@@ -1,10 +1,10 @@
 """Selection of the fastest sweeps for a problem, from its size and its couplings alone.
 
-NSGS solves a contact that no other contact affects in one sweep. On many contacts momentum halves the number of sweeps.
-A sweep over the assembled matrix reads each pair of contacts of a body, a sweep over the factors reads each contact of
-it: on a slab that rests on five hundred contacts the first takes two hundred times as long. Momentum only delays such a
-slab, which behaves like a single contact. Where both forms read equally much, the matrix needs fewer operations, and
-its sweeps have the safeguard for high friction.
+NSGS solves uncoupled contacts in one sweep. With many contacts, momentum halves the number of sweeps. A sweep over the
+assembled matrix reads each pair of contacts of a body, and a sweep over the factors each contact. On a slab that rests
+on five hundred contacts, the matrix therefore takes two hundred times as long. Momentum slows the convergence of such a
+slab, which behaves like a single contact. If both forms read the same amount of data, the matrix needs fewer
+operations, and its sweeps have the safeguard for high friction.
 """
 
 from typing import Any
@@ -25,7 +25,7 @@ from ..prox.sorprox import SORprox
 Sweeps = NSGS | SORprox | SafeguardedSORprox
 
 MIN_MOMENTUM_CONTACTS = 100
-"""Number of spatial contacts from which momentum pays."""
+"""Number of spatial contacts from which momentum saves time."""
 
 RELAXATION = 1.5
 """Relaxation without momentum."""
@@ -34,19 +34,19 @@ FAST_RELAXATION, FAST_MOMENTUM = 1.1, 0.8
 """Relaxation and momentum for many spatial contacts."""
 
 UNCOUPLED = 0.0
-"""The density where no two contacts share a body."""
+"""Density of a problem in which no two contacts share a body."""
 
 FACTORS_DENSITY, MAX_MOMENTUM_DENSITY = 1.5, 10.0
-"""Above the first density sweeps use the factors, above the second they have no momentum."""
+"""Densities above which sweeps use the factors, and above which they have no momentum."""
 
 FEW_ROWS, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
-"""Up to this number of rows the first density is this one: the safeguard saves more than the factors."""
+"""Up to this number of rows, this density replaces ``FACTORS_DENSITY``: the safeguard saves more than the factors."""
 
 ROWS_PER_CHECK = 100
-"""Rows that are swept in the time of one check of the residual, which on few rows is the overhead of its calls."""
+"""Rows that a sweep visits in the time of one residual check; on few rows, call overhead dominates that time."""
 
 UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
-"""The sweeps of small problems, made once: making them takes as long as some of their sweeps."""
+"""The sweeps of small problems, created once because creating them takes as long as several sweeps."""
 
 
 def select_sweeps(problem: ContactProblem) -> Sweeps:
@@ -63,27 +63,28 @@ def select_sweeps(problem: ContactProblem) -> Sweeps:
 
 
 def can_accelerate(problem: ContactProblem) -> bool:
-    """Whether contacts affect each other, and G is not many times as large as its factors."""
+    """Whether contacts are coupled, and G is not many times as large as its factors."""
     return UNCOUPLED < density(problem) <= MAX_MOMENTUM_DENSITY
 
 
 def last_digits_for(problem: ContactProblem) -> Sweeps | NesterovSORprox:
-    """Return the sweeps that continue where other methods have come close to the solution."""
+    """Return the sweeps that refine an approximate solution of another method."""
     return NesterovSORprox() if can_accelerate(problem) else select_sweeps(problem)
 
 
 def sweeps_between_checks(problem: ContactProblem, sweeps: Sweeps) -> int:
     """Return how many sweeps take about as long as a check of the residual, 1 to ``MAX_CHECK_INTERVAL``.
 
-    It is 1 where the first sweep may be exact.
+    The number is 1 if the first sweep may be exact.
     """
     return 1 if sweeps is UNCOUPLED_SWEEPS else max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // problem.n_rows))
 
 
 def density(problem: ContactProblem) -> float:
-    """Return how many numbers a sweep reads over the assembled matrix, relative to one over the factors.
+    """Return the ratio of the numbers that a sweep reads from the assembled matrix to those from the factors.
 
-    It is ``UNCOUPLED`` where each contact has bodies, or a block of the matrix, of its own.
+    The ratio is ``UNCOUPLED`` if no two contacts share a body or an entry of the matrix. For other given matrices it
+    is 1.
     """
     if problem.n_contacts <= 1:
         return UNCOUPLED
@@ -113,7 +114,7 @@ def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatA
 @interpretable
 @njit(cache=True)
 def count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
-    """Return the largest number of pieces on a chunk, and the number of pairs of pieces that share one."""
+    """Return the largest number of pieces on a chunk, and the number of ordered pairs of pieces on the same chunk."""
     counts = np.zeros(n_chunks + 1)
     for chunk in chunks:
         counts[chunk] += 1.0

@@ -1,10 +1,10 @@
-"""CvxpyCoulomb: Coulomb friction by the fixed point of ``fixed_point``, with any solver of cvxpy for the cone programs.
+"""CvxpyCoulomb: the fixed-point iteration of ``fixed_point`` for Coulomb friction, with the solvers of cvxpy.
 
     minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact, Λ = y times its unit
 
-with G = RᵀR: R = W̃ where the factors are known, otherwise from the eigenvalues of G. Units and regularisation are those
-of ``programs``. The linear term is a parameter: cvxpy compiles the program once, and later runs replace b alone.
-``ClarabelCoulomb`` does the same without cvxpy, whose cost is the compilation.
+with G = RᵀR: R = W̃ where the factors are known, otherwise from the eigenvalues of G. Units and regularisation are
+those of ``programs``. The linear term is a parameter: cvxpy compiles the program once, and later runs replace b alone.
+``ClarabelCoulomb`` does the same without cvxpy, and thus without the time for compiling.
 """
 
 import importlib
@@ -23,7 +23,7 @@ from .fixed_point import FixedPointMethod, check_memory
 from .programs import ConicResult, ConicStatus, Scaling, friction_parts, unsupported_reason
 
 MAX_CONTACTS = 2500
-"""Contacts beyond which compiling takes gigabytes: 0.5 GB at 1000, 1.4 GB at 2000."""
+"""Largest number of contacts; compiling takes 0.5 GB for 1000 contacts and 1.4 GB for 2000."""
 
 _OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "CLARABEL": (("tol_gap_abs", "tol_gap_rel", "tol_feas"), "max_iter", "time_limit"),
@@ -43,18 +43,18 @@ BUNDLED_QUADRATIC = "OSQP"
 """A quadratic solver that cvxpy installs."""
 
 FIRST_ORDER_ITERATIONS = 100_000
-"""Largest iteration limit of a splitting method, whose iterations are cheap."""
+"""Largest iteration limit that a solver receives; the iterations of splitting methods are cheap."""
 
 
 @dataclass(frozen=True)
 class CvxpyCoulomb(FixedPointMethod):
-    """Exact Coulomb friction by De Saxcé's fixed point over the convex model in cvxpy.
+    """Solve Coulomb friction by De Saxcé's fixed-point iteration over convex models in cvxpy.
 
     Spatial friction needs second-order cones. Planar friction and frictionless contact are quadratic programs, which
-    quadratic solvers accept as well; without friction one or two programs suffice.
+    quadratic solvers accept too. Without friction one or two programs suffice.
 
     Attributes:
-        solver: a conic or quadratic solver that is installed for cvxpy.
+        solver: name of a conic or quadratic solver that cvxpy finds.
         memory: number of pairs that Anderson acceleration of the outer iteration keeps, 0 for no acceleration.
 
     Raises:
@@ -69,7 +69,7 @@ class CvxpyCoulomb(FixedPointMethod):
         check_memory(self.memory)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Return why the solver cannot solve ``problem``, or None."""
+        """Return why the solver does not support ``problem``, or None."""
         laws = problem.laws
         if (laws.row_count > 1).any() and not takes_cones(self.solver):
             is_spatial = (laws.row_count[~laws.is_rolling] > 1).any()
@@ -82,12 +82,12 @@ class CvxpyCoulomb(FixedPointMethod):
         return unsupported_reason(problem, "delassus")
 
     def program(self, problem: ContactProblem) -> "CvxpyProgram":
-        """Return the program, compiled."""
+        """Return the compiled program."""
         return CvxpyProgram(problem, self.solver)
 
 
 def cvxpy() -> Any:
-    """Import cvxpy on first use, because that takes more than a second."""
+    """Return the module cvxpy; importing it takes more than a second, so it is imported at first use."""
     return importlib.import_module("cvxpy")
 
 
@@ -125,7 +125,7 @@ def installed(cones: bool) -> list[str]:
 
 
 class CvxpyProgram:
-    """The program over impulses; see ``programs.ConicProgram``."""
+    """A cvxpy program with the impulses as variables; see ``programs.ConicProgram``."""
 
     def __init__(self, problem: ContactProblem, solver: str, weight: FloatArray | None = None) -> None:
         cp = cvxpy()
@@ -155,7 +155,7 @@ class CvxpyProgram:
         began = time.perf_counter()
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # about inaccuracy, which the judge measures
+                warnings.simplefilter("ignore")  # they report inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
             status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
                 self._program.status, ConicStatus.GAVE_UP

@@ -1,8 +1,9 @@
-"""Shared: a solver in a shared library that exports the functions of ``proxbench.h``.
+"""The solver Shared, which calls a shared library that exports the functions of ``proxbench.h``.
 
-The structures of a solve are made when the problem is prepared, so that a call costs little: it sets the limits, enters
-the library, and copies the impulses out of the library's reach. In front of and behind the memory for the impulses lie
-guards, whose bytes must stay as they are; the impulses are NaN before each call, so that what is not written shows.
+The structures of a solve are created when the problem is prepared, so that a call has little overhead: it sets the
+limits, enters the library, and copies the impulses to memory that the library cannot reach. Guards lie before and
+behind the memory of the impulses, and their bytes must not change. The impulses are NaN before each call, which reveals
+entries that the library does not write.
 """
 
 import ctypes
@@ -30,10 +31,10 @@ from .problem_arrays import ProblemArrays
 from .structures import FUNCTIONS, OBSERVER, STATUSES, Description, Problem, Request, Result, addressed, text_of
 
 GUARD = 64
-"""Numbers in front of and behind the impulses that a solver must not write."""
+"""Number of guard entries before and behind the impulses, which a solver must not write."""
 
 MAX_COUNT = 2**62
-"""Largest limit of iterations that is passed on; larger ones are no limits."""
+"""Largest iteration limit that the library receives; larger limits have no effect."""
 
 _GUARD_BYTES = np.full(GUARD, -1.25e-250).tobytes()
 
@@ -47,12 +48,12 @@ class Shared(NativeSolver):
     Attributes:
         path: the library, absolute or relative to the working folder.
         options: text that its ``proxbench_prepare`` receives.
-        facts: what it says about itself.
+        facts: the description that the library returns.
         library: the loaded library.
 
     Raises:
-        SolverError: if the file is missing, cut off or no shared library, lacks a function of ``proxbench.h``, or has
-            another version of the interface.
+        SolverError: if the file is missing, truncated or not a shared library, lacks a function of ``proxbench.h``, or
+            has another version of the interface.
     """
 
     library: ctypes.CDLL = field(init=False, repr=False, compare=False)
@@ -81,31 +82,31 @@ class Shared(NativeSolver):
         object.__setattr__(self, "library", library)
         source, found = f"shared library {self.path}", library.proxbench_describe()
         if not found:
-            raise SolverError(f"{source} describes nothing; return the address of a pb_description.")
+            raise SolverError(f"proxbench_describe of {source} returns NULL; return the address of a pb_description.")
         about = found.contents
         check_interface(source, about.interface_version)
         if about.size < ctypes.sizeof(Description):
-            raise SolverError(f"{source} describes itself in {about.size} bytes; set size to sizeof(pb_description).")
+            raise SolverError(f"pb_description of {source} has size {about.size}; set size to sizeof(pb_description).")
         masks = about.forms, about.laws, about.flags
         return SolverFacts.checked(source, text_of(about.name), text_of(about.version), about.model, about.sides, masks)
 
     def _check_length(self) -> None:
-        """Raise ``SolverError`` if the file is cut off, since loading it would kill this process."""
+        """Raise ``SolverError`` if the file is truncated, because loading it would kill this process."""
         try:
             length, found = elf_length(self.file), self.file.stat().st_size
         except OSError as error:
             raise SolverError(f"cannot read {self.path}: {error.strerror}; correct its permissions.") from None
         if found < length:
-            raise SolverError(f"shared library {self.path} is cut off after {found} bytes; build or copy it again.")
+            raise SolverError(f"shared library {self.path} is truncated after {found} bytes; build or copy it again.")
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Copy the arrays that the library asks for, and let it prepare them."""
+        """Copy the arrays that the library requests, and call ``proxbench_prepare`` with them."""
         self.check_supports(problem)
         return PreparedLibrary(self, problem)
 
 
 class PreparedLibrary:
-    """A library's solver made ready for one problem."""
+    """The solver of a library, prepared for one problem."""
 
     def __init__(self, solver: Shared, problem: ContactProblem) -> None:
         self._solver, self._arrays = solver, ProblemArrays.of(problem, solver.facts.forms)
@@ -127,7 +128,7 @@ class PreparedLibrary:
         self._addresses = byref(self._request), byref(self._result)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve in the library; see ``Prepared.solve``.
+        """Call ``proxbench_solve``; see ``Prepared.solve``.
 
         Raises:
             BrokenInterfaceError: if the library writes beyond the impulses, or returns no status.
@@ -159,7 +160,7 @@ class PreparedLibrary:
             self._start[:] = start
 
     def _observed(self, observe: Observer) -> int:
-        """Solve with an observer, whose exceptions are raised when the library has returned."""
+        """Solve with an observer; raise its first exception after the library has returned."""
         errors: list[BaseException] = []
 
         def show(context: Any, iteration: int, address: int) -> None:

@@ -153,6 +153,6 @@ def test_a_library_that_is_cut_off_is_refused_before_it_is_loaded(
     assert elf_length(faulty_library) <= len(content)
     cut = tmp_path / "cut.so"
     cut.write_bytes(content[: int(share * elf_length(faulty_library))])
-    sentence = f"is cut off after {cut.stat().st_size} bytes; build or copy it again"
+    sentence = f"is truncated after {cut.stat().st_size} bytes; build or copy it again"
     with pytest.raises(SolverError, match=sentence):
         create(f"Shared({cut})")
