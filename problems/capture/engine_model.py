@@ -69,7 +69,7 @@ class EngineModel:
         n_rows = len(self.offset)
         for name in ("regularisation", "coefficient", "bound", "forces"):
             if np.shape(getattr(self, name)) != (n_rows,):
-                raise ProblemError(f"{name} of an engine's model must have shape ({n_rows},), one entry a row.")
+                raise ProblemError(f"{name} of an engine's model must have shape ({n_rows},), one entry per row.")
         if self.matrix.shape != (n_rows, n_rows):
             raise ProblemError(f"A of an engine's model must have shape ({n_rows}, {n_rows}), got {self.matrix.shape}.")
         ends = np.append(self.first_row, n_rows)
@@ -97,7 +97,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike | None = None) -> floa
     """
     found = model.forces if forces is None else np.asarray(forces, dtype=np.float64)
     if found.shape != model.offset.shape:
-        raise ProblemError(f"forces must have shape {model.offset.shape}, one entry a row; got {found.shape}.")
+        raise ProblemError(f"forces must have shape {model.offset.shape}, one entry per row; got {found.shape}.")
     if not np.isfinite(found).all():
         return np.inf
     unit = model.coefficient

@@ -1,8 +1,8 @@
-"""The layout of a problem in blocks of equal width, one for each contact, for kernels.
+"""The layout of a problem in blocks of equal width, which lets kernels treat all contacts alike.
 
 A block is a unilateral law with the friction laws that it bounds, or a single law. Its lanes are N, T1, T2, R1, R2, R3,
-without those that no block uses. A lane that a block does not use has a zero row and column in G and c, and keeps Λ = 0
-under every projection, so that kernels treat all blocks alike.
+without those that no block uses. A lane that a block does not use has a zero row and column in G and a zero in c, and
+every projection keeps Λ = 0 in it.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class BlockLayout:
     the rolling lanes rolling_bound + rolling_coefficient · max(Λ_N, 0) with the block's own Λ_N.
 
     Attributes:
-        width: lanes per block, 1 + ``sliding`` + the rolling ones.
+        width: lanes per block, 1 + ``sliding`` + ``rolling``.
         sliding: tangential lanes per block, 0, 1 or 2.
         slot: padded index (block · width + lane) of each row, shape (n_rows,).
         normal_law: index of the block's unilateral or bilateral law, −1 for none, shape (n_blocks,).
@@ -58,7 +58,7 @@ class BlockLayout:
 
     @staticmethod
     def of(laws: Laws) -> "BlockLayout":
-        """Return a new layout of ``laws``; ``layout_of`` keeps one for each ``Laws`` object."""
+        """Return a new layout of ``laws``; ``layout_of`` caches one per ``Laws`` object."""
         n_laws = laws.n_laws
         slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
         is_bilateral = np.empty(n_laws, np.bool_)
@@ -78,7 +78,10 @@ class BlockLayout:
         return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n], has_contacts_only)
 
     def first(self, n_blocks: int) -> "BlockLayout":
-        """Return the layout of the first blocks, which no later one bounds, where every lane is a row."""
+        """Return the layout of the first blocks.
+
+        No later block may bound their friction, and every lane must be a row.
+        """
         arrays = {name: getattr(self, name)[:n_blocks] for name in _OF_BLOCKS}
         slot = self.slot[: n_blocks * self.width]
         return replace(self, slot=slot, **arrays)
@@ -95,7 +98,7 @@ class BlockLayout:
 
     @cached_property
     def is_dense(self) -> bool:
-        """Whether every lane is a row, so that padded and plain vectors are the same numbers."""
+        """Whether every lane is a row, so that padded and unpadded vectors have the same entries."""
         return len(self.slot) == self.n_blocks * self.width
 
     @property
@@ -109,7 +112,7 @@ class BlockLayout:
         return bool(np.array_equal(self.partner, np.arange(self.n_blocks)))
 
     def pad(self, rows: FloatArray) -> FloatArray:
-        """Return a vector over rows as a fresh array of shape (n_blocks, width), unused lanes zero."""
+        """Return a vector over rows as a new array, shape (n_blocks, width), with zeros in unused lanes."""
         if self.is_dense:
             return rows.reshape(self.n_blocks, self.width).copy()
         padded = np.zeros(self.n_blocks * self.width)
@@ -117,12 +120,12 @@ class BlockLayout:
         return padded.reshape(self.n_blocks, self.width)
 
     def unpad(self, padded: FloatArray) -> FloatArray:
-        """Return a fresh vector over rows, shape (n_rows,), from an array of shape (n_blocks, width)."""
+        """Return a new vector over rows, shape (n_rows,), from an array of shape (n_blocks, width)."""
         flat = padded.reshape(-1)
         return flat.copy() if self.is_dense else flat[self.slot]
 
     def rows_of(self, padded: FloatArray) -> FloatArray:
-        """Return ``unpad`` of a flat array without a copy where every lane is a row."""
+        """Return ``unpad`` of a flat array, without a copy if every lane is a row."""
         return padded if self.is_dense else padded[self.slot]
 
 
@@ -130,7 +133,7 @@ _OF_BLOCKS = (
     *("normal_law", "friction_law", "rolling_law", "friction_coefficient", "fixed_bound"),
     *("rolling_coefficient", "rolling_bound", "partner", "is_bilateral"),
 )
-"""Fields of a layout with one entry a block."""
+"""Fields of a layout with one entry per block."""
 
 _LAYOUTS: WeakKeyDictionary[Laws, BlockLayout] = WeakKeyDictionary()
 
@@ -156,9 +159,9 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
 def _lay_out(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
 ):
-    """Return the tangential and all lanes per block, and the numbers of blocks and of joints.
+    """Return the numbers of tangential lanes and of all lanes per block, of blocks, and of joints.
 
-    The function writes the slots of the rows and the block of each law. For each block it writes the normal, friction
+    Write the slot of each row and the block of each law. For each block, write the normal, friction
     and rolling law, the partner, μ, a, μ_r, the rolling a, and whether it is a joint.
     """
     block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0

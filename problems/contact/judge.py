@@ -1,21 +1,22 @@
 """The judge measures how well impulses solve a contact problem, from the impulses alone.
 
-For law i with α_i = the largest diagonal entry of its block of G, and the prox taken onto the law's set C_i(Λ),
+For law i, let α_i be the largest diagonal entry of its block of G, and C_i(Λ) its set of admissible impulses. Then
 
     R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_k ( max_{i in k} α_i ‖R_i‖ / max_{i in k} ‖c_i‖ ),
 
 over the connected components k of the contacts (see ``coupling``). This is the largest velocity by which a law is
 violated, relative to the largest free velocity of a law in its component. It does not depend on the step size of a
-solver, on units, on the choice of tangents, on the number of contacts, or on other components. It remains meaningful
-at large mass ratios, where an impulse error relative to max|Λ| does not. If the free velocity of a component is zero or
-rounding, its residual is relative to the largest free velocity of all.
+solver, on units, on the choice of tangents, on the number of contacts, or on other components. It remains meaningful at
+large mass ratios, where an impulse error relative to max|Λ| does not. If the free velocity of a component is zero, or
+no more than rounding, its residual is relative to the largest free velocity of the problem.
 
-The rows of rolling friction hold angular velocities [rad/s]. They count as velocities at the distance
+The rows of rolling friction contain angular velocities [rad/s]. They are converted to velocities at the distance
 
     ℓ_i = √(α_N/α_i)      (1 for all other laws),
 
-from the axis, with α_N of the contact's unilateral law; for a single body this is a radius of gyration. The violation
-is ℓ_i α_i ‖R_i‖ and the free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of length.
+from the axis, where α_N belongs to the unilateral law of the contact. For a single body ℓ_i is a radius of gyration.
+The violation is ℓ_i α_i ‖R_i‖ and the free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of
+length.
 
 Impulses of wedged bodies may be huge, and the terms of ξ = GΛ + c then cancel. Therefore ξ is summed in twice the
 working precision (``matrices.accurate``), and violations are computed without cancellation (``residual``). Every
@@ -46,10 +47,10 @@ from .transformations import in_units
 
 JUDGE = 3
 """Version of the judge; residuals of different versions are not comparable. Version 1 did not separate components, and
-version 2 returned 0 where huge impulses cancelled."""
+version 2 returned 0 if huge impulses cancelled."""
 
 NO_NUMBERS = ("model", "component_residuals")
-"""Fields of a verdict that are not single numbers."""
+"""Fields of a verdict that are not numbers."""
 
 UNITS = {
     "penetration_velocity": " [m/s]",
@@ -57,7 +58,7 @@ UNITS = {
     "complementarity": " [J]",
     "dissipated_energy": " [J]",
 }
-"""Units of the fields of a verdict with units."""
+"""Units of the fields of a verdict that are not ratios."""
 
 
 @dataclass(frozen=True)
@@ -65,23 +66,23 @@ class Verdict:
     """The errors of one vector of impulses.
 
     Attributes:
-        residual: the judge's residual, see the module; inf if Λ is not finite or the problem is infeasible.
-        local_residual: max_i α_i ‖R_i‖/s_i with s_i the largest ‖c‖ of the contacts that share a body with contact i,
-            at least the free fall of a step if it is known.
-        local_median: the median of the same over the laws.
-        local_q90: their 90 % quantile.
-        local_q99: their 99 % quantile.
-        energy_residual: max_i √α_i ‖R_i‖ over max_i ‖c_i‖/√α_i, the same violation in the scale of energy.
+        residual: the judge's residual, as in the module docstring; inf if Λ is not finite or the problem is infeasible.
+        local_residual: max_i α_i ‖R_i‖/s_i, where s_i is the largest ‖c‖ of the contacts that share a body with the
+            contact of law i, and at least the free fall in a step if that is known.
+        local_median: median of α_i ‖R_i‖/s_i over the laws.
+        local_q90: its 90 % quantile.
+        local_q99: its 99 % quantile.
+        energy_residual: max_i(√α_i ‖R_i‖) / max_i(‖c_i‖/√α_i), the same violations in the scale of √energy.
         natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N (De Saxcé), ρ = 1.
-        natural_map_max: the same over max(‖c‖, ‖Λ‖, ‖ξ‖), the scale of Siconos.
+        natural_map_max: the same error divided by max(‖c‖, ‖Λ‖, ‖ξ‖), as in Siconos.
         penetration_velocity: max_i (−ξ_N)₊ [m/s].
         cone_violation: distance of Λ from its bounds, the largest of (−Λ_N)₊, (‖Λ_T‖ − b)₊ and (‖Λ_R‖ − b)₊/ℓ [N s].
         complementarity: largest absolute Λ_N ξ_N [J].
         dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], the energy lost relative to the free motion; exact for ε = 0.
         velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ if the answer of the problem contains ξ*, else None.
-        infeasible: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0, which no
-            impulse can satisfy.
-        model: the model of the residuals.
+        infeasible: whether no impulse can satisfy some law: a unilateral one with α_i = 0 and c_i < 0, or a bilateral
+            one with α_i = 0 and c_i ≠ 0.
+        model: the friction model of the residuals.
         component_residuals: the residual of each connected component, in the order of their first contacts.
     """
 
@@ -125,14 +126,14 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     Args:
         problem: the contact problem.
         impulses: Λ, shape (n_rows,).
-        model: the model to compare Λ with; it affects the residuals, not the other errors.
+        model: the friction model; it affects the residuals, not the other errors.
 
     Raises:
         ProblemError: if Λ has the wrong shape, or the model does not apply to the problem's laws.
     """
     given = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
     if given.shape != (problem.n_rows,):
-        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry a row; got {given.shape}.")
+        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {given.shape}.")
     residual, inf = Residual(problem), np.inf
     known = None if problem.answer is None else problem.answer.velocity
     if not np.isfinite(given).all():
@@ -174,7 +175,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
 
 @np.errstate(over="ignore", invalid="ignore")
 def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: float = 0.0) -> float:
-    """Return the local residual of impulses, without the rest of a verdict.
+    """Return the local residual of impulses, without computing a full verdict.
 
     Args:
         problem: the contact problem.
@@ -222,9 +223,10 @@ def _of_components(residual: Residual, violation: FloatArray) -> tuple[float, ..
 
 
 def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
-    """Return α_i ‖R_i‖/s_i of every law, s_i the largest ‖c‖ around its contact, at least the free fall of a step.
+    """Return α_i ‖R_i‖/s_i of each law.
 
-    If both are zero, s_i is the scale of the residual.
+    s_i is the largest ‖c‖ around its contact, and at least the free fall in a step. If both are zero, s_i is the scale
+    of the residual.
     """
     layout, laws = problem.layout, problem.laws
     contact = layout.contact_of_row[laws.first_row]
@@ -250,7 +252,7 @@ def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
 def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray, rounding: FloatArray) -> float:
     """Return ‖Λ − P_K(Λ − ū)‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N, at least its possible rounding error.
 
-    The bound of a friction law that does not follow its partner is fixed at its present value.
+    The bound of a friction law that does not follow its partner is fixed at its current value.
     """
     layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
     friction, fixed = layout.friction_coefficient, layout.fixed_bound
@@ -288,6 +290,6 @@ def _cone_violation(problem: ContactProblem, residual: Residual, impulses: Float
 
 
 def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:
-    """Return the largest value/scale over the entries of positive scale."""
+    """Return the largest value/scale over the entries with a positive scale."""
     positive = scales > 0
     return float((values[positive] / scales[positive]).max(initial=0.0))

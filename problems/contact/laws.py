@@ -120,7 +120,7 @@ class Laws:
             array = frozen(getattr(self, name), dtype, f"laws.{name}")
             if array.ndim != 1 or len(array) != len(self.kind):
                 raise ProblemError(
-                    f"laws.{name} must have shape ({len(self.kind)},), one entry a law; got {array.shape}."
+                    f"laws.{name} must have shape ({len(self.kind)},), one entry per law; got {array.shape}."
                 )
             object.__setattr__(self, name, array)
         self._check()

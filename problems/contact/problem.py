@@ -322,7 +322,7 @@ def _as_vector(values: ArrayLike, name: str) -> FloatArray:
 def _finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
     vector = _as_vector(values, name)
     if vector.shape != (length,):
-        raise ProblemError(f"{name} must have shape ({length},), one entry a row; got {vector.shape}.")
+        raise ProblemError(f"{name} must have shape ({length},), one entry per row; got {vector.shape}.")
     bad = np.flatnonzero(~np.isfinite(vector))
     if len(bad):
         raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")

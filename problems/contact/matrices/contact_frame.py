@@ -1,4 +1,4 @@
-"""The frame N, T1, T2 of a contact from its normal."""
+"""Construction of the contact frame N, T1, T2 from the normal."""
 
 import numpy as np
 from numba import njit
@@ -8,7 +8,10 @@ from ...arrays import FloatArray
 
 @njit(cache=True, inline="always", error_model="numpy")
 def tangents(x, y, z):  # type: ignore[no-untyped-def]
-    """Return T1 and T2 of the normal (x, y, z), right-handed (Duff et al. 2017; they jump only at z = 0)."""
+    """Return T1 and T2 for the unit normal (x, y, z).
+
+    The frame is right-handed, and discontinuous only at z = 0 (Duff et al. 2017).
+    """
     sign = 1.0 if z >= 0.0 else -1.0
     a = -1.0 / (sign + z)
     b = x * y * a

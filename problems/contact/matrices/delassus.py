@@ -16,7 +16,7 @@ from .pieces import Pieces
 
 @dataclass(frozen=True, eq=False)
 class DelassusBlocks:
-    """G in compressed rows of the padded blocks of a ``BlockLayout``; the diagonal block stands first in its row.
+    """G in block CSR format over the padded blocks of a ``BlockLayout``; the diagonal block comes first in its row.
 
     Attributes:
         starts: first stored block of each block row, shape (n_blocks + 1,).
@@ -29,7 +29,7 @@ class DelassusBlocks:
     values: FloatArray
 
     def to_csr(self, layout: BlockLayout) -> sp.csr_array:
-        """Return G over rows, shape (n_rows, n_rows), columns sorted, read-only."""
+        """Return G without padding, shape (n_rows, n_rows), with sorted columns and read-only arrays."""
         size = layout.n_blocks * layout.width
         padded = sp.bsr_array((self.values, self.columns, self.starts), shape=(size, size)).tocsr()
         if not layout.is_dense:
@@ -41,9 +41,9 @@ class DelassusBlocks:
 
 
 def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlocks:
-    """Return the block rows of a given G, shape (n_rows, n_rows), columns ascending after the diagonal."""
+    """Return the block rows of a given G, shape (n_rows, n_rows); columns ascend after the diagonal block."""
     n_blocks, width = layout.n_blocks, layout.width
-    if n_blocks == 1 and len(matrix.data) == width * width:  # one contact: nothing is compiled
+    if n_blocks == 1 and len(matrix.data) == width * width:  # one dense contact needs no kernel
         starts, columns = np.arange(2), np.zeros(1, dtype=np.int32)
         values = matrix.data.reshape(1, width, width).copy()
     else:
@@ -81,7 +81,9 @@ def write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-
 @interpretable
 @njit(cache=True)
 def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
-    """Return starts, columns and values: find and sort the columns of each block row, then fill the blocks.
+    """Return starts, columns and values of a matrix in CSR.
+
+    Find and sort the columns of each block row, then fill the blocks.
 
     The rows of a block are adjacent. ``place`` holds the position of each block column of the current row.
     """
@@ -151,7 +153,7 @@ def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
 @partial(interpretable, count=_count_products)
 @njit(cache=True)
 def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
-    """Row-wise sparse product W̃ᵀ W̃ (Gustavson 1978) over pieces, twice: to count the blocks, then to fill them."""
+    """Return W̃ᵀ W̃ by the row-wise sparse product (Gustavson 1978): count the blocks first, then fill them."""
     n_blocks = len(starts) - 1
     _, width, length = pieces.shape
     chunk_starts, members, block_of_piece = _pieces_of_chunks(starts, chunks, n_chunks)

@@ -1,8 +1,8 @@
-"""Force directions in small dense pieces, one for each contact and each chunk of coordinates that it touches.
+"""Force directions as small dense pieces, one for each contact and each chunk of coordinates that it touches.
 
-A chunk is a run of ``length`` degrees of freedom, for example those of a body. Contacts touch one or two bodies, so a
-contact has one or two pieces, and kernels over pieces need no index for every number. Both W and W̃ = Sᵀ W, with
-M⁻¹ = S Sᵀ, are stored in this form.
+A chunk is a run of ``length`` degrees of freedom, for example those of a body. A contact touches one or two bodies, so
+it has one or two pieces, and kernels over pieces do not need an index for each number. Both W and W̃ = Sᵀ W, with M⁻¹ =
+S Sᵀ, are stored in this form.
 """
 
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from ...compilation import interpretable
 from ..blocks import BlockLayout
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
-"""Candidate lengths: the degrees of freedom of discs and balls, without and with rotation."""
+"""Candidate chunk lengths: degrees of freedom of discs and balls, without and with rotation."""
 
 SAMPLED_ROWS = 300
-"""Number of rows that determine the choice of the length."""
+"""Number of rows from which the chunk length is chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
     """A matrix with a row for each degree of freedom and a column for each lane of each block, in pieces.
 
-    If no block has more than two pieces, pieces may come in pairs: a block of one piece has a second one of zeros, on
-    the idle chunk ``n_chunks`` after all others. Kernels then treat all blocks alike.
+    If no block has more than two pieces, pieces may come in pairs: a block with one piece gets a second piece of zeros,
+    on the idle chunk ``n_chunks`` after all others. Kernels then treat all blocks alike.
 
     Attributes:
         starts: first piece of each block, shape (n_blocks + 1,).
@@ -50,12 +50,12 @@ class Pieces:
 
     @property
     def width(self) -> int:
-        """Lanes of a block."""
+        """Number of lanes per block."""
         return int(self.values.shape[1])
 
     @property
     def length(self) -> int:
-        """Degrees of freedom of a chunk."""
+        """Number of degrees of freedom per chunk."""
         return int(self.values.shape[2])
 
     @cached_property
@@ -67,7 +67,7 @@ class Pieces:
     def loops(self) -> tuple[tuple[int, ...], tuple[int, ...], IntArray, IntArray, FloatArray]:
         """Arguments of kernels: lanes and axes of a piece, starts, chunks, and the flat values.
 
-        Lanes and axes are tuples, whose length the compiler knows, so that it unrolls loops over them.
+        Lanes and axes are tuples because the compiler knows their lengths and unrolls loops over them.
         """
         return tuple(range(self.width)), tuple(range(self.length)), self.starts, self.chunks, self.values.reshape(-1)
 
@@ -107,7 +107,7 @@ class Pieces:
         return Pieces(self.starts, self.chunks, values, self.n_chunks)
 
     def to_csc(self) -> sp.csc_array[Any]:
-        """Return the matrix, zeros not stored, shape (n_chunks · length, n_blocks · width)."""
+        """Return the matrix without stored zeros, shape (n_chunks · length, n_blocks · width)."""
         block = np.repeat(np.arange(self.n_blocks), np.diff(self.starts))
         piece, lane, k = np.nonzero(self.values)
         rows, columns = self.chunks[piece] * self.length + k, block[piece] * self.width + lane
@@ -116,10 +116,10 @@ class Pieces:
 
 
 def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
-    """Return a matrix with a column for each row of a problem, its rows scaled by ``root``, in pieces.
+    """Return the pieces of a matrix with one column per row of a problem, with its rows scaled by ``root``.
 
-    The chunk length minimises the numbers to read plus four for each piece. The first rows determine it, because the
-    contacts of a problem are similar.
+    The chunk length minimises the count of numbers to read plus four per piece. The first rows determine it, because
+    the contacts of a problem are similar.
     """
     pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
     starts, chunks, values, n_chunks = cut_columns(*pattern, columns.data, root)
@@ -197,7 +197,7 @@ def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: ignore[no-untyped-def]
-    """Return the chunk length with the cheapest pieces, by the first rows."""
+    """Return the chunk length with the lowest cost over the first rows."""
     cheapest, least = CHUNK_LENGTHS[0], np.inf
     for length in CHUNK_LENGTHS:
         starts = _count_pieces(indptr, indices, slot[:SAMPLED_ROWS], n_blocks, width, length, -(-n_dofs // length))
@@ -227,9 +227,9 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # 
 @interpretable
 @njit(cache=True)
 def cut_columns(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
-    """Return starts, chunks, values and number of chunks of the cheapest pieces, entries times ``root`` of their row.
+    """Return starts, chunks, values and number of chunks of the pieces with the cheapest chunk length.
 
-    They come in pairs if a block has two pieces and none has more.
+    Entries are multiplied by ``root`` of their row. Pieces come in pairs if a block has two pieces and none has more.
     """
     length = _cheapest_length(indptr, indices, slot, n_blocks, width, len(root))
     n_chunks = -(-len(root) // length)

@@ -1,14 +1,16 @@
-"""Moreau's rule with a variable step (Studer & Glocker 2005, section 6): long where smooth, tiny at switching points.
+"""Moreau's rule with a variable step (Studer & Glocker 2005, section 6).
 
-A switching point is a law that projects in one step and not in the next (``law_states``). A search locates it to the
-minimal step by choosing what is tried next, and the one minimal step that contains it is taken as it is. Between
-switching points sequences of steps are compared to estimate the error of each step; the step is cut where that is too
-large, and grows where the motion is smooth. The relative error of a step is the largest of
+Steps are long where the motion is smooth, and tiny at switching points. At a switching point a law projects in one step
+and not in the next (``law_states``). A search chooses the lengths of the next trials until a minimal step contains the
+switching point. This step is accepted without an error estimate. Between switching points, sequences of steps are
+compared to estimate the error of each step. The step shrinks if the error is too large, and grows where the motion is
+smooth. The relative error of a step is the largest of
 
     |Δq_i| / Q_i,   |Δu_i| / U_i,      U_i = √(M⁻¹)_ii max_j |u_j| / √(M⁻¹)_jj,   Q_i = max(range of q_i, U_i Δt_max)
 
-over all coordinates j and all times so far. U_i is how fast i would move with the energy of the fastest coordinate: it
-depends on no unit and vanishes only where nothing moves. M⁻¹h Δt_max counts as a velocity at the start.
+over all coordinates j and all times so far. U_i is the speed that i would have with the energy of the fastest
+coordinate. The error does not depend on units, and U_i vanishes only if nothing moves. M⁻¹h Δt_max counts as a velocity
+at the start.
 """
 
 from abc import abstractmethod
@@ -29,31 +31,31 @@ from .stepper import MotionSetup, Stepper
 from .switch_search import SEARCHES
 
 SAFETY = 0.85
-"""Fraction that is tried of the step which the error estimate allows."""
+"""Ratio of the next step to the step that the error estimate allows."""
 
 MAX_GROWTH = 50.0
-"""A step is at most this many times the one before."""
+"""Largest ratio of a step to the step before it."""
 
 MIN_SHRINKING = 0.1
-"""A step that was too inaccurate is tried again with at least this fraction of its length."""
+"""Smallest ratio of a repeated step to the rejected one."""
 
 MIN_ULPS = 64.0
-"""The minimal step is at least this many times the spacing of the numbers that times are."""
+"""Smallest ratio of the minimal step to the floating-point spacing of times."""
 
 SLACK = 1.0 + 1e-9
-"""Lengths whose ratio is smaller are equal."""
+"""Two lengths count as equal if their ratio is at most this."""
 
 
 class VariableStepper(Stepper):
-    """A variable step; subclasses declare the attributes here as options, and compare sequences of steps.
+    """Base class of variable steppers; subclasses declare the attributes as options, and compare sequences of steps.
 
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
-        min_step: Δt_min [s], to which switching points are located. A contact that closes with the velocity v is left
-            v Δt_min / 2 deep: where solver tolerance and rounding move it by more until it opens, it flickers.
-        max_step: Δt_max [s]; the scene's if None.
-        search: how switching points are located: "anticipating", "nested" intervals or "last" step only.
-        max_levels: sequences of 1, 2, … steps that are compared at most.
+        min_step: Δt_min [s], the accuracy of switching points. A contact that closes with velocity v remains
+            v Δt_min / 2 deep. If solver tolerance and rounding move it by more, it flickers between open and closed.
+        max_step: Δt_max [s]; that of the scene if None.
+        search: method that locates switching points: "anticipating", "nested" or "last".
+        max_levels: largest number of sequences of 1, 2, … steps to compare.
 
     Raises:
         ProblemError: for an unknown search, with the nearest name.
@@ -71,7 +73,7 @@ class VariableStepper(Stepper):
     @property
     @abstractmethod
     def max_levels(self) -> int:
-        """Sequences of 1, 2, … steps that are compared at most."""
+        """Largest number of sequences of 1, 2, … steps to compare."""
 
     @abstractmethod
     def next_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
@@ -79,10 +81,10 @@ class VariableStepper(Stepper):
 
     @abstractmethod
     def error_order(self, levels: int, system: System) -> int:
-        """Return the power of the step with which the error estimate of ``levels`` sequences falls."""
+        """Return the order of the error estimate of ``levels`` sequences, as a power of the step."""
 
     def completed(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
-        """Return the attempt whose last sequence led to T_{n,1}, and whose row ends in ``last`` at ``time`` [s]."""
+        """Complete an attempt: ``sequence`` led to T_{n,1}, and its row ends in ``last`` at ``time`` [s]."""
         return sequence
 
     def shortest_step(self, scene: Scene) -> float:
@@ -94,7 +96,7 @@ class VariableStepper(Stepper):
         return scene.longest_step if self.max_step is None else self.max_step
 
     def check(self, scene: Scene, begin: float, until: float) -> None:
-        """Check the options and times; Δt_min must separate times."""
+        """Check the options and times, and that Δt_min separates floating-point times."""
         longest = self.longest_step(scene)
         if not 0.0 < self.tolerance < 1.0:
             raise ProblemError(f"tolerance must be between 0 and 1, got {self.tolerance}.")
@@ -112,7 +114,7 @@ class VariableStepper(Stepper):
             )
 
     def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
-        """Yield the accepted steps.
+        """Yield the accepted steps of a motion.
 
         Raises:
             ProblemError: as ``check`` does.
@@ -124,7 +126,7 @@ class VariableStepper(Stepper):
             control = _StepControl(self, setup)
         except Exception as failure:
             what = error_text(failure)
-            raise StepError(f"the motion cannot begin at t = {start.time:.9g} s: {what}.", start) from failure
+            raise StepError(f"the motion cannot start at t = {start.time:.9g} s: {what}.", start) from failure
         return _with_own_costs(control.steps())
 
     def attempt(
@@ -137,15 +139,15 @@ class VariableStepper(Stepper):
         relative_error: Callable[[FloatArray], float],
         levels: int,
     ) -> Attempt:
-        """Try one step of ``length`` [s] with the laws in ``states`` (any, if None) throughout.
+        """Try one step of ``length`` [s] in which no law leaves ``states``.
 
         Args:
-            counter: takes the steps.
-            state: where the step begins.
-            length: its length [s].
-            states: states of the laws in the step before.
+            counter: takes the steps and counts them.
+            state: state at the beginning of the step.
+            length: length of the step [s].
+            states: states of the laws in the step before; any if None.
             relative_error: difference of (q, u) ↦ relative error.
-            levels: most sequences to take.
+            levels: largest number of sequences.
         """
         row: list[FloatArray] = []
         errors: list[float] = []
@@ -163,7 +165,7 @@ class VariableStepper(Stepper):
 
 
 class _StepControl:
-    """Chooses the steps of one motion."""
+    """Choice of the steps of one motion."""
 
     def __init__(self, stepper: VariableStepper, setup: MotionSetup) -> None:
         system = setup.scene.system
@@ -181,8 +183,8 @@ class _StepControl:
         self._saw_switch = False
 
     def steps(self) -> Iterator[AcceptedStep]:
-        """Yield accepted steps with their costs since the start, without those that a search takes back."""
-        held: AcceptedStep | None = None  # accepted, but a search may still take it back
+        """Yield accepted steps with their costs since the start, except those that a search withdraws."""
+        held: AcceptedStep | None = None  # accepted, but a search may still withdraw it
         while self._until - self._state.time > 1e-3 * self._min_step:
             try:
                 taken = self._try_timed()
@@ -206,7 +208,7 @@ class _StepControl:
             yield held
 
     def _try_timed(self) -> AcceptedStep | None:
-        """Try one step and time it; an error in it names the time at which it begins."""
+        """Try one step and time it; errors name the time at which the step begins."""
         self._began = perf_counter()
         try:
             return self._try_step()
@@ -268,7 +270,7 @@ class _StepControl:
         self._length = self._search.length_after_switch(self._state.time, length, attempt)
 
     def _switched(self, length: float) -> AcceptedStep | None:
-        """Take the minimal step that contains a switching point as it is."""
+        """Take the minimal step that contains a switching point, without an error estimate."""
         begin = self._state
         try:
             step = self._counter.take(begin, length)
@@ -280,7 +282,7 @@ class _StepControl:
         known = self._states if self._states is not None else found
         switches = found.switches_since(known, begin.time, step.state.time)
         self._levels = 2
-        # a force that lasts is no guess for the next step where a law has switched
+        # after a switch, the last impulses are a poor start for the next solve
         end = State(step.state.time, step.state.position, step.state.velocity) if switches else step.state
         taken = self._accepted(end, 0.0, found, ((step, length),), switches)
         if switches:
@@ -292,7 +294,7 @@ class _StepControl:
         if is_minimal:
             raise StepError(
                 f"the inclusion of the shortest step, {length:.3g} s from t = {self._state.time:.9g} s, is not solved: "
-                f"the solver ended with {status!r}; allow it more iterations or a looser tolerance, or choose another.",
+                f"the solver returned {status!r}; allow more iterations or a looser tolerance, or change the solver.",
                 self._state,
             )
         self._rejected += 1
@@ -317,7 +319,7 @@ class _StepControl:
         )
 
     def _choose_next(self, length: float, attempt: Attempt) -> None:
-        """Choose length and number of sequences that promise the least work for a unit of time (Deuflhard 1983)."""
+        """Choose the length and number of sequences with the least expected work per unit of time (Deuflhard 1983)."""
         n, errors = attempt.levels, attempt.errors
         lengths = {k: self._promising(length, errors[k - 2], k) for k in range(2, n + 1)}
         work = {k: 0.5 * k * (k + 1) / lengths[k] for k in lengths}
@@ -336,7 +338,7 @@ class _StepControl:
 
 
 def _with_own_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
-    """Yield steps that hold their costs since the start with what each of them cost."""
+    """Yield steps with their own costs, from steps with the costs since the start."""
     solves, rejected, seconds = 0, 0, 0.0
     for step in steps:
         own = (step.solves - solves, step.rejected - rejected, step.seconds - seconds)
@@ -345,7 +347,7 @@ def _with_own_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
 
 
 class _Scale:
-    """The scales of positions and velocities, Q and U above."""
+    """The scales Q of positions and U of velocities; see the module docstring."""
 
     def __init__(self, system: System, max_step: float, start: State) -> None:
         assembly = system.assemble(start.position, start.velocity, max_step)
@@ -357,7 +359,7 @@ class _Scale:
         self._note_velocity(assembly.free_motion - start.velocity)
 
     def note(self, state: State) -> None:
-        """Note how far and how fast the motion has come."""
+        """Update the scales with a state of the motion."""
         self._note_velocity(state.velocity)
         self._range = np.maximum(self._range, np.abs(state.position - self._first))
 

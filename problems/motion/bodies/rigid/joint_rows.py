@@ -1,13 +1,13 @@
-"""Scalars of joints and their derivatives by the velocities of two bodies.
+"""Scalar constraints of joints and their derivatives with respect to the velocities of two bodies.
 
-With the points p and p' of the two bodies and their distance d = x + R p − x' − R' p', they are
+Let p and p' be points of the two bodies, and d = x + R p − x' − R' p' the vector between them. The scalars are
 
     distance       |d|
     along an axis  (R' n)ᵀ d        for n fixed in the second body
     orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
-    angle          θ about n, by which the first body has turned in the second one
+    angle          θ about n, by which the first body is rotated in the second one
 
-All of them stay as they are when both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
+They do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
 """
 
 from dataclasses import dataclass
@@ -21,27 +21,27 @@ from .orientation import IDENTITY, rotation_matrices
 
 @dataclass(frozen=True, eq=False)
 class JointRow:
-    """A scalar of a joint, and its derivatives by (v, ω) of both bodies, shape (6,)."""
+    """A scalar of a joint, and its derivatives with respect to (v, ω) of each body, shape (6,)."""
 
     value: float
     first: FloatArray
     second: FloatArray
 
     def reversed_to(self, value: float) -> "JointRow":
-        """Return a scalar of this ``value`` that falls as fast as this one rises."""
+        """Return a scalar with the given value and the negative derivatives of this one."""
         return JointRow(value, -self.first, -self.second)
 
 
 @dataclass(frozen=True, eq=False)
 class JointPair:
-    """Both bodies of a joint at one position.
+    """The two bodies of a joint at given poses.
 
     Attributes:
         first_rotation: R, shape (3, 3).
         second_rotation: R'.
         first_point: p in body axes [m].
         second_point: p'.
-        distance: d in world axes [m].
+        distance: the vector d in world axes [m].
     """
 
     first_rotation: FloatArray
@@ -54,19 +54,19 @@ class JointPair:
     def create(
         cls, first: FloatArray, second: FloatArray | None, first_point: FloatArray, second_point: FloatArray
     ) -> "JointPair":
-        """Return the bodies at their poses, shape (7,); the second one is the world if None."""
+        """Return the pair at the poses of both bodies, shape (7,); the second body is the world if None."""
         second = np.array([0.0, 0.0, 0.0, *IDENTITY]) if second is None else second
         one, other = rotation_matrices(np.array([first[3:], second[3:]]))
         distance = first[:3] + one @ first_point - second[:3] - other @ second_point
         return cls(one, other, first_point, second_point, distance)
 
     def length(self) -> JointRow:
-        """Return |d|."""
+        """Return the length |d|."""
         length = float(np.linalg.norm(self.distance))
         return self._along(self.distance / length, length)
 
     def along_axis(self, axis: FloatArray) -> JointRow:
-        """Return the distance along an axis that is fixed in the second body."""
+        """Return the component of d along an axis that is fixed in the second body."""
         direction = self.second_rotation @ axis
         row = self._along(direction, float(direction @ self.distance))
         turned = np.append(_NOTHING, _cross(axis, self.distance @ self.second_rotation))
@@ -87,7 +87,7 @@ class JointPair:
         return JointRow(atan2(side @ axes[2], side @ axes[1]), first, second)
 
     def _along(self, direction: FloatArray, value: float) -> JointRow:
-        """Return the row of the distance along a unit vector that is fixed in the world, with ``value``."""
+        """Return the row with ``value`` of the component of d along a unit vector that is fixed in the world."""
         first = _cross(self.first_point, direction @ self.first_rotation)
         second = _cross(self.second_point, direction @ self.second_rotation)
         return JointRow(value, np.append(direction, first), -np.append(direction, second))
@@ -97,7 +97,7 @@ _NOTHING = np.zeros(3)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b of two vectors, which takes NumPy ten times as long."""
+    """Return a × b of two vectors; ``numpy.cross`` takes ten times as long."""
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 

@@ -120,7 +120,7 @@ class Integration:
         try:
             self.system.check(self.position, self.velocity)
         except ProblemError as reason:
-            raise MotionError(f"the motion cannot begin at t = {self.time:.9g} s: {reason}", self.motion()) from None
+            raise MotionError(f"the motion cannot start at t = {self.time:.9g} s: {reason}", self.motion()) from None
         self._directions = self.system.directions(self.position)
         gap, velocity = self.system.gap(self.position), self._contact_velocity()
         if gap.min(initial=0.0) < -MAX_START_GAP:
