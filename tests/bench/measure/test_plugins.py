@@ -111,7 +111,7 @@ SOLVERS = [Changing]
 
 def test_a_solver_that_changes_its_name_once_it_is_made_is_refused(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD + CHANGING)])
-    with pytest.raises(PluginError, match="the solver 'Changing' calls itself 'Robust'; its name must always be"):
+    with pytest.raises(PluginError, match="the solver 'Changing' calls itself 'Robust'; set its name to the one"):
         solver_spec("Changing")
 
 
