@@ -34,11 +34,11 @@ MAX_TRACEBACK_LENGTH = 20_000
 """Number of characters at the end of a traceback that are sent."""
 
 MAX_CAUSES = 100
-"""Largest number of causes of an exception to follow, because a plugin may link them in a circle."""
+"""Largest number of causes of an exception to follow, because a plugin may link them in a cycle."""
 
 
 class MisbehaviourError(Exception):
-    """A solver violated its contract; the message tells how."""
+    """A solver violated its contract; the message states how."""
 
 
 def refuse(fault: str | None) -> None:

@@ -39,7 +39,7 @@ UNFIT_NAME = (
 """Fault of a name that ``plain_name`` changes."""
 
 MAX_FILE_BYTES = 2**28
-"""Size of a file of a run [bytes]."""
+"""Largest size of a file of a run [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +164,11 @@ class Store:
         known = self._written.get(path)
         problem = read_problem(path if known is None else io.BytesIO(known), str(path))
         if problem.digest != digest:
-            raise BenchError(f"{path} contains a problem of another digest; begin a new run.")
+            raise BenchError(f"{path} contains a problem with another digest; begin a new run.")
         return problem
 
     def restore(self) -> None:
-        """Write files again that were deleted or changed since this process wrote them, as a plugin may do.
+        """Rewrite files that were deleted or changed after this process wrote them, for example by a plugin.
 
         Raises:
             BenchError: if one cannot be written.
@@ -219,7 +219,7 @@ def _no_run(path: Path) -> str:
     elif not path.exists():
         fault = "it does not exist"
     elif runs := sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")):
-        fault, remedy = f"it contains {len(runs)}", f"name one of them, such as {runs[-1]}"
+        fault, remedy = f"stored runs in it: {len(runs)}", f"name one of them, such as {runs[-1]}"
     return f"{path} is not a stored run ({fault}); {remedy}."
 
 

@@ -48,7 +48,7 @@ def carried_out(action: str) -> Case:
         ("spin", Outcome.TIMEOUT, "its 1 s"),
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
         ("allocate for ever", Outcome.OUT_OF_MEMORY, "it used all its 256 MB of memory and did not end in time"),
-        ("allocate in c", Outcome.OUT_OF_MEMORY, "as its 256 MB of memory were full"),
+        ("allocate in c", Outcome.OUT_OF_MEMORY, "when its 256 MB of memory were full"),
         ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor when it requested more than 256 MB"),
         ("die", Outcome.CRASHED, "killed by SIGKILL"),
         ("none", Outcome.MISBEHAVED, "NoneType"),
