@@ -68,7 +68,7 @@ def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
 def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
     """Return the time to an accuracy [s], problems down and solvers across; NaN where it is not reached.
 
-    Problems of which a solver has an excluded time are left out.
+    Problems on which the time of any solver is excluded are omitted.
     """
     limit = frames.info.plan.limits.solve_seconds
     matrix = _matrix(frames, reaching(frames.points, accuracy, limit), "total_seconds")
