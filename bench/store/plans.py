@@ -130,7 +130,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         way: longest path of a coordinate from the start to the known end [m]; None if unknown.
 
     Raises:
-        ValueError: if members of the reference have different values.
+        ValueError: if members of the reference have values of different names.
     """
 
     name: str
@@ -144,7 +144,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
-            raise ValueError("the members of its reference have different values")
+            raise ValueError("the members of its reference have values of different names")
 
 
 class PlanRecord(RunSettings, frozen=True, kw_only=True):

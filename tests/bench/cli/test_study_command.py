@@ -136,7 +136,7 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
     for scene, moves in (("stack", False), ("sliding_sphere", True)):
         made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
         assert run_command(["report", str(made.folder), "--no-charts"]) == 0
-        assert ("moves in 0.01 s, so that errors" in " ".join(capsys.readouterr().out.split())) is not moves
+        assert ("moves in 0.01 s, so errors" in " ".join(capsys.readouterr().out.split())) is not moves
 
 
 @pytest.mark.parametrize("hidden", [False, True])
