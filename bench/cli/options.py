@@ -62,7 +62,7 @@ def spell_options(message: str) -> str:
 
 
 def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
-    """Raise a BenchError with a reason if one of these parameters is given."""
+    """Raise ``BenchError`` with a reason if one of these parameters is given."""
     from ..errors import BenchError
 
     for name in names:
@@ -71,7 +71,7 @@ def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
 
 
 def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> None:
-    """Raise a BenchError if a parameter is given together with one of the others."""
+    """Raise ``BenchError`` if a parameter is given together with one of the others."""
     from ..errors import BenchError
 
     for other in others:
@@ -80,7 +80,7 @@ def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> Non
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
-    """Raise a BenchError if a command is called with both ``--quiet`` and ``--json``."""
+    """Raise ``BenchError`` if a command is called with both ``--quiet`` and ``--json``."""
     refuse_both("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 

@@ -60,7 +60,7 @@ def _is_simulation(result: Path) -> bool:
 
 
 def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
-    """Raise a BenchError if options of ``report`` contradict each other or the result."""
+    """Raise ``BenchError`` if options of ``report`` contradict each other or the result."""
     if _is_simulation(result):
         of_runs = ("problem", "page", "baseline", "profiles", "residual")
         options.refuse(of_runs, given, f"applies to runs, but {result} is a simulation")

@@ -56,7 +56,7 @@ def run(
     seed: Annotated[int, _measuring(metavar="NUMBER", help="Seed of orders and of --sample.")] = 0,
     solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one solve.")] = 0.5,
     case_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one case.")] = 60.0,
-    memory: Annotated[int, _measuring(metavar="MB", help="Memory limit of one case.")] = 2048,
+    memory: Annotated[int, _measuring(metavar="MiB", help="Memory limit of one case.")] = 2048,
     record: Annotated[bool, options.flag("--record", help="Record the iterations, one file per problem.")] = False,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
@@ -109,7 +109,7 @@ def _executor(dask: str) -> AbstractContextManager[Executor | None]:
 
 
 def _require_consistent_options(context: typer.Context) -> None:
-    """Raise a BenchError if options of ``run`` contradict each other."""
+    """Raise ``BenchError`` if options of ``run`` contradict each other."""
     given = options.given(context)
     if "resume" in given:
         options.refuse(_STORED_WITH_THE_RUN, given, "is stored with the run, and --resume cannot change it")

@@ -200,7 +200,7 @@ class Worker:
         self.dismiss()
         _, has_filled_memory = self._supervisor.ending(END_SECONDS)
         if has_filled_memory:
-            reason = f"it used all its {self._megabytes} MB of memory and did not end in time"
+            reason = f"it used all its {self._megabytes} MiB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
@@ -211,7 +211,7 @@ class Worker:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
         reason = "its process ended together with its supervisor" if status is None else describe_exit(status)
         if has_filled_memory and status is not None and os.WIFSIGNALED(status):
-            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} when its {self._megabytes} MB of memory were full")
+            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} when its {self._megabytes} MiB of memory were full")
         return Fault(Outcome.CRASHED, reason)
 
     @property

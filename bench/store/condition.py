@@ -111,7 +111,7 @@ def _short(value: object) -> str:
 
 
 def require_comparable(frames: RunFrames) -> None:
-    """Raise a BenchError if a run is a study, or has no measured case."""
+    """Raise ``BenchError`` if a run is a study, or has no measured case."""
     if frames.is_study:
         raise BenchError(f"{frames.folder} is a study, whose points are simulations; name a run over contact problems.")
     if frames.cases.empty:

@@ -28,7 +28,7 @@ def bundle(
     if as_json:
         print_json({"file": str(file), "bytes": file.stat().st_size})
     else:
-        print(f"packed  {file} ({file.stat().st_size / 1024:.0f} kB)")
+        print(f"packed  {file} ({file.stat().st_size / 1024:.0f} KiB)")
 
 
 def rejudge(
