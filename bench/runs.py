@@ -264,7 +264,7 @@ def study(
 
     Args:
         scene: name of a scene, with or without options.
-        solvers: further solvers to compare over their tolerances, or one of them.
+        solvers: additional solvers to compare over their tolerances, or one of them.
         results: the folder that contains the folder of the run.
         run_id: name of the run; the scene with date and time if None.
         limits: limits of each case, in which a solve is a simulation; ten minutes a solve and two hours a case if None.

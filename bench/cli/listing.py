@@ -245,7 +245,7 @@ def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
 
 
 def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:
-    """Return a row: a name, its plugin, and further fields; "error" is the reason if it cannot be used."""
+    """Return a row: a name, its plugin, and additional fields; "error" is the reason if it cannot be used."""
     try:
         return {"name": name, "source": source, "error": "", **describe()}
     except ProxbenchError as error:

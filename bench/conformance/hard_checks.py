@@ -1,4 +1,4 @@
-"""Tests of a solver on the hard cases: one for each group of cases, and two further tests.
+"""Tests of a solver on the hard cases: one for each group of cases, and two others.
 
 No method solves every case. Every solver must return a finite result and a correct status, leave its inputs unchanged,
 and agree with the known answer if it claims a solution.

@@ -60,7 +60,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return the names that plugins provide, solvers first, as far as they are known without running the plugins."""
+    """Return the names that plugins provide, solvers first, that are known without running the plugins."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 

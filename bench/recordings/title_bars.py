@@ -50,7 +50,7 @@ def without_panels(blueprint: Blueprint) -> Blueprint:
 
 
 def with_whole_curves(blueprint: Blueprint, times: tuple[int, int]) -> Blueprint:
-    """Return a blueprint whose plots show the curves between two times, beside the space for legends."""
+    """Return a blueprint whose plots show the curves between two times, with space for legends."""
     start, end = times
     shown = {"start": {"Absolute": start}, "end": {"Absolute": end + math.ceil(LEGEND_SHARE * (end - start))}}
     plots = [view for view in blueprint if _kind(blueprint, view) == "TimeSeries"]

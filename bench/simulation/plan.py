@@ -140,7 +140,7 @@ def make_simulation_plan(
 ) -> SimulationPlan:
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
-    Names of scene, stepper and solver may include options; ``options`` are further options of the scene. See
+    Names of scene, stepper and solver may include options; ``options`` are additional options of the scene. See
     ``SimulationPlan`` for the other arguments. By default, stepper and duration are those of the scene, and solver,
     tolerance and iterations suit scene and stepper.
 

@@ -40,7 +40,7 @@ def busy_cores(run: RunRecord) -> float:
 def drift(frames: RunFrames) -> float:
     """Return the ratio of the 90 % to the 10 % quantile of the probes around counted rounds; NaN without rounds.
 
-    With several machines, it is that of the least steady one.
+    With several machines, the ratio is that of the least steady one.
     """
     sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
     hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].machine.host if one < len(sessions) else "")

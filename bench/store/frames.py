@@ -63,7 +63,7 @@ class RunFrames:
 
     @property
     def output_folder(self) -> Path:
-        """The folder for its tables, charts and page; for a bundle, the folder of the same name beside it."""
+        """The folder for its tables, charts and page; for a bundle, a folder with the name of the bundle beside it."""
         return output_folder(self.folder)
 
     @property

@@ -1,4 +1,4 @@
-"""Notes about points: short sentences that tables print beside the numbers."""
+"""Notes about points: short sentences that tables print with the numbers."""
 
 from collections.abc import Iterator
 

@@ -89,7 +89,7 @@ def open_run(path: Path) -> Store | Bundle:
 
 
 def output_folder(path: Path) -> Path:
-    """Return the folder for the tables, charts and page of a run: its own, or that beside a bundle with its name."""
+    """Return the folder for the tables, charts and page of a run: its own, or one named like a bundle, beside it."""
     return path.with_suffix("") if is_bundle(path) else path
 
 
