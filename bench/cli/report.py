@@ -36,8 +36,8 @@ def report(
 ) -> int:
     """Print the tables of a stored result and draw its charts again.
 
-    With --problem, the tables show only these problems, and no file is written. With --page, only
-    the offline page of the run is written.
+    With --problem, the tables show only these problems, and no file is
+    written. With --page, only the offline page of the run is written.
     """
     options.refuse_two_prints(quiet, as_json)
     _require_consistent_options(result, options.given(context), charts)

@@ -68,8 +68,8 @@ def import_files(
 ) -> int:
     """Convert files of other programs to problem files (.npz).
 
-    Print the name of each file and the digest of its problem. The exit code is 1 if a file in a folder cannot be read;
-    standard error gives the reason.
+    Print the name of each file and the digest of its problem. The exit code is
+    1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from ....problems import save_problem
     from ....problems.exchange.survey import problem_files

@@ -39,8 +39,8 @@ def engines(
 ) -> int:
     """Compare physics engines: wall time per simulated second against the error of the motion.
 
-    Each run has its own process with one thread. Ctrl-C keeps the finished runs. The engines require the extra
-    "engines".
+    Each run has its own process with one thread. Ctrl-C keeps the finished
+    runs. The engines require the extra "engines".
     """
     import msgspec
 
