@@ -34,7 +34,7 @@ class Hooks(TypedDict, total=False):
     """Optional callbacks of a simulation.
 
     Attributes:
-        on_step: called after every step, outside the time charged to it.
+        on_step: functions called after every step, outside the time charged to it.
         on_progress: called after every step, to show the progress.
         should_stop: called after every step; the simulation ends early if it returns True.
         checkpoint_seconds: wall time between two writes of the result file [s].
@@ -126,7 +126,7 @@ def resumable_simulation(
 
 
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
-    """Take the remaining steps; the result file always contains all completed ones.
+    """Take the remaining steps, and write the result file at intervals and at the end.
 
     Raises:
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.

@@ -1,7 +1,7 @@
 """The folder of a run. Each file is written as a whole or not at all.
 
 RUN/run.json            plan, machine, and sessions with their probes and load
-RUN/cases/*.json        one finished case each, with a checksum
+RUN/cases/*.json        one case each, with a checksum
 RUN/problems/*.npz      the problems that the package does not hold, by their digests
 """
 
@@ -136,7 +136,7 @@ class Store:
         return _read(self.folder / RUN_FILE, RunRecord, "begin a new run")
 
     def write_case(self, case: CaseRecord) -> None:
-        """Write one finished case.
+        """Write one case, finished or not.
 
         Raises:
             BenchError: if it cannot be written.

@@ -43,7 +43,7 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
 
     Raises:
         BenchError: if it exists and ``force`` is not given, has another suffix, is a link out of its folder, or its
-            folder cannot be made.
+            folder cannot be created.
     """
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
