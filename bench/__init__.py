@@ -9,7 +9,7 @@ __all__ = ["Run", "bundle", "compare", "load", "merge", "plot_convergence", "rej
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name at its first use: pandas and the solvers take a second to load."""
+    """Import a name on first use: pandas and the solvers take a second to load."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from . import runs

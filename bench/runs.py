@@ -98,7 +98,7 @@ class Run(RunFrames, os.PathLike[str]):
         The arguments are those of ``report``.
 
         Raises:
-            BenchError: if the run has no case, is a study of simulations, or has no such residuals or no such solver.
+            BenchError: if the run has no case, is a study of simulations, or has no such residual or solver.
             UnwritableError: if the page cannot be written.
         """
         from .report.page.assembly import write_page
@@ -137,7 +137,7 @@ class Run(RunFrames, os.PathLike[str]):
         plugins: Sequence[Path | str] = (),
         mix: bool = False,
     ) -> "Run":
-        """Measure what is missing and return the new state of the run; see ``resume``."""
+        """Measure the missing cases and return the new state of the run; see ``resume``."""
         return resume(self.folder, retry_failed, on_event, plugins, mix)
 
     def problem(self, name: str) -> ContactProblem:
@@ -174,19 +174,19 @@ def run(
     """Measure solvers on problems, store the results and return them.
 
     Args:
-        problems: names, problem files (.npz, or .hdf5 of FCLIB), folders of such files or problems, or one of them; the
-            members of ``suite`` if None. Missing problems are generated.
-        solvers: names with options, or solvers, or one of them; the default variants if None.
+        problems: names, problem files (.npz, or .hdf5 of FCLIB), folders of such files, problem objects, or one of
+            these; the members of ``suite`` if None. Missing problems are generated.
+        solvers: names with options, solver objects, or one of these; the default variants if None.
         suite: a named suite, or a folder of problem files; the plan of the run lists unreadable files.
         results: the folder that contains the folder of the run.
         run_id: name of the run; date and time if None.
         tolerances: the ladder, or one tolerance; 1e-2, 1e-4, 1e-6, 1e-8 if None.
         limits: limits of each case.
-        on_event: called with the events of the run.
+        on_event: called with each event of the run.
         plugins: plugin files whose solvers and problems can be named, or one of them.
-        solve_seconds: limit of one solve [s], instead of that of ``limits``.
-        case_seconds: limit of a whole case [s], instead of that of ``limits``.
-        memory: limit of the memory of a case beyond that of the framework [MiB], instead of that of ``limits``.
+        solve_seconds: time limit of one solve [s]; overrides that of ``limits``.
+        case_seconds: time limit of a whole case [s]; overrides that of ``limits``.
+        memory: memory limit of a case beyond the memory of the framework [MiB]; overrides that of ``limits``.
         passes: number of passes over all problems; 2 if None. With one pass, ratios of times have no intervals.
         seed: seed of the orders of problems and solvers in each pass, and of the sample.
         sample: number of problems to draw; all if None.
@@ -230,13 +230,13 @@ def plot_convergence(
     """Solve a problem with each solver and return an altair chart of the judged residual over iterations.
 
     Args:
-        problem: a name, a problem file, or a problem.
-        solvers: names with options, or solvers, or one of them; the default variants if None.
+        problem: a name, a problem file, or a problem object.
+        solvers: names with options, solver objects, or one of these; the default variants if None.
         tolerance: judged residual to reach.
         solve_seconds: time limit of one solve [s].
 
     Raises:
-        ProxbenchError: if the problem or a solver is unknown, or no solver has iterates.
+        ProxbenchError: if the problem or a solver is unknown, or no solver has observable iterates.
     """
     from .report.charts.plots import plot_curves
 
@@ -260,22 +260,22 @@ def study(
     members: Sequence[float] | None = None,
     start: str = DEFAULT_START,
 ) -> Run:
-    """Measure the time that accuracy of a motion takes, over steps, tolerances, steppers and solvers.
+    """Measure wall time against the accuracy of a motion, over steps, tolerances, steppers and solvers.
 
     Args:
         scene: name of a scene, with or without options.
-        solvers: further solvers to compare over their tolerances, or one of them.
+        solvers: additional solvers to compare over their tolerances, or one of them.
         results: the folder that contains the folder of the run.
         run_id: name of the run; the scene with date and time if None.
-        limits: limits of each case, whose solves are simulations; ten minutes for one and two hours for all if None.
-        on_event: called with the events of the run.
+        limits: limits of each case, in which a solve is a simulation; ten minutes a solve and two hours a case if None.
+        on_event: called with each event of the run.
         plugins: plugin files whose solvers and scenes can be named, or one of them.
         methods: ladders by name, ``{"Moreau with NSGS": (1e-3, 5e-4)}`` over the step [s], or
             ``{"NSGS in Moreau(step=1e-3)": (1e-2, 1e-4)}`` over the tolerance; those of the scene if None.
-        tolerance: judged residual of the solvers of ``methods`` whose steppers vary.
+        tolerance: tolerance of the solvers in those ``methods`` that vary the step.
         duration: simulated time [s]; that of the scene if None.
-        members: seeds of a scene of balls, or factors on steps and tolerances, over which errors are taken.
-        start: start of the solve of each step: "warm" (the last impulses), "cold" (zero) or "warm-then-cold".
+        members: seeds of a scene of balls, or factors on steps and tolerances, over which errors are computed.
+        start: initial impulses of each solve: "warm" (the last impulses), "cold" (zero) or "warm-then-cold".
 
     Raises:
         ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.
@@ -298,7 +298,7 @@ def study(
 
 
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
-    """Return the folder of a new run; folders with the same second in their names are numbered."""
+    """Return the folder of a new run; without ``run_id``, a number distinguishes runs of the same second."""
     if not run_id:
         first = Path(results) / f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
@@ -322,7 +322,7 @@ def resume(
     Args:
         run_dir: the folder of the run, or the run.
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
-        on_event: called with the events of the run.
+        on_event: called with each event of the run.
         plugins: the plugin files of its solvers, or one of them; problems of plugins are stored with the run.
         mix: continue on another machine, or with other versions or sources; reports then warn.
         executor: as in ``run``.
@@ -331,8 +331,8 @@ def resume(
         The new state of the run.
 
     Raises:
-        BenchError: if the folder is not a run, its run.json is damaged, a plugin file of its solvers is not named,
-            missing or changed, or the machine, versions or sources differ.
+        BenchError: if the folder is not a run, its run.json is damaged, a plugin file of its solvers is not named, is
+            missing or has changed, or the machine, versions or sources differ.
         InterruptedRunError: on Ctrl-C.
     """
     resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
@@ -340,7 +340,7 @@ def resume(
 
 
 def load(run_dir: os.PathLike[str] | str) -> Run:
-    """Load a stored run from its folder or from a bundle; damaged case files are omitted and named.
+    """Load a stored run from its folder or bundle; ``damaged`` lists damaged case files.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.
@@ -382,7 +382,7 @@ def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowd
     Args:
         before: the run to compare with, its folder or its bundle.
         after: the run that may be slower, its folder or its bundle.
-        slowdown: relative change of time from which the verdict names a solver, 0.1 for 10 %.
+        slowdown: least relative change of time at which the verdict names a solver, such as 0.1 for 10 %.
 
     Raises:
         BenchError: if a path is not a run, a run has no cases or is a study, or the runs have nothing in common.

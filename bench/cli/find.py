@@ -1,4 +1,4 @@
-"""``proxbench list`` and ``proxbench generate``."""
+"""The commands ``proxbench list`` and ``proxbench generate``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,8 +12,8 @@ def list_names(
     what: Annotated[
         str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; all by default.")
     ] = "",
-    name: Annotated[str, typer.Argument(metavar="NAME", help="List this one only.")] = "",
-    suite: Annotated[str, options.selection(metavar="SUITE", help="List the problems of this suite only.")] = "",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="List only this one.")] = "",
+    suite: Annotated[str, options.selection(metavar="SUITE", help="List only the problems of this suite.")] = "",
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
 ) -> None:
@@ -29,9 +29,9 @@ def list_names(
 
 
 def generate(
-    names: Annotated[list[str] | None, typer.Argument(metavar="PROBLEM", help="Problems to make.")] = None,
+    names: Annotated[list[str] | None, typer.Argument(metavar="PROBLEM", help="Problems to generate.")] = None,
     suite: Annotated[
-        str, options.selection(metavar="SUITE", help="Make all problems of this suite that come from scenes.")
+        str, options.selection(metavar="SUITE", help="Generate all problems of this suite that come from scenes.")
     ] = "",
     output: Annotated[
         Path | None, options.output(metavar="FOLDER", help="Folder for the files; the cache by default.")
@@ -39,9 +39,9 @@ def generate(
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
 ) -> None:
-    """Make problems from their scenes.
+    """Generate problems from their scenes.
 
-    Each file is printed with the digest of its problem.
+    Print the name of each file and the digest of its problem.
     """
     from ...problems.exchange.catalog import suite_members
     from ...problems.exchange.files.problem_file import read_problem

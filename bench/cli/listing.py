@@ -117,7 +117,7 @@ def _print_problems(rows: Sequence[Row]) -> None:
         for row in members:
             print(f"  {row['name']:<{width}}  {_problem_text(row, list(heads.values()))}".rstrip())
     if not all(row.get("available", True) for row in rows):
-        print("\nrun and matrix generate missing problems, as does: proxbench generate NAME")
+        print("\nrun and matrix generate missing problems; to generate one now: proxbench generate NAME")
 
 
 def _families(rows: Sequence[Row]) -> dict[str, list[Row]]:
@@ -245,7 +245,7 @@ def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
 
 
 def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:
-    """Return a row: a name, its plugin, and further fields; "error" is the reason if it cannot be used."""
+    """Return a row: a name, its plugin, and additional fields; "error" is the reason if it cannot be used."""
     try:
         return {"name": name, "source": source, "error": "", **describe()}
     except ProxbenchError as error:

@@ -28,7 +28,7 @@ from .simulation.engines import engines
 from .simulation.statics import statics
 from .warm import warm
 
-LOOK_UP = "Find or make problems"
+LOOK_UP = "Find or generate problems"
 
 COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
     "Compare and test solvers": {
@@ -105,7 +105,7 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command line and exit; print an error of the user as one sentence on standard error."""
+    """Run the command line and exit; print a user error as one sentence on standard error."""
     sys.exit(run_command(sys.argv[1:]))
 
 
@@ -148,7 +148,7 @@ def _usage_error(error: TyperException, arguments: list[str]) -> str:
     context = getattr(error, "ctx", None)
     if context is not None:
         command = context.command_path
-    else:  # the parser has no context if an option lacks its value
+    else:  # the parser has no context if the value of an option is missing
         known = [word for word in arguments[:1] if any(word in commands for commands in COMMANDS.values())]
         command = " ".join(["proxbench", *known])
     return f"{message}; see {command} -h."

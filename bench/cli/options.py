@@ -1,4 +1,4 @@
-"""Options that commands share, and checks of options that exclude each other."""
+"""Options that commands share, and checks for mutually exclusive options."""
 
 import re
 import sys
@@ -12,10 +12,10 @@ import typer
 selection, limits, output = (
     partial(typer.Option, rich_help_panel=topic) for topic in ("Problems and solvers", "Limits", "Output")
 )
-"""Make options of these topics of the help page."""
+"""Factories of options, one for each topic of the help page."""
 
 flag = partial(output, metavar="", show_default=False)
-"""Make an output option without a value."""
+"""Factory of output options without a value."""
 
 
 def examples(command: str, *arguments: str) -> str:
@@ -48,7 +48,7 @@ def given(context: typer.Context) -> set[str]:
 
 
 _OTHER_NAMES = {"results": "output", "plugins": "plugin"}
-"""Options whose name differs from that of the parameter in Python."""
+"""Options whose names differ from those of the parameters in Python."""
 
 
 def spelled(name: str) -> str:
@@ -62,7 +62,7 @@ def spell_options(message: str) -> str:
 
 
 def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
-    """Raise a BenchError with a reason if one of these parameters is given."""
+    """Raise ``BenchError`` with a reason if one of these parameters is given."""
     from ..errors import BenchError
 
     for name in names:
@@ -71,7 +71,7 @@ def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
 
 
 def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> None:
-    """Raise a BenchError if a parameter is given together with one of the others."""
+    """Raise ``BenchError`` if a parameter is given together with one of the others."""
     from ..errors import BenchError
 
     for other in others:
@@ -80,7 +80,7 @@ def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> Non
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
-    """Raise a BenchError if a command is called with both ``--quiet`` and ``--json``."""
+    """Raise ``BenchError`` if a command is called with both ``--quiet`` and ``--json``."""
     refuse_both("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 
@@ -116,12 +116,12 @@ Problems = Annotated[
 ]
 """Names of problems."""
 
-Sample = Annotated[int | None, selection(metavar="NUMBER", help="Draw this many problems.")]
+Sample = Annotated[int | None, selection(metavar="NUMBER", help="Number of problems to draw.")]
 """Size of a sample."""
 
 Sampling = Annotated[
     Literal["proportional", "even"],
-    selection(metavar="HOW", help="Divide a sample among families: proportional, even."),
+    selection(metavar="HOW", help="Shares of families in a sample: proportional, even."),
 ]
 """How a sample is divided among families."""
 
@@ -131,7 +131,7 @@ SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time limit of on
 Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs.")]
 """Folder of runs."""
 
-RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; the time by default.")]
+RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; by default, the time.")]
 """Name of a new run."""
 
 Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
@@ -161,11 +161,11 @@ Profiles = Annotated[
 ]
 """Problems that charts of profiles cover."""
 
-Progress = Annotated[bool, flag("--progress/--no-progress", help="Show the progress.")]
-"""Show the progress on standard error."""
+Progress = Annotated[bool, flag("--progress/--no-progress", help="Show progress.")]
+"""Show progress on standard error."""
 
-Quiet = Annotated[bool, flag("--quiet", help="Print only errors and paths of files.")]
-"""Print only errors and paths of files."""
+Quiet = Annotated[bool, flag("--quiet", help="Print only errors and file paths.")]
+"""Print only errors and file paths."""
 
 Force = Annotated[bool, flag("--force", help="Replace existing files.")]
 """Replace files that exist."""

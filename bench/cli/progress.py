@@ -28,7 +28,7 @@ LOADING = "loading kernels; compiling them at the first use takes about a minute
 """Description of a run until the first solver starts."""
 
 ESTIMATE_SECONDS = 3600.0
-"""Length of the past period that determines the remaining time [s]; one point of a study takes minutes."""
+"""Length of the past period from which the remaining time is estimated [s]; a point of a study takes minutes."""
 
 
 class ProgressBar(Progress):
@@ -53,7 +53,7 @@ class ProgressBar(Progress):
         self._task = self.add_task("starting", total=None)
 
     def count(self, done: int, total: int | None = None) -> None:
-        """Show the number done, and the total if it is given."""
+        """Show the finished number, and the total if given."""
         self.update(self._task, completed=done, total=total)
 
     def count_one(self) -> None:
@@ -67,7 +67,7 @@ class ProgressBar(Progress):
             self.note(f"measuring {text}")
 
     def note(self, sentence: str, always: bool = False) -> None:
-        """Print a line above the bar, ``always`` or unless the bar is hidden."""
+        """Print a line above the bar; if the bar is hidden, only with ``always``."""
         if always or not self._hidden:
             self.console.print(sentence, soft_wrap=True, highlight=False, markup=False)
 

@@ -1,4 +1,4 @@
-"""``proxbench record``: recordings of iterating solvers and of stored simulations."""
+"""The command ``proxbench record``: recordings of iterating solvers and of stored simulations."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,11 +10,11 @@ from . import options
 
 def record(
     problem: Annotated[
-        str, typer.Argument(metavar="PROBLEM|FILE", help="Problem, problem file, or file of a simulation.")
+        str, typer.Argument(metavar="PROBLEM|FILE", help="Problem, problem file, or result of a simulation.")
     ],
     solver: options.Solvers = None,
     output: Annotated[
-        Path | None, options.output(metavar="FILE", help="Recording to write (.rrd); a simulation has a default.")
+        Path | None, options.output(metavar="FILE", help="Recording to write (.rrd); optional for a simulation.")
     ] = None,
     plugin: options.PluginFiles = None,
     tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
@@ -26,12 +26,12 @@ def record(
     film: Annotated[
         Path | None, options.output(metavar="FILE", help="Also draw the spatial views as an animation (.webp).")
     ] = None,
-    frames: Annotated[int, options.output(metavar="NUMBER", min=2, help="Frames of the film, 20 a second.")] = 60,
+    frames: Annotated[int, options.output(metavar="NUMBER", min=2, help="Frames of the film, 20 per second.")] = 60,
     force: options.Force = False,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Record how solvers iterate on a problem, or a stored simulation.
+    """Record the iterations of solvers on a problem, or a stored simulation.
 
     Open the recording with: rerun FILE
     """

@@ -1,4 +1,4 @@
-"""``proxbench report``, and the output of a finished run."""
+"""The command ``proxbench report``, and the output of a finished run."""
 
 import sys
 from collections.abc import Collection, Iterator
@@ -23,7 +23,7 @@ def report(
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder or bundle of a run, or simulation (.npz).")],
     problem: Annotated[
         list[str] | None,
-        options.selection("--problem", metavar="PROBLEM", help="Print the tables of this problem only; repeatable."),
+        options.selection("--problem", metavar="PROBLEM", help="Print only the tables of this problem; repeatable."),
     ] = None,
     page: Annotated[bool, options.flag("--page", help="Write one offline page of a run, and nothing else.")] = False,
     baseline: Annotated[str, options.output(metavar="SOLVER", help="Baseline of speed-ups.")] = "",
@@ -36,8 +36,8 @@ def report(
 ) -> int:
     """Print the tables of a stored result and draw its charts again.
 
-    With --problem the tables show these problems only, and no file is written. With --page, one
-    offline page contains the whole run.
+    With --problem, the tables show only these problems, and no file is
+    written. With --page, only the offline page of the run is written.
     """
     options.refuse_two_prints(quiet, as_json)
     _require_consistent_options(result, options.given(context), charts)
@@ -60,10 +60,10 @@ def _is_simulation(result: Path) -> bool:
 
 
 def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
-    """Raise a BenchError if options of ``report`` contradict each other or the result."""
+    """Raise ``BenchError`` if options of ``report`` contradict each other or the result."""
     if _is_simulation(result):
         of_runs = ("problem", "page", "baseline", "profiles", "residual")
-        options.refuse(of_runs, given, f"is for runs, and {result} is a simulation")
+        options.refuse(of_runs, given, f"applies to runs, but {result} is a simulation")
     options.refuse_both("problem", ("page", "baseline", "profiles", "quiet"), given)
     options.refuse_both("page", ["profiles"], given)
     if not charts:
@@ -93,7 +93,7 @@ def report_run(
         as_json: print one JSON document instead.
         residual: residual that tables and charts use, "judged" or "local".
         record: whether to record the iterations.
-        baseline: baseline of speed-ups; the solver of most problems if empty.
+        baseline: baseline of speed-ups; the one that solves most problems if empty.
         page: whether to write the page, if the run has one.
         profiles: problems that profiles cover, "common" to all solvers or "all".
 
@@ -151,7 +151,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print the tables of some problems of a run; return 1 if one of their cases failed or is missing, or on damage.
+    """Print the tables of some problems of a run; return 1 if one of their cases failed or is missing or damaged.
 
     Raises:
         BenchError: if the run has no such problem.
@@ -175,14 +175,14 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
 
 
 def _report_damage(run: "Run") -> None:
-    """Print which case files are damaged; raise ``BenchError`` if a run has case files and all are."""
+    """Print which case files are damaged; raise ``BenchError`` if there are case files and all are damaged."""
     from ..errors import BenchError
 
     if run.damaged and run.cases.empty:
         names = [sentence.partition(" ")[0] for sentence in run.damaged]
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         raise BenchError(
-            f"no case of {run.folder} can be read: {', '.join(names[:MAX_NAMES])}{more} are damaged; "
+            f"no case of {run.folder} can be read (damaged: {', '.join(names[:MAX_NAMES])}{more}); "
             f"measure them again with: proxbench run --resume {run.folder}"
         )
     for sentence in run.damaged:
@@ -190,7 +190,7 @@ def _report_damage(run: "Run") -> None:
 
 
 def _report_unfinished(frames: "RunFrames") -> None:
-    """Print which cases are missing, where no table does."""
+    """Print which cases are missing, for output without tables."""
     from ..store.condition import unfinished
 
     for sentence in unfinished(frames):
@@ -203,7 +203,7 @@ def _exit_code(run: "Run", shown: "RunFrames") -> int:
 
 
 def _has_failed(frames: "RunFrames") -> bool:
-    """Return whether a case failed or claims a wrong answer."""
+    """Return whether a case failed or made a wrong claim."""
     from ..store.outcome import FAULTS, Outcome
 
     return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())

@@ -1,4 +1,4 @@
-"""``proxbench run``."""
+"""The command ``proxbench run``."""
 
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
@@ -43,20 +43,20 @@ def run(
     shard: Annotated[str, options.selection(metavar="I/N", help="Measure every N-th problem from the I-th.")] = "",
     solver: options.Solvers = None,
     tolerance: Annotated[
-        list[float] | None, options.selection(metavar="NUMBER", help="Residual to time; repeatable.")
+        list[float] | None, options.selection(metavar="NUMBER", help="Tolerance to time; repeatable.")
     ] = None,
     output: options.Runs = Path("results"),
     run_id: options.RunId = "",
     resume: Annotated[Path | None, _measuring(metavar="RUN", help="Finish the interrupted run in this folder.")] = None,
     retry_failed: Annotated[bool, _switch("--retry-failed", help="With --resume: measure failed cases again.")] = False,
     mix: Annotated[bool, _switch("--mix", help="With --resume: allow another machine or source.")] = False,
-    dask: Annotated[str, _measuring(metavar="ADDRESS", help="Run on this dask cluster, or on a local one.")] = "",
-    thorough: Annotated[bool, _switch("--thorough", help="Measure ten accuracies in five passes.")] = False,
+    dask: Annotated[str, _measuring(metavar="ADDRESS", help="Address of a dask cluster, or local.")] = "",
+    thorough: Annotated[bool, _switch("--thorough", help="Measure ten tolerances in five passes.")] = False,
     passes: Annotated[int | None, _measuring(metavar="NUMBER", help="Number of passes over all problems.")] = None,
     seed: Annotated[int, _measuring(metavar="NUMBER", help="Seed of orders and of --sample.")] = 0,
     solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one solve.")] = 0.5,
     case_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one case.")] = 60.0,
-    memory: Annotated[int, _measuring(metavar="MB", help="Memory limit of one case.")] = 2048,
+    memory: Annotated[int, _measuring(metavar="MiB", help="Memory limit of one case.")] = 2048,
     record: Annotated[bool, options.flag("--record", help="Record the iterations, one file per problem.")] = False,
     plugin: options.PluginFiles = None,
     residual: options.Residual = "judged",
@@ -109,7 +109,7 @@ def _executor(dask: str) -> AbstractContextManager[Executor | None]:
 
 
 def _require_consistent_options(context: typer.Context) -> None:
-    """Raise a BenchError if options of ``run`` contradict each other."""
+    """Raise ``BenchError`` if options of ``run`` contradict each other."""
     given = options.given(context)
     if "resume" in given:
         options.refuse(_STORED_WITH_THE_RUN, given, "is stored with the run, and --resume cannot change it")

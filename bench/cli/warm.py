@@ -1,4 +1,4 @@
-"""``proxbench warm``: compile all kernels into the cache, for images and clusters."""
+"""The command ``proxbench warm``: compile all kernels into the cache, for container images and clusters."""
 
 import os
 import time

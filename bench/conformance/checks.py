@@ -50,5 +50,5 @@ def of_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None]:
 
 
 def checks(**tests: Callable[[Subject], None]) -> tuple[Check[Subject], ...]:
-    """Return the tests by the names of the functions, with spaces for "_"; each docstring is the requirement."""
+    """Return the tests, named like their functions with spaces for "_"; the docstrings are the requirements."""
     return tuple(Check(name.replace("_", " "), (test.__doc__ or "").strip(), test) for name, test in tests.items())

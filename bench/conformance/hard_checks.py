@@ -1,4 +1,4 @@
-"""Tests of a solver on the hard cases: one for each group of cases, and two further tests.
+"""Tests of a solver on the hard cases: one for each group of cases, and two others.
 
 No method solves every case. Every solver must return a finite result and a correct status, leave its inputs unchanged,
 and agree with the known answer if it claims a solution.
@@ -33,7 +33,7 @@ REPETITIONS = 50
 
 
 def is_truthful_on_group(group: str, solver: Solver) -> None:
-    """On hard cases of one group, results are finite and agree with status and known answer; inputs are kept."""
+    """On hard cases of one group, results are finite and match status and known answer; inputs are unchanged."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = run_trial(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
@@ -50,22 +50,22 @@ def improves_with_tolerance(solver: Solver) -> None:
                 break
             if trial.residual > max(before, tolerance) + LEAST_DIFFERENCE:
                 raise Violation(
-                    f"on {problem.name} a tolerance of {tolerance:g} ends at a residual of {trial.residual:.1e}, "
-                    f"though {looser:g} ended at {before:.1e}; return the best iterate."
+                    f"on {problem.name} a tolerance of {tolerance:g} gives a residual of {trial.residual:.1e}, "
+                    f"but {looser:g} gives {before:.1e}; return the best iterate."
                 )
             before, looser = trial.residual, tolerance
 
 
 @of_iterates
 def reports_cycles(solver: Solver) -> None:
-    """A solve whose iterates alternate between two values ends OSCILLATING, not at the iteration limit."""
+    """A solve whose iterates alternate between two values ends as OSCILLATING, not at the iteration limit."""
     stop = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
         status = solver.prepare(problem).solve(stop, observe=partial(_record_iterate, shown)).status
         if status is Status.ITERATION_LIMIT and _is_cycle(shown):
             raise Violation(
-                f"on {problem.name} its last {REPETITIONS} iterates repeat each other in a cycle of two, and it ends "
+                f"on {problem.name} its last {REPETITIONS} iterates repeat in a cycle of two, and it ends "
                 "at the iteration limit; return Status.OSCILLATING."
             )
 
@@ -89,7 +89,7 @@ HARD_CHECKS: tuple[Check[Solver], ...] = (
     *(
         Check(
             f"hard {group}",
-            f"On hard cases ({group}), results are finite and agree with status and known answer; inputs are kept.",
+            f"On hard cases ({group}), results are finite and match status and known answer; inputs are unchanged.",
             partial(is_truthful_on_group, group),
         )
         for group in CASE_GROUPS

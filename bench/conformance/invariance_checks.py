@@ -1,4 +1,4 @@
-"""Tests that a solution is invariant to the statement of the problem: units, order, tangents, repeated contacts."""
+"""Tests that a solution is invariant to the statement of the problem: units, order, tangents, duplicated contacts."""
 
 from collections.abc import Iterator
 
@@ -97,7 +97,7 @@ def _solve_transformed(solver: Solver, trial: Trial, other: Transformed, how: st
         residual = own_residual(solver, trial.problem, other.impulses(again.solution.impulses))
         if not residual <= WRONG_FACTOR * STOP.tolerance:
             raise Violation(
-                f"{how} its solution of {trial.problem.name}, carried back, has a residual of {residual:.1e}; "
+                f"{how} its solution of {trial.problem.name}, transformed back, has a residual of {residual:.1e}; "
                 "make the method independent of order, tangents and duplicates."
             )
     return again

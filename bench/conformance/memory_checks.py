@@ -33,7 +33,7 @@ def solves_each_time(solver: Solver) -> None:
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
     problem = supported(solver, problems, "it supports none of the problems that are large enough for timing")[0]
     found: list[tuple[float, float]] = []
-    with threadpool_limits(1):  # library threads that wait actively would count, mostly in a first solve
+    with threadpool_limits(1):  # busy-waiting library threads would count, mostly in a first solve
         solution_of(solver, perturbed_copy(problem), STOP)
         for _ in range(ATTEMPTS):
             first, repeated = _first_and_repeated(solver, problem)

@@ -9,7 +9,7 @@ from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from .checks import Check, NotApplicable, Violation, checks
 
 ANSWER_ACCURACY = 1e-6
-"""Largest judged residual of impulses that are given as the answer."""
+"""Largest judged residual of impulses given as the answer."""
 
 MakeProblem = Callable[[], ContactProblem]
 
@@ -38,7 +38,7 @@ def answer_is_right(make: MakeProblem) -> None:
     problem = make()
     answer = problem.answer
     if answer is None or (answer.solvable and not answer.impulses):
-        raise NotApplicable("it has no impulses as its answer")
+        raise NotApplicable("its answer has no impulses")
     for index, impulses in enumerate(answer.impulses):
         residual = judge(problem, impulses).residual
         if answer.solvable and not residual <= ANSWER_ACCURACY:

@@ -7,7 +7,7 @@ their names. The test runs once for each solver and each check::
     def test_it_keeps_its_promises(proxbench_check):
         proxbench_check()
 
-A check that does not apply to a solver is skipped with its reason; a violated one fails with a sentence.
+A check that does not apply to a solver is skipped with the reason; a failed check reports a sentence.
 """
 
 from collections.abc import Callable

@@ -27,7 +27,7 @@ MEMORY_BYTES = 2**31
 RESULTS = ("passed", "failed", "not applicable")
 
 OnCheck = Callable[[str, int, int], None]
-"""Called before every check with the name of the subject, the number of finished checks and of all its checks."""
+"""Called before each check with the names of subject and check, and the numbers of finished and of all its checks."""
 
 
 def run_checks(
@@ -95,7 +95,7 @@ def _subjects_of_file(file: PluginFile, seconds: float) -> list[dict[str, str]]:
     use_plugin_files([file.path], seconds)
     offers = [offer for offer in (*plugin_solvers(), *plugin_problems()) if offer.file == file]
     if not offers:
-        raise BenchError(f"{file.source} provides only scenes, which are not checked; run: proxbench simulate.")
+        raise BenchError(f"{file.source} provides only scenes, which are not checked; try: proxbench simulate.")
     return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers]
 
 
@@ -111,7 +111,7 @@ def _subjects_by_name(target: str) -> list[dict[str, str]]:
         )
     source = next((offer.source for offer in plugin_problems() if offer.name == target), "")
     if not source:
-        load(target)  # raises an error that tells how to generate a missing problem
+        load(target)  # raises an error that explains how to generate a missing problem
     return [{"kind": "problem", "name": target, "source": source}]
 
 

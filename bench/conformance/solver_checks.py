@@ -81,11 +81,11 @@ def declines_through_supports(solver: Solver) -> None:
             raise Violation(f"on {problem.name}: {fault}.")
         answers = {solver.supports(problem.fresh()) is None for _ in range(3)}
         if len(answers) > 1:
-            raise Violation(f"its supports is not deterministic on {problem.name}; let it depend on the problem alone.")
+            raise Violation(f"supports is not deterministic on {problem.name}; make it depend only on the problem.")
     for problem in _supported(solver):
         if solution_of(solver, problem, MODEST).status is Status.UNSUPPORTED:
             raise Violation(
-                f"it ends {problem.name} as unsupported, though its supports returned None; return a reason there."
+                f"it ends {problem.name} as unsupported, but supports returned None; return a reason there."
             )
 
 
@@ -150,7 +150,7 @@ def is_useful(solver: Solver) -> None:
 
 
 def reports_infeasibility(solver: Solver) -> None:
-    """A closing contact without mobility ends INFEASIBLE, or is not supported."""
+    """A closing contact that cannot move ends as INFEASIBLE, or is not supported."""
     problem = infeasible()
     if solver.supports(problem):
         return
@@ -196,12 +196,12 @@ def equal_when_observed(solver: Solver, problem: ContactProblem) -> None:
     if numbers != list(range(1, observed.iterations + 1)):
         called = f"{len(numbers)} times, with iterations {numbers[0]} to {numbers[-1]}" if numbers else "never"
         raise Violation(
-            f"on {problem.name} it did {observed.iterations} iterations and called its observer {called}; "
+            f"on {problem.name} it took {observed.iterations} iterations and called its observer {called}; "
             "call observe(iteration, impulses) after each, from 1, or set has_iterates = False."
         )
     for _, shown in calls:
         if shown.shape != (problem.n_rows,):
-            raise Violation(f"on {problem.name} it showed its observer impulses of shape {shown.shape}, not (n_rows,).")
+            raise Violation(f"on {problem.name} it passed its observer impulses of shape {shown.shape}, not (n_rows,).")
     if not _have_equal_results(unseen, observed):
         raise Violation(f"on {problem.name} the observed solve differs from the unobserved one; ignore the observer.")
 
@@ -232,7 +232,7 @@ def obeys_iteration_limit(solver: Solver, problem: ContactProblem) -> None:
     for limit in (1, 5):
         done = solution_of(solver, problem, Stop(1e-300, limit, max_seconds=1.0)).iterations
         if done > limit:
-            raise Violation(f"on {problem.name} it did {done} iterations, but max_iterations was {limit}.")
+            raise Violation(f"on {problem.name} it took {done} iterations, but max_iterations was {limit}.")
 
 
 def obeys_time_limit(solver: Solver) -> None:
@@ -259,7 +259,7 @@ def is_silent(solver: Solver) -> None:
         warnings.simplefilter("always")  # also warnings that were shown in earlier tests
         printed = _printed(lambda: solution_of(solver, problem, MODEST)).strip()
     if warned:
-        raise Violation(f"it warned of {str(warned[0].message)[:100]!r}; report it in Solution.message.")
+        raise Violation(f"it issued the warning {str(warned[0].message)[:100]!r}; report it in Solution.message.")
     if printed:
         raise Violation(f"it printed {printed.splitlines()[0][:100]!r}; report it in Solution.message.")
 
@@ -303,7 +303,7 @@ def _supported(solver: Solver) -> list[ContactProblem]:
     except NotApplicable:
         made = samples()
         raise Violation(
-            f"its supports refuses all {len(made)} small problems, the first because {solver.supports(made[0])}."
+            f"supports refuses all {len(made)} small problems, the first because {solver.supports(made[0])}."
         ) from None
 
 

@@ -23,7 +23,7 @@ _FRAMEWORK = tuple(Path(__file__).parents[2] / package for package in ("problems
 
 @dataclass
 class CheckingTask:
-    """Runs one check at a time."""
+    """The task of the child: it runs one check at a time."""
 
     _before: ProcessState | None = None
 

@@ -28,7 +28,7 @@ class Trial:
 
     @property
     def is_solved(self) -> bool:
-        """Whether the solver claims to have solved."""
+        """Whether the solver claims to have solved the problem."""
         return self.solution.status is Status.SOLVED
 
 
@@ -97,7 +97,7 @@ def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) 
     try:
         return judge(problem, impulses, solver.model).residual
     except ProblemError as error:
-        raise Violation(f"its supports accepts {problem.name}, but {error}") from error
+        raise Violation(f"supports accepts {problem.name}, but {error}") from error
 
 
 def require_known_answer(problem: ContactProblem, impulses: FloatArray) -> None:

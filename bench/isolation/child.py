@@ -34,11 +34,11 @@ MAX_TRACEBACK_LENGTH = 20_000
 """Number of characters at the end of a traceback that are sent."""
 
 MAX_CAUSES = 100
-"""Largest number of causes of an exception to follow, because a plugin may link them in a circle."""
+"""Largest number of causes of an exception to follow, because a plugin may link them in a cycle."""
 
 
 class MisbehaviourError(Exception):
-    """A solver violated its contract; the message tells how."""
+    """A solver violated its contract; the message states how."""
 
 
 def refuse(fault: str | None) -> None:
@@ -118,7 +118,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
         except (MisbehaviourError, BrokenInterfaceError) as error:
             answer = _fault(Outcome.MISBEHAVED, str(error))
         except BaseException as error:
-            reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MB of memory"
+            reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MiB of memory"
             if _is_caused_by_memory(error):
                 answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason} when it requested more than {limit}")
             else:

@@ -23,7 +23,7 @@ from .supervisor import ENDING, NUMBER, keep
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
 _REQUEST = b"F"
-"""Message of a client that accompanies the open files of a request."""
+"""Message with which a client sends the open files of a request."""
 
 _N_DESCRIPTORS = 3
 """Number of open files in a request: the pipe of the case, the orders of its supervisor, and its output file."""

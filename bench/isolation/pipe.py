@@ -1,7 +1,7 @@
 """Messages between a run and the process of a case.
 
-The process may write arbitrary data, and stop in the middle of a message. Reading ends at a deadline, allocates only
-memory for data that have arrived, and creates no objects that could run code.
+The process may write arbitrary data, and stop in the middle of a message. Reading ends at a deadline, allocates
+memory only for data that have arrived, and creates no objects that could run code.
 """
 
 import json

@@ -1,7 +1,7 @@
 """The global state of a process, and its changes.
 
 A plugin shares its process with the framework. If it replaced a function of the framework, of the clock or of numpy, or
-changed a setting of the interpreter, times and residuals could be wrong unnoticed.
+changed a setting of the interpreter, times and residuals could be silently wrong.
 """
 
 import _thread
@@ -60,7 +60,7 @@ class ProcessState:
         )
 
     def after_imports(self) -> Self:
-        """Return this state with present values of settings that libraries may change, if any was imported since."""
+        """Return this state, with present values of settings that libraries change if any was imported since."""
         if self.modules.issuperset(sys.modules):
             return self
         return replace(self, state=self.state | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})

@@ -53,7 +53,7 @@ def threads(process: int) -> list[int]:
 
 
 def writers(descriptor: int) -> list[int]:
-    """Return the processes, this one left out, whose standard output or standard error is the open ``descriptor``."""
+    """Return the processes, except this one, whose standard output or standard error is the open ``descriptor``."""
     file, found = os.fstat(descriptor), []
     for process in psutil.pids():
         for stream in (1, 2):
@@ -64,7 +64,7 @@ def writers(descriptor: int) -> list[int]:
 
 
 def running(processes: Iterable[int]) -> list[int]:
-    """Return the running ones of ``processes``; zombies count as ended."""
+    """Return those of ``processes`` that are running; zombies count as ended."""
     found = []
     for process in processes:
         with contextlib.suppress(psutil.Error):
@@ -83,7 +83,7 @@ def processor_seconds(process: int) -> float:
     except psutil.Error:
         return 0.0
     own = times.user + times.system
-    with contextlib.suppress(OSError):  # not available on other systems than Linux
+    with contextlib.suppress(OSError):  # available only on Linux
         own = time.clock_gettime(~process << 3 | _ALL_THREADS)
     return float(own + times.children_user + times.children_system)
 

@@ -1,4 +1,4 @@
-"""What the system counts for this process: processor time, context switches, and waiting time."""
+"""Resource usage of this process: processor time, context switches, and waiting time."""
 
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage

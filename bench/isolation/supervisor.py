@@ -24,10 +24,10 @@ STOP, GO_ON, END = b"S", b"G", b"E"
 """Orders: stop, continue or end the case. The case also ends when the connection is closed."""
 
 NUMBER = struct.Struct("!i")
-"""The first report."""
+"""Format of the first report, the process id of the supervisor."""
 
 ENDING = struct.Struct("!i?")
-"""The last report: the wait status of the case, and whether one of its processes used nearly all its memory."""
+"""Format of the last report: wait status of the case, and whether one of its processes used nearly all its memory."""
 
 FULL_MEMORY_SHARE = 0.9
 """Share of the memory limit above which a case that ends without an answer is out of memory."""

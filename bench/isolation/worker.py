@@ -200,7 +200,7 @@ class Worker:
         self.dismiss()
         _, has_filled_memory = self._supervisor.ending(END_SECONDS)
         if has_filled_memory:
-            reason = f"it used all its {self._megabytes} MB of memory and did not end in time"
+            reason = f"it used all its {self._megabytes} MiB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
@@ -211,7 +211,7 @@ class Worker:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
         reason = "its process ended together with its supervisor" if status is None else describe_exit(status)
         if has_filled_memory and status is not None and os.WIFSIGNALED(status):
-            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} as its {self._megabytes} MB of memory were full")
+            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} when its {self._megabytes} MiB of memory were full")
         return Fault(Outcome.CRASHED, reason)
 
     @property
@@ -223,7 +223,7 @@ def numbers_of(content: bytes) -> FloatArray:
     """Return the array of float64 that came with an answer.
 
     Raises:
-        Fault: if it is none.
+        Fault: if the content is not such an array.
     """
     if len(content) % np.dtype(np.float64).itemsize:
         raise no_answer()
@@ -276,7 +276,7 @@ class RenewedWorker:
         weakref.finalize(self, _end, self._running)
 
     def ask(self, request: str, *arguments: Any, seconds: float | None = None) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to one request, within its own time limit or another one [s].
+        """Return the answer to one request, within ``seconds`` or the default limit [s].
 
         Raises:
             Exception: the result of ``failure`` for a request without an answer.

@@ -22,7 +22,7 @@ PACKAGES = (
 """Packages whose versions are stored, if they are installed."""
 
 SETTINGS = ("NUMBA_DISABLE_JIT", "NUMBA_OPT", "PYTHONDEVMODE", "PYTHONMALLOC", "PYTHONTRACEMALLOC", "LD_PRELOAD")
-"""Variables of the environment that change times unequally by solver."""
+"""Environment variables that change the times of solvers by different factors."""
 
 
 def this_machine() -> Machine:

@@ -11,9 +11,9 @@ show whether other programs disturbed a round of solves:
 
 A disturbed round is excluded and measured again. Measured times are never corrected.
 
-A solver with several threads is pinned to this core and to as many others as its further threads need. The
-further cores are not claimed, so a run with several threads can disturb any other run on the machine. The load does not
-include other programs on these cores.
+A solver with several threads is pinned to this core and to one more for each further thread. The further cores are not
+claimed, so a run with several threads can disturb any other run on the machine. The load does not include other
+programs on these cores.
 """
 
 import contextlib
@@ -107,7 +107,7 @@ class MeasuringCore:
         return set(others) if self.number is None else {self.number, *others}
 
     def pin(self, process: int, count: int = 1) -> None:
-        """Pin all threads of a process and its descendants to ``count`` cores; again, as long as others start."""
+        """Pin all threads of a process and its descendants to ``count`` cores, again while others start."""
         if self.number is None:
             return
         cores = self.cores(count)

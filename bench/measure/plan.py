@@ -93,8 +93,8 @@ def make_plan(
     Problems of plugins are built and files are read here, see ``select``; other problems are loaded later.
 
     Args:
-        problems: names, files, folders or problems; the members of ``suite`` if None.
-        solvers: names with options, or solvers; ``DEFAULT_SOLVERS`` if None. In the suite ``sequences`` each one is
+        problems: names, files, folders or problem objects; the members of ``suite`` if None.
+        solvers: names with options, or solver objects; ``DEFAULT_SOLVERS`` if None. In the suite ``sequences`` each is
             measured from zero and, as ``Warm(solver)``, from its last answer; ``SEQUENCE_SOLVERS`` if None.
         settings: tolerances, limits, passes and seed.
         suite: name of a suite, or a folder.
@@ -106,7 +106,7 @@ def make_plan(
         ProblemError: for an unknown problem or suite, with the nearest name, a file or folder without any, or an empty
             sample.
         SolverError: for an unknown solver or option, with the nearest name.
-        PluginError: if a plugin's solver breaks the contract, or a plugin does not make the problem it offers.
+        PluginError: if a plugin's solver breaks the contract, or a plugin does not create the problem that it offers.
         BenchError: for a name given twice, a problem with the name of a library problem and other numbers, a solver
             object that breaks the contract, or a shard out of range.
     """

@@ -15,7 +15,8 @@ SOLUTION = 1e-8
 def find_refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
     """Return the cases of one problem that falsely claim that it has no solution, with these claims marked as wrong.
 
-    A claim is false if any case contains a judged solution of the same model, or a solution is known.
+    A claim is false if any case contains a judged solution of the same model. For Coulomb's law, ``is_solvable``
+    decides unless it is None.
 
     Args:
         cases: all measured cases.

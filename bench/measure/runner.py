@@ -78,15 +78,15 @@ def resume_measuring(
 
     Raises:
         ProxbenchError: if the folder is not a run, its run.json is damaged, a name in it is unknown, a plugin file of
-            its solvers is not named, missing or changed, or the machine differs.
+            its solvers is not named, is missing or has changed, or the machine differs.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(folder)
     record = store.read_run()
     if record.judge != JUDGE:
         raise BenchError(
-            f"{folder} was judged by version {record.judge} of the judge, this is {JUDGE}; residuals of both do not "
-            "compare, begin a new run."
+            f"{folder} was judged by version {record.judge} of the judge, but this is {JUDGE}; their residuals are "
+            "not comparable; begin a new run."
         )
     differing = differences if executor is None else other_software
     changed = differing(record.machine, this_machine())

@@ -51,16 +51,16 @@ def select(
     Problems of plugins are built and files are read here; named problems are loaded later.
 
     Args:
-        problems: names, files, folders and problems; the members of ``suite`` if None.
+        problems: names, files, folders and problem objects; the members of ``suite`` if None.
         suite: name of a suite, or a folder, see ``list_folder``.
         sample: number of problems of a sample; all problems if None.
-        seed: of the sample.
+        seed: seed of the sample.
         sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name, a file without a problem, a folder without
             readable problems, or a sample that is not positive.
-        PluginError: if a plugin does not make the problem it offers.
+        PluginError: if a plugin does not create the problem that it offers.
         BenchError: for a name given twice, or a problem with the name of a library problem and other numbers.
     """
     given, name = (tuple(problems), "") if problems else _members(suite)
@@ -89,7 +89,9 @@ def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:
     number, count = parse_shard(shard)
     problems = selection.problems[number - 1 :: count]
     if not problems:
-        raise BenchError(f"`shard` {shard} has no problem of {len(selection.problems)}; use fewer shards.")
+        raise BenchError(
+            f"`shard` {shard} has none of the problems ({len(selection.problems)} in all); use fewer shards."
+        )
     names = set(map(problem_name, problems))
     families = {name: family for name, family in selection.families.items() if name in names}
     return replace(selection, problems=problems, families=families), f"{number}/{count}"
@@ -104,7 +106,7 @@ def parse_shard(shard: str) -> tuple[int, int]:
     found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
     number, count = map(int, found.groups()) if found else (0, 0)
     if not 1 <= number <= count:
-        raise BenchError(f"`shard` must be i/n with 1 ≤ i ≤ n, as 2/8 is, got {shard!r}.")
+        raise BenchError(f"`shard` must be i/n with 1 ≤ i ≤ n, such as 2/8, got {shard!r}.")
     return number, count
 
 

@@ -34,13 +34,13 @@ TOLERATED_SHARE = 0.02
 """Share of its wall time that a round may lose."""
 
 TOLERATED_SECONDS = 5e-5
-"""Further time that a round may lose, to interrupts of the system [s]."""
+"""Additional time that a round may lose to system interrupts [s]."""
 
 CLOCK_SECONDS = 5e-6
 """Processor time of a solve between the readings of both clocks [s]."""
 
 PARALLEL_SECONDS = 1e-3
-"""Further processor time of each core by which a round may exceed its wall time [s]."""
+"""Processor time of each core by which a round may exceed its wall time [s]."""
 
 
 Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]

@@ -1,12 +1,12 @@
 """Solve and judge frictional contact problems, and measure how well solvers solve them.
 
-This folder is the package ``proxbench`` itself. Its names are imported at their first use, so that
-``import proxbench`` is fast.
+This folder is the package ``proxbench`` itself. Its names are imported on first use, so that ``import proxbench``
+is fast.
 
 ``solve``
     Solve a problem: ``proxbench.solve("funnel-100")``.
 ``solve_many``
-    Solve and judge many small problems, over several threads.
+    Solve and judge many small problems in several threads.
 ``judge``
     Measure how far impulses are from solving a problem.
 ``load``
@@ -52,7 +52,7 @@ def __dir__() -> list[str]:
 if not TYPE_CHECKING:  # a type checker reports unknown names only where it finds no __getattr__
 
     def __getattr__(name: str) -> object:
-        """Import a name at its first use, and keep it."""
+        """Import a name on first use, and cache it."""
         if name in _SUBPACKAGES:
             return import_module(f".{name}", __name__)
         if name == "__version__":

@@ -81,8 +81,8 @@ def _check_surfaces(record: BallsRecord) -> None:
     for plane in record.planes:
         is_of_scene = len(plane.point) == len(plane.normal) == record.dimension
         if not is_of_scene or not any(plane.normal) or not np.isfinite([plane.point, plane.normal]).all():
-            raise ValueError("this is no plane of the scene")
+            raise ValueError("a plane does not fit the scene")
     for wall in record.segments:
         ends = (wall.lower, wall.upper)
         if wall.lower == wall.upper or wall.side not in (-1, 0, 1) or not np.isfinite(ends).all():
-            raise ValueError("this is no wall of the scene")
+            raise ValueError("a wall does not fit the scene")

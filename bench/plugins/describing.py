@@ -36,7 +36,7 @@ from .native_files import use_native_files
 from .solver_specs import SolverSpec, built_in, pickle_solver
 
 _PACKAGE = f"{__name__.partition('.')[0]}."
-"""Beginning of the names of modules of this package, whose solvers may have its names."""
+"""Prefix of the modules of this package, whose solvers may have the names of built-in ones."""
 
 
 def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
@@ -60,7 +60,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return the names that plugins provide, solvers first, as far as they are known without running the plugins."""
+    """Return the names that plugins provide, solvers first, that are known without running the plugins."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 
@@ -120,7 +120,7 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     if not name:
         _require_free_name(answer["name"])
     elif _plain_names(answer["name"]) != _plain_names(name):
-        raise error(f"{what} calls itself {answer['name']!r:.200}; its name must always be the one that creates it.")
+        raise error(f"{what} calls itself {answer['name']!r:.200}; set its name to the one that creates it.")
     model, source = Model.from_text(answer["model"]), answer["source"]
     files = use_native_files(answer["name"], answer["native"])
     return SolverSpec(
@@ -167,7 +167,7 @@ def _plain_names(name: str) -> list[str]:
 def _ask(
     failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
 ) -> tuple[dict[str, Any], bytes]:
-    """Return the answer of a new process, or raise ``error`` with ``failure`` and the reason, or with the refusal."""
+    """Return the answer of a new process, or raise ``error`` with ``failure`` and the reason, or with a refusal."""
     with RenewedWorker(DescribingTask(), seconds) as worker:
         try:
             answer, content = worker.ask(request, *arguments)

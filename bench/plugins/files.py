@@ -1,4 +1,4 @@
-"""Plugin files of a command: register them before it starts, store them with a run, and check them on resuming."""
+"""Plugin files of a command: register them before it starts, store them with a run, and check them on resumption."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -19,8 +19,8 @@ def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECON
     """Make the solvers, problems and scenes of plugin files available by name; the files run in child processes only.
 
     Args:
-        paths: the files. Shared libraries and compiled programs are noted by their content, so that a stored run may
-            use them.
+        paths: the files. Shared libraries and compiled programs are registered with their SHA-256, so that a stored
+            run may use them.
         seconds: wall time limit to import a file and create its solvers [s].
 
     Raises:
@@ -79,7 +79,7 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
 def check_plugins_unchanged(recorded: Iterable[PluginUse]) -> None:
     """Check that the plugin files and the native files of a stored run are in use and unchanged.
 
-    The files are not registered automatically, because resuming a run of someone else would execute its code.
+    The files are not registered automatically, because resuming someone else's run would execute its code.
 
     Raises:
         BenchError: if a file is not registered, missing, or changed, so that two versions would share a name.

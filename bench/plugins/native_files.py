@@ -1,7 +1,7 @@
 """Files of solvers in other languages, identified by their content from the moment that a command names them.
 
-Such a file is loaded or started in child processes only. A stored run cannot make this process use a file: a user who
-resumes the run of someone else must name its files.
+Such a file is loaded or started only in child processes. A stored run cannot make this process use a file: a user who
+resumes someone else's run must name its files.
 """
 
 import hashlib
@@ -19,11 +19,11 @@ _BEGINNINGS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!
 """First bytes of shared libraries and programs on Linux, macOS and Windows, and of scripts."""
 
 _in_use: dict[str, PluginUse] = {}
-"""SHA-256 of the files that this process may use, by path."""
+"""Records, with the SHA-256, of the files that this process may use, by path."""
 
 
 def is_native(path: Path) -> bool:
-    """Whether a file is a shared library or a program, and not a plugin file."""
+    """Return whether a file is a shared library or a program, and not a plugin file."""
     try:
         with path.open("rb") as file:
             return path.suffix != ".py" and file.read(4).startswith(_BEGINNINGS)
@@ -38,11 +38,11 @@ def allow_native_file(path: Path) -> None:
 
 
 def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]:
-    """Note the files of a solver and its parts, and return them.
+    """Register the files of a solver and its parts, and return their records.
 
     Args:
         name: name of the solver.
-        sources: names of its parts in other languages, in their order.
+        sources: sources of its parts in other languages, in order.
 
     Raises:
         PluginError: if a file cannot be read.
@@ -63,7 +63,7 @@ def native_uses(solvers: Iterable[str]) -> list[PluginUse]:
 
 
 def is_native_use(use: PluginUse) -> bool:
-    """Whether a stored use is that of a file in another language."""
+    """Return whether a stored use is that of a file in another language."""
     return use.kind == "solver" and bool(_native_parts(use.name))
 
 
@@ -73,7 +73,7 @@ def sha256_in_use(path: str) -> str:
 
 
 def check_unchanged(uses: Iterable[PluginUse]) -> None:
-    """Raise ``SolverError`` if a file has changed, because results of two versions would have one name."""
+    """Raise ``SolverError`` if a file has changed, because results of two versions would share one name."""
     for use in uses:
         if _sha256(Path(use.file)) != use.sha256:
             raise SolverError(f"{use.file} has changed since the command began; run the command again.")

@@ -23,7 +23,7 @@ def resolve_problem(problem: str | Path | ContactProblem) -> ContactProblem:
     """Return a problem, given as an object, a name or a file; problems of plugins are created in a child process.
 
     Raises:
-        ProblemError: as ``load``.
+        ProblemError: as in ``load``.
         PluginError: if a plugin does not create the problem.
     """
     if isinstance(problem, ContactProblem):

@@ -49,7 +49,7 @@ def local_or_remote_scene(
 
     Args:
         name: name of the scene, with or without options.
-        options: further options.
+        options: additional options.
         seconds: wall time limit of one answer of a plugin's scene [s].
 
     Raises:
@@ -69,7 +69,7 @@ class RemoteSystem(RenewedWorker):
 
         Args:
             name: name of the scene, with or without options.
-            options: further options.
+            options: additional options.
             seconds: wall time limit of a request [s].
         """
         super().__init__(SceneTask(name, dict(options)), seconds)

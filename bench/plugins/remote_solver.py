@@ -1,8 +1,8 @@
 """A solver in a separate process, with the ``Solver`` interface.
 
-It is used for successive solves: of a solver matrix, a recording, the steps of a simulation. The solver of a plugin may
-raise, hang, crash or exhaust memory without harm to the process that judges. A request without an answer raises
-``FailedSolveError``, and the next request starts a new process.
+It is used for successive solves: those of a solver matrix, of a recording, and of the steps of a simulation. The
+solver of a plugin may raise, hang, crash or exhaust memory without harm to the process that judges. A request without
+an answer raises ``FailedSolveError``, and the next request starts a new process.
 """
 
 import io
@@ -83,7 +83,7 @@ class RemoteSolver(RenewedWorker):
             FailedSolveError: if the solver does not answer.
         """
         if self.spec.starts_warm:
-            return "it starts from its answer to the step before, which `proxbench run` alone provides"
+            return "it starts from its answer to the step before, which only `proxbench run` provides"
         self._send(problem)
         answer, _ = self.ask_in_time("supports")
         return str(answer.get("refusal", "")) or None

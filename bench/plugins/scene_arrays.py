@@ -75,21 +75,21 @@ def unpacked(content: bytes) -> Arrays:
 def checked_array(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
     """Return an array, or raise ``ValueError`` if its shape or type is wrong."""
     if values.dtype != np.float64 or values.shape != shape:
-        raise ValueError("no numbers of this shape")
+        raise ValueError("an array has the wrong shape or type")
     return values
 
 
 def finite_numbers(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
     """Return a finite array, or raise ``ValueError``; see ``checked_array``."""
     if not np.isfinite(checked_array(values, shape)).all():
-        raise ValueError("no finite numbers")
+        raise ValueError("an array is not finite")
     return values
 
 
 def checked_keys(values: NDArray[Any]) -> IntArray:
-    """Return keys, or raise ``ValueError`` if they are not ascending."""
+    """Return keys, or raise ``ValueError`` if they are not ascending integers."""
     if values.dtype != np.int64 or values.ndim != 1 or (np.diff(values) <= 0).any():
-        raise ValueError("no keys")
+        raise ValueError("the keys are not ascending integers")
     return values
 
 
@@ -113,11 +113,11 @@ def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
     """Return pieces after checking that their indices are in range, as compiled code requires."""
     starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
     if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
-        raise ValueError("no pieces")
+        raise ValueError("the pieces have the wrong shape or type")
     n_chunks, rest = divmod(n_dofs, values.shape[2])
     fits = starts[0] == 0 and starts[-1] == len(chunks) and (np.diff(starts) >= 0).all() and not rest
     if not fits or (chunks < 0).any() or (chunks > n_chunks).any() or values[chunks == n_chunks].any():
-        raise ValueError("no pieces of this system")
+        raise ValueError("the pieces do not fit the system")
     return Pieces(starts, chunks, finite_numbers(values, (len(chunks), *values.shape[1:])), n_chunks)
 
 
@@ -129,16 +129,16 @@ def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
     if "row_counts" not in arrays:
         pieces = _read_pieces(arrays, n_dofs)
         if pieces.n_blocks != count or pieces.width != width or laws.n_rows != count * width:
-            raise ValueError("no direction for each contact")
+            raise ValueError("the directions do not fit the contacts")
         return ActiveContacts(keys, gap, laws, pieces, restitution, width)
     counts = arrays["row_counts"]
     if counts.dtype != np.int64 or counts.shape != (count,) or (counts < 1).any() or (counts > width).any():
-        raise ValueError("no rows of contacts")
+        raise ValueError("the row counts do not fit the contacts")
     data, indices, indptr = (arrays[f"directions_{part}"] for part in ("data", "indices", "indptr"))
     directions = sp.csc_array((data, indices, indptr), shape=(n_dofs, laws.n_rows))
     directions.check_format(full_check=True)
     finite_numbers(directions.data, directions.data.shape)
     if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():
-        raise ValueError("no rows of contacts")
+        raise ValueError("the rows do not fit the contacts")
     drive = finite_numbers(arrays["drive"], (laws.n_rows,)) if "drive" in arrays else None
     return ActiveContacts(keys, gap, laws, directions, restitution, width, counts, drive)

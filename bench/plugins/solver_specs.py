@@ -1,4 +1,4 @@
-"""Solvers as data, from which the process of a solver creates it.
+"""Solvers as data, from which other processes create them.
 
 Built-in solvers are created in any process. Solvers of plugins and of the caller are created and examined in child
 processes only, so that none of their code runs where results are judged.
@@ -31,9 +31,9 @@ class SolverSpec:
         source: its plugin, for messages; empty for a built-in solver and for an object.
         carried: a pickled object of the caller; empty if the name suffices to create the solver.
         is_randomised: whether it declares that its answers differ between repeats.
-        threads: number of threads in which it computes.
+        threads: number of threads that it uses.
         files: the files in other languages that it needs, with their digests.
-        starts_warm: whether it starts from its own answer to the step before.
+        starts_warm: whether it starts from its own answer to the previous step.
     """
 
     name: str
@@ -57,7 +57,7 @@ class SolverSpec:
         return not self.source and not self.carried
 
     def make(self) -> Solver:
-        """Return the solver; in the process that judges, only for built-in solvers.
+        """Return the solver; in the judging process, call this only for built-in solvers.
 
         Raises:
             ProxbenchError: if its class or one of its files has changed.
@@ -86,7 +86,7 @@ def built_in(name: str) -> SolverSpec:
 
 
 def warm(spec: SolverSpec) -> SolverSpec:
-    """Return the specification of ``Warm(solver)``; that of a warm solver remains."""
+    """Return the specification of ``Warm(solver)``; a warm solver remains unchanged."""
     return spec if spec.starts_warm else replace(spec, name=warm_name(spec.name), starts_warm=True)
 
 

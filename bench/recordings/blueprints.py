@@ -130,7 +130,7 @@ def solves_blueprint(
 
     Args:
         solvers: their names; the entities of solver k are ``/solvers/k`` and ``/states/k``.
-        n_iterations: largest iteration, for the speed of playing.
+        n_iterations: largest iteration, which determines the playback speed.
         camera: camera of all spatial views.
         heights: range of log₁₀ residuals; None for that of the curves.
     """

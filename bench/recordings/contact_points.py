@@ -108,14 +108,14 @@ def find_places(problem: ContactProblem) -> Places:
 
 
 def grid_places(n_contacts: int) -> Places:
-    """Return contacts on a square grid of spacing 1, in the order of the problem, normals upwards."""
+    """Return contacts on a square grid of spacing 1, in the order of the problem, with normals upwards."""
     side = max(1, int(np.ceil(np.sqrt(n_contacts))))
     index = np.arange(n_contacts)
     positions = np.column_stack([index % side, index // side, np.zeros(n_contacts)]).astype(np.float64)
     frame = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     text = (
         "The problem does not contain the positions of its contacts: they are drawn on a grid, in the order of the "
-        "problem, normals upwards. Its bodies are unknown and not drawn."
+        "problem, with normals upwards. Its bodies are unknown and not drawn."
     )
     return Places(positions, np.tile(frame, (n_contacts, 1, 1)), 1.0, text)
 
@@ -143,7 +143,7 @@ def _from_factors(problem: ContactProblem) -> Places | None:
 def _bodies(
     touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, inertia: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact; a body whose arms fit a ball is one if its radius is at least ``inertia``."""
+    """Return the bodies in contact; a body whose arms fit a ball is a ball if its radius is at least ``inertia``."""
     n_bodies = len(centres)
     contact, side = np.nonzero(touching < n_bodies)
     body, arm = touching[contact, side], arms[contact, side]
@@ -230,7 +230,7 @@ def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> 
     laplacian = sp.csc_array(incidence @ incidence.T)
     _, heap = connected_components(laplacian, directed=False)
     anchors = np.zeros(n_bodies)
-    anchors[np.unique(heap, return_index=True)[1]] = 1.0  # fix one body of each heap, or the matrix is singular
+    anchors[np.unique(heap, return_index=True)[1]] = 1.0  # fix one body of each heap; otherwise the matrix is singular
     solved = spsolve(sp.csc_array(laplacian + sp.diags_array(anchors)), incidence @ apart)
     return _side_by_side(np.asarray(solved).reshape(n_bodies, 3), heap.astype(np.int64), bodies[:, 0], size)
 

@@ -48,7 +48,7 @@ class HeadlessViewer:
 
     @property
     def times(self) -> tuple[int, int]:
-        """First and last time, a number of steps or iterations or a time [ns]."""
+        """First and last time: a number of steps or iterations, or a time [ns]."""
         return self.timeline.start or 0, self.timeline.end or 0
 
     def show(self, blueprint: Mapping[str, Any], at: int) -> None:
@@ -82,7 +82,7 @@ class HeadlessViewer:
 
 @contextmanager
 def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], target: Path) -> Iterator[HeadlessViewer]:
-    """Show a recording, when all of its data are loaded, in pictures of ``size`` [pixels], and end the viewer.
+    """Yield a viewer of a recording, with all data loaded, for pictures of ``size`` [pixels], and end it.
 
     Raises:
         BenchError: if the viewer cannot draw the file ``target`` on this machine; the recording is kept.
@@ -109,7 +109,7 @@ def _timeline(client: ViewerClient, name: str) -> Timeline | None:
 
 @contextmanager
 def _running_viewer(folder: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
-    """Run a separate viewer without a window, and end it."""
+    """Yield the client of a new viewer without a window, and end the viewer."""
     program = shutil.which(
         "rerun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     )

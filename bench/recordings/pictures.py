@@ -17,7 +17,7 @@ STILL_SIZE, FILM_SIZE = (1600, 1000), (640, 560)
 """Width and height [pixels]."""
 
 FRAMES_PER_SECOND, END_SECONDS = 20, 1.0
-"""Frames that a film shows in a second, and the time for which it holds the last one [s]."""
+"""Frames per second of a film, and the time for which it holds the last one [s]."""
 
 QUALITY = 70
 """Quality of the frames of a film, up to 100."""
@@ -35,7 +35,7 @@ def refuse_picture(path: Path, suffix: str, force: bool) -> None:
 
 
 def write_still(recording: Path, still: Path, timeline: str) -> None:
-    """Draw the end of a recording, with the whole curves.
+    """Draw the end of a recording, with complete curves.
 
     Args:
         recording: file, ending in ``.rrd``.
@@ -56,12 +56,12 @@ def write_still(recording: Path, still: Path, timeline: str) -> None:
 
 
 def write_film(recording: Path, film: Path, timeline: str, n_frames: int) -> None:
-    """Draw the spatial views of a recording at equal distances of time, as an animation that repeats.
+    """Draw the spatial views of a recording at equal intervals of time, as an animation that repeats.
 
     Args:
         recording: file, ending in ``.rrd``.
         film: file, ending in ``.webp``; an existing file is replaced.
-        timeline: timeline from whose first time to the last one frames are drawn.
+        timeline: timeline over whose range the frames are distributed.
         n_frames: number of frames, at least 2.
 
     Raises:

@@ -48,7 +48,7 @@ MIN_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2,
 """Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade of logarithms."""
 
 MIN_OBSERVED = 1e-9
-"""Least span of the axis of an observable, in its own unit; below, it is rounding."""
+"""Least span of the axis of an observable, in its own unit; smaller variations are rounding."""
 
 MIN_SPAN_RATIO = 1e-4
 """Least span of an axis relative to its largest value, so that constant curves do not show rounding."""
@@ -66,7 +66,7 @@ class SceneRecorder:
         scene: the simulated scene.
         file: the recording, ending in ``.rrd``.
         force: replace an existing file.
-        every: number of steps between drawn steps, which determines the speed of playing.
+        every: number of steps between drawn steps, which determines the playback speed.
     """
 
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
@@ -201,7 +201,7 @@ class SceneRecorder:
         return ()
 
     def _own_curves(self, state: State) -> dict[str, float]:
-        """Return further curves."""
+        """Return additional curves."""
         return {}
 
     def _summary(self) -> Entities:
@@ -239,7 +239,7 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
 def unit_exponent(values: FloatArray) -> int:
     """Return the power of ten, a multiple of 3, in whose unit values between 1e-9 and 1e-3 are drawn; 0 for others.
 
-    Values below that are zero but for rounding.
+    Smaller values are zero up to rounding.
     """
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     return 3 * math.floor(math.log10(largest) / 3.0) if MIN_OBSERVED <= largest < 1e-3 else 0
@@ -271,13 +271,13 @@ def step_size_plot() -> rrb.TimeSeriesView:
 def arrows(
     vectors: FloatArray, points: FloatArray, states: States, lengths: FloatArray | float, reference: float
 ) -> rr.Arrows3D:
-    """Return impulses as arrows at the contacts, with lengths that grow with the root of the impulses.
+    """Return impulses as arrows at the contacts, with lengths that grow with the square root of the impulses.
 
     Args:
         vectors: Λ in space [N s], shape (n, 3).
         points: positions of the contacts [m], shape (n, 3).
         states: states of the contacts, shape (n,).
-        lengths: lengths of the arrow of an impulse ``reference`` [m], one or shape (n,).
+        lengths: lengths of the arrow of an impulse ``reference`` [m], a number or shape (n,).
         reference: reference impulse [N s].
     """
     size = np.linalg.norm(vectors, axis=1)

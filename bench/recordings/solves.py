@@ -37,10 +37,10 @@ FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
 """First point of each curve; at Λ = 0 only the residual is meaningful."""
 
 ARROW_SIZES = 3.0
-"""Length of the arrow, in body sizes, of the 90 % quantile of the impulses of closed contacts."""
+"""Length of the arrow, in body sizes, for the 90 % quantile of the impulses of closed contacts."""
 
 MAX_ARROW_LENGTH = 3.0
-"""Bound of the length of arrows relative to this length, so that diverging solvers do not hide others."""
+"""Bound of arrow lengths relative to ``ARROW_SIZES``, so that diverging solvers do not hide others."""
 
 GLASS = (150, 170, 200, 60)
 """Colour of balls, transparent to show the impulses between them."""
@@ -95,8 +95,8 @@ def record_solves(
     """Solve ``problem`` with each solver from zero, and write the iterations as a recording.
 
     Curves contain the first thousand iterations, arrows the first twenty, followed by a geometric sequence and the last
-    iterate. If a solver raises, or does not support the problem, the recording and its trace tell so; the other solvers
-    are still recorded.
+    iterate. If a solver raises, or does not support the problem, the recording and its trace report this; the other
+    solvers are still recorded.
 
     Args:
         problem: the contact problem.
@@ -117,7 +117,7 @@ def record_solves(
     where = places if places is not None else find_places(problem)
     if len(where.positions) != problem.n_contacts:
         raise BenchError(
-            f"places have {len(where.positions)} contacts, the problem {problem.name!r} has {problem.n_contacts}."
+            f"places have {len(where.positions)} contacts, but the problem {problem.name!r} has {problem.n_contacts}."
         )
     specs = [solver_spec(solver) for solver in solvers]
     traces: list[Trace] = []
@@ -143,7 +143,7 @@ def record_solves(
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
-    """Solve the problems of a run once more, observed, and write recordings into its folder.
+    """Solve the problems of a run again, with observed iterates, and write recordings into its folder.
 
     Cases that timed out, crashed or misbehaved in the run are omitted. Recordings of an earlier call are replaced.
 

@@ -1,7 +1,7 @@
 """Layouts without the viewer's own controls: its panels, and the buttons on the title bar of each view.
 
-A blueprint hides panels, but title bars only as a whole, and curves and solvers need their titles. Buttons are
-therefore painted over, where the shares of the blueprint place them.
+A blueprint can hide panels, but title bars only as a whole, and curves and solvers need their titles. Buttons are
+therefore painted over at the places that the shares of the blueprint determine.
 """
 
 import math
@@ -26,10 +26,10 @@ MARGIN = 10
 """Distance from the left edge of a view to its title [pixels]."""
 
 GAP = 1.0
-"""Distance of neighbouring views [pixels]."""
+"""Distance between neighbouring views [pixels]."""
 
 LEGEND_SHARE = 0.25
-"""Space for a legend over the length of its curves."""
+"""Space for a legend relative to the length of its curves."""
 
 PANELS = {
     "/top_panel": "PanelBlueprint",
@@ -50,7 +50,7 @@ def without_panels(blueprint: Blueprint) -> Blueprint:
 
 
 def with_whole_curves(blueprint: Blueprint, times: tuple[int, int]) -> Blueprint:
-    """Return a blueprint whose plots show the curves between two times, beside the space for legends."""
+    """Return a blueprint whose plots show the curves between two times, with space for legends."""
     start, end = times
     shown = {"start": {"Absolute": start}, "end": {"Absolute": end + math.ceil(LEGEND_SHARE * (end - start))}}
     plots = [view for view in blueprint if _kind(blueprint, view) == "TimeSeries"]
@@ -62,7 +62,7 @@ def with_spatial_views_only(blueprint: Blueprint) -> Blueprint:
     kept = dict(blueprint)
 
     def has_views(entity: str) -> bool:
-        """Leave out what is not spatial in a view or container; return whether anything remains."""
+        """Remove non-spatial content from a view or container; return whether anything remains."""
         if entity.startswith("/view"):
             remains = _kind(blueprint, entity) == "3D"
         else:

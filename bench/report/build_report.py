@@ -59,7 +59,7 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
         profiles: problems that charts of profiles cover, one of ``VIEWS``.
 
     Raises:
-        BenchError: if a link in the folder of the run leads out of it, or solver or view are unknown.
+        BenchError: if a link in the folder of the run leads out of it, or the solver or view is unknown.
     """
     check_view(profiles)
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual

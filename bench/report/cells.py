@@ -31,7 +31,7 @@ def exponent(tolerance: float) -> str:
 
 
 def time_columns(results: pd.DataFrame) -> dict[str, str]:
-    """Return the heads of the time columns, and their keys."""
+    """Return the keys of the time columns by their heads."""
     return {key.removeprefix(TIME): key for key in results.columns if key.startswith(TIME)}
 
 
@@ -66,7 +66,7 @@ def shown_results(
 ) -> pd.DataFrame:
     """Return results as texts: times that tie with the least have a mark, and the fastest ones are ``bold``.
 
-    The column *threads* is shown if a solver computes in several. The column *by model* shows the residual by the model
+    The column *threads* is shown if a solver uses several. The column *by model* shows the residual by the model
     of each solver, if that of one of them is not Coulomb's law.
     """
     times = time_columns(results)
@@ -114,7 +114,7 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
-    """Return the summary as texts, of one accuracy by its tag, or of all with their tags in the heads."""
+    """Return the summary as texts, for the accuracy of a tag, or for all accuracies with their tags in the heads."""
     shown = summary[["solver", "model"]].copy()
     for one in [tag] if tag else summary_tags(summary):
         of = "" if tag else f" {one}"

@@ -1,4 +1,4 @@
-"""Endings of cases, in words."""
+"""Endings of cases as texts."""
 
 from typing import Any
 

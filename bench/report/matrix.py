@@ -1,4 +1,4 @@
-"""The matrix of solvers and problems as a page and as a table, with the reasons of failures."""
+"""The matrix of solvers and problems as a page and as a table, with the reasons for failures."""
 
 import math
 from collections.abc import Sequence
@@ -75,7 +75,7 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         cells: every solver on every problem.
         tolerance: the judged residual to reach.
         command: the command line that makes the page.
-        state: paragraphs about the run that it comes from.
+        state: paragraphs about the run from which the matrix comes.
         table: link to the file of ``matrix_table``; the page then counts by family. Without it the page has every cell.
     """
     found = pd.DataFrame(list(cells), columns=[field.name for field in fields(Cell)])
@@ -162,7 +162,7 @@ def _family(problem: str) -> str:
 
 
 def _mark(outcome: Outcome, residual: float) -> str:
-    """Return the mark of an ending with the power of ten of the residual, a superscript without the ten."""
+    """Return the mark of an ending with the power of ten of the residual as a superscript, without the ten."""
     mark = MARKS.get(outcome, str(outcome))
     order = _residual_order(outcome, residual)
     return mark if order is None else f"{mark} {order}".replace("-", "−")

@@ -24,7 +24,7 @@ from ..store.ratios import reaching
 from .accuracy import common_problems, counted_cases, excluded_cases, families, summary_accuracies, within
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
-"""Judged residuals of profiles, as far as the tolerances of the run reach."""
+"""Judged residuals of profiles, unless they are finer than all tolerances of the run."""
 
 RESIDUALS = tuple(float(f"1e-{power}") for power in range(2, 13))
 """Judged residuals ε of an accuracy profile."""
@@ -68,7 +68,7 @@ def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
 def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
     """Return the time to an accuracy [s], problems down and solvers across; NaN where it is not reached.
 
-    Problems of which a solver has an excluded time are left out.
+    Problems on which the time of any solver is excluded are omitted.
     """
     limit = frames.info.plan.limits.solve_seconds
     matrix = _matrix(frames, reaching(frames.points, accuracy, limit), "total_seconds")

@@ -30,9 +30,9 @@ STILL = 1e-6
 """Path of a coordinate relative to the scale of errors below which it counts as constant."""
 
 WORDS = {
-    "limit cycle": "error after one period of the limit cycle, of the range of each coordinate",
+    "limit cycle": "error after one period of the limit cycle, over the range of each coordinate",
     "end position": "error of the last position, over the longest path of a coordinate",
-    "aggregates": "deviation of means over the second half from those of the reference, relative",
+    "aggregates": "relative deviation of means over the second half from those of the reference",
 }
 """The meaning of errors, by their kind."""
 
@@ -61,8 +61,8 @@ def motion_warning(trajectory: TrajectoryRecord) -> str:
     if trajectory.way is None or trajectory.way > STILL * trajectory.scale:
         return ""
     return (
-        f"nothing of {trajectory.name} moves in {trajectory.duration:g} s, so that errors have no scale; "
-        "choose options of the scene or a duration in which it moves."
+        f"nothing in {trajectory.name} moves in {trajectory.duration:g} s, so errors have no scale; "
+        "choose a longer duration, or options with which it moves."
     )
 
 

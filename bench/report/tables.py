@@ -50,7 +50,7 @@ _CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "threads", "model"
 
 _MARKS = (
     "Bold: the fastest, if the 95 % intervals of all ratios to it lie above 1.05. ≈: possibly as fast as the fastest. "
-    "Solvers are compared with those that compute in as many threads. "
+    "Solvers are compared with those that use as many threads. "
     "tables/ratios has the intervals."
 )
 """Legend of the marks of times."""
@@ -151,7 +151,7 @@ def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.Dat
 
 
 def matrix_of_run(frames: RunFrames) -> str:
-    """Return the matrix of solvers and problems of a run as a Markdown page, with the reason of every failure."""
+    """Return the matrix of solvers and problems of a run as a Markdown page, with the reason for every failure."""
     cells = [
         Cell(row["problem"], row["solver"], Outcome(row["outcome"]), row["residual"], reason=row["reason"])
         for row in results_table(frames).to_dict("records")
@@ -163,8 +163,8 @@ def matrix_of_run(frames: RunFrames) -> str:
 def print_tables(frames: RunFrames, console: Console) -> None:
     """Print the state of the run, a table of each problem, the families and the summary.
 
-    Below the table of a problem, every failure is explained. With more than ``MOST_TABLES`` problems, one table has a
-    row per problem, and only faults are explained.
+    The failures on a problem are explained below its table. With more than ``MOST_TABLES`` problems, a single table
+    has one row per problem, and only faults are explained.
     """
     for warning in warnings(frames):
         console.print(Text(warning, style="bold yellow"))
@@ -223,7 +223,7 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
 
 
 def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
-    """Print one row per problem, by families, and below them the faults."""
+    """Print one row per problem, grouped by family, and the faults below."""
     title = "problems: how many of the supporting solvers reach each accuracy, the least time, and the fastest solver"
     if frames.cases["threads"].nunique() > 1:
         title += " of those with the fewest threads"
@@ -291,14 +291,14 @@ def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
 def _summary_legend(summary: pd.DataFrame) -> str:
     common = int(summary["common"].iloc[0])
     own = "mean of own: over all problems that the solver supports."
-    fewer = " (n): over n of them, since times of the others are excluded."
+    fewer = " (n): over n of them, because times of the others are excluded."
     if compares_all(summary):
         means = f"mean: shifted geometric mean time over {counted(common, 'problem')}, failures at the time limit."
     elif common:
         which = f"the {counted(common, 'problem')} that all these solvers support, failures at the time limit"
         means = f"mean of {common}: shifted geometric mean time over {which}; {own}"
     else:
-        means = f"no problem is supported by all these solvers, so no means compare; {own}"
+        means = f"no problem is supported by all these solvers, so means are not comparable; {own}"
     return (
         "claimed: supported problems that the solver claims to solve; confirmed: those that the judge confirms; "
         f"{means}{fewer if _has_fewer(summary) else ''}"

@@ -4,7 +4,7 @@ about            JSON: kind and format of the file, and the fields of ``Simulati
 steps            one row per accepted step, see ``step_row.StepRow``
 switches         one row per switching point, see ``trajectory.SWITCH``
 state_…          states, see ``kept_states``; a resumed simulation starts from the last one
-closed, sticking keys of such contacts after the last step, if the stepper determines them
+closed, sticking keys of closed and of sticking contacts after the last step, if the stepper determines them
 
 Every write replaces the file atomically, so that a complete file always exists.
 """
@@ -50,7 +50,7 @@ FORMAT = 6
 """Version of the content."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
-"""Exceptions that reading foreign content raises."""
+"""Exceptions raised on reading foreign content."""
 
 
 class SimulationRecord(Record, frozen=True, kw_only=True):
@@ -80,7 +80,7 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
 
 
 def write_simulation(simulation: Simulation, path: Path) -> None:
-    """Write ``simulation`` as a whole or not at all.
+    """Write ``simulation`` to a file as a whole or not at all.
 
     Raises:
         BenchError: if the file cannot be written, or is a link out of its folder.
@@ -153,7 +153,7 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
 
 
 def is_result(path: Path) -> bool:
-    """Return whether a .npz file contains a simulation, by the names of its arrays, or else a problem.
+    """Return whether a .npz file contains a simulation rather than a problem, by the names of its arrays.
 
     Raises:
         BenchError: if it is missing or damaged.
@@ -178,11 +178,11 @@ def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -
     steps = step_columns(simulation.plan.scene)
     for name, dtype in {"steps": steps, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
         if content[name].dtype != dtype or content[name].ndim != 1:
-            raise ValueError(f"these are no {name}")
+            raise ValueError(f"{name} have the wrong shape or type")
     most = {"status": len(simulation.statuses), "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
     for name, number in most.items():
         if (content["steps" if name == "status" else "switches"][name] >= number).any():
-            raise ValueError(f"there is no such {name}")
+            raise ValueError(f"an index of {name} is out of range")
 
 
 def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:

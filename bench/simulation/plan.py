@@ -37,7 +37,7 @@ _MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
 """The fastest solver to the usual accuracy on hundreds of contacts and more; few steps need many sweeps."""
 
 _FEW_CONTACTS = _Default("Fallback(SORprox, Robust)", 1e-10, 5000)
-"""A few contacts allow a finer tolerance without relaxation above 1; `Robust` solves the steps on which sweeps fail."""
+"""For few contacts, sweeps reach a finer tolerance without over-relaxation; ``Robust`` solves the other steps."""
 
 _VARIABLE_STEP = _Default("SORprox", 1e-12, 100_000)
 """Switching points are located from forces, whose accuracy decreases with the step size."""
@@ -102,7 +102,7 @@ class SimulationPlan:
 
     @property
     def until(self) -> float:
-        """The end [s]."""
+        """Time of the end [s]."""
         return self.scene.start.time + self.duration
 
     @property
@@ -140,7 +140,7 @@ def make_simulation_plan(
 ) -> SimulationPlan:
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
-    Names of scene, stepper and solver may include options; ``options`` are further options of the scene. See
+    Names of scene, stepper and solver may include options; ``options`` are additional options of the scene. See
     ``SimulationPlan`` for the other arguments. By default, stepper and duration are those of the scene, and solver,
     tolerance and iterations suit scene and stepper.
 
@@ -247,7 +247,9 @@ def _check_numbers(plan: SimulationPlan) -> None:
         raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
     check_start(plan.start)
     if isinstance(plan.solver, Warm):
-        raise BenchError(f"a simulation names its start apart; use {plan.solver.solver.name} with start={WARM}.")
+        raise BenchError(
+            f"the start is a separate option of a simulation; use {plan.solver.solver.name} with start={WARM}."
+        )
     if not plan.stepper.uses_last_impulses and plan.start != default_start(plan.stepper):
         raise BenchError(
             f"{plan.stepper.name} starts each solve from zero and does not support start={plan.start}; use start=cold."

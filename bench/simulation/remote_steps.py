@@ -108,7 +108,7 @@ class RemoteSteps(RenewedWorker):
                 charged += taken.seconds
                 # a stepper may try the next step before it yields one, so only the sum is bounded
                 if taken.seconds < 0.0 or charged > time.monotonic() - began:
-                    raise ValueError("no time of a step")
+                    raise ValueError("the time of a step is out of range")
             except UNFIT:
                 self.close()
                 raise self.failure(no_answer()) from None
@@ -137,7 +137,7 @@ def _read(about: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tupl
         velocity = step.state.velocity
     end = read_state(about.time, _part(arrays, "end"), len(begin.position), len(begin.velocity))
     if len(about.observed) != len(scene.observables) or not end.time > begin.time:
-        raise ValueError("no step of this scene")
+        raise ValueError("the step does not fit the scene")
     taken = AcceptedStep(
         begin,
         end,

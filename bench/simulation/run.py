@@ -27,14 +27,14 @@ OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation so far."""
 
 CHECKPOINT_SECONDS = 10.0
-"""Wall time between two writes of the result file."""
+"""Wall time between two writes of the result file [s]."""
 
 
 class Hooks(TypedDict, total=False):
     """Optional callbacks of a simulation.
 
     Attributes:
-        on_step: called after every step, outside the time charged to it.
+        on_step: functions called after every step, outside the time charged to it.
         on_progress: called after every step, to show the progress.
         should_stop: called after every step; the simulation ends early if it returns True.
         checkpoint_seconds: wall time between two writes of the result file [s].
@@ -80,9 +80,9 @@ def resume_simulation(
     solver: Solver | None = None,
     **hooks: Unpack[Hooks],
 ) -> Simulation:
-    """Continue a stored simulation. With a fixed step, the result is identical to that without an interruption.
+    """Continue a stored simulation. With a fixed step, the result is identical to that of an uninterrupted run.
 
-    A variable step starts anew at the last state. Its steps differ from those without an interruption, within their
+    A variable step restarts from the last state, so its steps differ from those of an uninterrupted run within the
     tolerance.
 
     Args:
@@ -94,8 +94,8 @@ def resume_simulation(
         hooks: see ``Hooks``.
 
     Raises:
-        BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has passed ``duration``
-            already.
+        BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has already passed
+            ``duration``.
         FailedSimulationError: as in ``simulate``.
     """
     simulation = resumable_simulation(file, given, duration, solver)
@@ -126,7 +126,7 @@ def resumable_simulation(
 
 
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
-    """Take the remaining steps; the result file always contains all completed ones.
+    """Take the remaining steps, and write the result file at intervals and at the end.
 
     Raises:
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.

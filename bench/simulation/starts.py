@@ -51,7 +51,7 @@ class StepSolver:
     start: str
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Prepare ``problem``; the ``solve`` of what is returned gets the impulses of the last step.
+        """Prepare ``problem``; ``solve`` of the result receives the impulses of the last step.
 
         Raises:
             UnsupportedStepError: if the solver does not support it.

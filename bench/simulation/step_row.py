@@ -43,7 +43,7 @@ class StepRow:
         iterations: iterations of the solver in its one-step solves.
         residual: the largest judged residual of these solves.
         local_residual: their largest local residual.
-        status: index into the statuses of its simulation, of the solve with the largest judged residual.
+        status: status of the solve with the largest judged residual, as an index into the statuses of the simulation.
         kinetic_energy: kinetic energy at its end [J].
         potential_energy: potential energy at its end [J], NaN if unknown.
         penetration: largest penetration at the beginning of one-step solves, relative to the length of the scene.

@@ -1,4 +1,4 @@
-"""Times of steps: by the clocks, or without compilation, since numba compiles or loads a kernel at its first call."""
+"""Times of steps, with or without compilation: numba compiles or loads a kernel at its first call."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -90,7 +90,7 @@ class Simulation:
 
     Attributes:
         plan: the plan.
-        statuses: texts of the statuses, indexed by ``steps["status"]``.
+        statuses: names of the statuses, indexed by ``steps["status"]``.
         wall_seconds: total wall time of steps, judging, storing and showing [s].
         file: the result file; None if nothing is stored.
         failure: the failed next step; None if no step has failed since the simulation was resumed.
@@ -229,7 +229,7 @@ class Simulation:
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
     def append(self, row: StepRow, taken: AcceptedStep) -> None:
-        """Add one accepted step with its row; an interruption in between leaves it out."""
+        """Add one accepted step with its row; an interruption discards an incomplete one."""
         progress = self._progress
         self._rows.cut(progress.n_steps)
         self._switches.cut(progress.n_switches)

@@ -40,7 +40,7 @@ def busy_cores(run: RunRecord) -> float:
 def drift(frames: RunFrames) -> float:
     """Return the ratio of the 90 % to the 10 % quantile of the probes around counted rounds; NaN without rounds.
 
-    With several machines, it is that of the least steady one.
+    With several machines, the ratio is that of the least steady one.
     """
     sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
     hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].machine.host if one < len(sessions) else "")
@@ -59,12 +59,12 @@ def excluded_points(frames: RunFrames) -> int:
 
 
 def differences(before: Machine, now: Machine) -> list[str]:
-    """Return in words what distinguishes two machines and their software; empty if their times are comparable."""
+    """Return how two machines and their software differ, in words; empty if their times are comparable."""
     return [*other_hardware(before, now, _COMPARED), *other_software(before, now)]
 
 
 def other_hardware(before: Machine, now: Machine, fields: Mapping[str, str] = _HARDWARE) -> list[str]:
-    """Return in words which fields of two machines differ, of the given ones with their names in sentences."""
+    """Return in words which of the given fields of two machines differ; ``fields`` maps them to names in sentences."""
     values = ((word, getattr(before, name), getattr(now, name)) for name, word in fields.items())
     return [f"{word} {_short(old)}, now {_short(new)}" for word, old, new in values if old != new]
 
@@ -84,7 +84,7 @@ def hosts(frames: RunFrames) -> dict[str, int]:
 
 
 def mixtures(frames: RunFrames) -> list[str]:
-    """Return in words how sessions differ whose times a report compares.
+    """Return in words how the sessions differ whose times a report compares.
 
     All sessions must have the same versions and source, and those of one problem the same machine.
     """
@@ -111,7 +111,7 @@ def _short(value: object) -> str:
 
 
 def require_comparable(frames: RunFrames) -> None:
-    """Raise a BenchError if a run is a study, or has no measured case."""
+    """Raise ``BenchError`` if a run is a study, or has no measured case."""
     if frames.is_study:
         raise BenchError(f"{frames.folder} is a study, whose points are simulations; name a run over contact problems.")
     if frames.cases.empty:
@@ -192,7 +192,7 @@ def basis(frames: RunFrames) -> list[str]:
 
 
 def steadiness(frames: RunFrames) -> str:
-    """Return the machine in one line, with its steadiness while solves were timed."""
+    """Return one line about the machine and its steadiness while solves were timed."""
     run, rounds = frames.info, frames.rounds
     machines = [session.machine for session in run.sessions] or [run.machine]
     names = dict.fromkeys(f"{machine.processor}, {machine.cores} cores" for machine in machines)

@@ -16,7 +16,7 @@ _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202
 """Characters that control a terminal, reverse text, or cannot be encoded."""
 
 FORMAT = 3
-"""Version of the files."""
+"""Version of the file format."""
 
 R = TypeVar("R", bound=Record)
 
@@ -53,13 +53,13 @@ def record_of(content: dict[str, Any], kind: type[R]) -> R:
 
 
 def sealed(record: Record) -> bytes:
-    """Return the file of a record: JSON with the version of the format and a checksum."""
+    """Return the file content of a record: JSON with the version of the format and a checksum."""
     body = {"format": FORMAT, **content_of(record)}
     return msgspec.json.format(msgspec.json.encode({**body, "checksum": checksum(body)}), indent=1)
 
 
 def unsealed(text: bytes, kind: type[R], name: str, remedy: str) -> R:
-    """Return the record of a file.
+    """Return the record in the content of a file.
 
     Args:
         text: content of the file.
@@ -96,7 +96,7 @@ def checksum(content: dict[str, Any]) -> str:
 
 
 def inflated(content: bytes, limit: int) -> bytes:
-    """Decompress zlib or gzip data of at most ``limit`` bytes, and never unpack more.
+    """Decompress zlib or gzip data to at most ``limit`` bytes, and never unpack more.
 
     Raises:
         ValueError: if the data are damaged or larger.

@@ -63,7 +63,7 @@ class RunFrames:
 
     @property
     def output_folder(self) -> Path:
-        """The folder for its tables, charts and page; for a bundle, the folder of the same name beside it."""
+        """The folder for its tables, charts and page; for a bundle, a folder with the name of the bundle beside it."""
         return output_folder(self.folder)
 
     @property
@@ -119,7 +119,9 @@ class RunFrames:
         judged = self.points.get("judged_residual", self.points["residual"])
         local = self.points["local_residual"].where(~np.isposinf(judged), np.inf)
         if self.is_study or (judged.notna() & local.isna()).any():
-            raise BenchError(f"{self.folder} has no local residuals; show its judged ones, or measure problems anew.")
+            raise BenchError(
+                f"{self.folder} has no local residuals; show the judged ones, or measure its problems again."
+            )
         chosen = local if residual == LOCAL else judged
         return replace(self, residual=residual, points=self.points.assign(residual=chosen, judged_residual=judged))
 
@@ -131,7 +133,7 @@ def check_residual(name: str) -> None:
 
 
 def read_frames(path: Path, problem: str | None = None) -> RunFrames:
-    """Read the folder or the bundle of a run, or the cases of one problem; damaged case files are left out and named.
+    """Read the folder or the bundle of a run, or the cases of one problem; skip damaged case files and list them.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.

@@ -37,7 +37,7 @@ class Impulses(Record, frozen=True, kw_only=True):
 
     @classmethod
     def of(cls, impulses: FloatArray, own: Verdict, coulomb: Verdict) -> Self:
-        """Return Λ [N s], shape (n_rows,), with the verdicts under the solver's own model and Coulomb's law."""
+        """Pack Λ [N s], shape (n_rows,), with the verdicts under the solver's own model and Coulomb's law."""
         packed = zlib.compress(np.ascontiguousarray(impulses, dtype=_NUMBER).tobytes(), _FAST)
         return cls(residual=coulomb.residual, model_residual=own.residual, packed=packed)
 
@@ -49,14 +49,14 @@ class Impulses(Record, frozen=True, kw_only=True):
         """
         content = inflated(self.packed, _NUMBER.itemsize * n_rows)
         if len(content) != _NUMBER.itemsize * n_rows:
-            raise ValueError(f"there are not {n_rows} numbers, one per row")
+            raise ValueError(f"expected {n_rows} numbers, one per row")
         return np.frombuffer(content, dtype=_NUMBER).astype(np.float64)
 
 
 def worst(answers: Iterable[Impulses]) -> list[Impulses]:
     """Return the worst impulses under Coulomb's law and under the solver's model: one if they are the same.
 
-    Of equal residuals the first counts.
+    Among equal residuals, the first counts.
     """
     kept = list(answers)
     if not kept:

@@ -1,4 +1,4 @@
-"""Notes about points: short sentences that tables print beside the numbers."""
+"""Notes about points: short sentences that tables print with the numbers."""
 
 from collections.abc import Iterator
 
@@ -11,16 +11,16 @@ from .outcome import ROUNDING, Outcome
 from .records import MAX_ANSWERS, CaseRecord, Measured, Point
 
 EXPLAINED_RATIO = 1.25
-"""Ratio of two times of one piece of work that a change of the core's speed explains, if the core counts as steady."""
+"""Largest ratio of two times of the same work that the speed of a core explains, if the core counts as steady."""
 
 ALLOWANCE_SECONDS = 2e-5
-"""Further time that a first solve may take [s], for branches and memory pages not used before."""
+"""Additional time that a first solve may take [s], for branches and memory pages not used before."""
 
 MIN_NOTED = 3
-"""Least number of undisturbed first solves, or of undisturbed copies, of which a note is made."""
+"""Least number of undisturbed first solves, or of undisturbed copies, for a note."""
 
 LOCAL_RATIO = 100.0
-"""Ratio of the local to the judged residual from which fast contacts hide the violations of the others."""
+"""Ratio of the local to the judged residual above which fast contacts hide the violations of the others."""
 
 
 def hides_contacts(judged: FloatArray | float, local: FloatArray | float) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ RELAXED_FACTOR = 10.0
 """A Coulomb residual above this multiple of that under the solver's own model is due to the model, not the solve."""
 
 ROUNDING = 1e-13
-"""Residuals below this are rounding."""
+"""Residuals below this are rounding errors."""
 
 
 class Outcome(StrEnum):
@@ -112,7 +112,7 @@ def claim_outcome(tolerance: float, model: Model, own: float, coulomb: float) ->
 
 
 ON_COPY = "on a copy of the problem"
-"""Begin of the reason of a claim that is wrong on a changed copy of the problem, whose impulses are not stored."""
+"""Beginning of the reason of a claim that is wrong on a changed copy of the problem; its impulses are not stored."""
 
 LATE_PREPARING = "preparing took longer than the time limit"
 """Reason of a solve that did not begin within its time limit."""
@@ -120,13 +120,13 @@ LATE_PREPARING = "preparing took longer than the time limit"
 
 def late_reason(seconds: float, limit: float) -> str:
     """Return the reason of a claim of success after the time limit [s]; empty within the limit."""
-    return f"solved after {seconds:.3g} s, its limit is {limit:g} s" if seconds > limit else ""
+    return f"solved after {seconds:.3g} s, but its limit is {limit:g} s" if seconds > limit else ""
 
 
 def claim_reason(outcome: str, tolerance: float, model: Model | str, own_residual: float) -> str:
     """Return why a claim of success does not count, with the residual under the solver's own model.
 
-    Empty for other outcomes.
+    The text is empty for other outcomes.
     """
     if outcome == Outcome.WRONG:
         return f"claimed {tolerance:.0e}, the judge reads {own_residual:.1e}"

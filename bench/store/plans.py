@@ -52,9 +52,9 @@ class RunSettings(Record, frozen=True, kw_only=True):
 
     Attributes:
         tolerances: the ladder, from coarse to fine; in a study, the errors for which tables give times.
-        limits: of each case.
+        limits: limits of each case.
         passes: number of passes over all problems, with one or two rounds of each point.
-        seed: of the orders of problems and solvers in each pass, and of a sample.
+        seed: seed of the orders of problems and solvers in each pass, and of a sample.
     """
 
     tolerances: Annotated[list[Tolerance], Meta(min_length=1)] = msgspec.field(default_factory=lambda: list(LADDER))
@@ -109,7 +109,7 @@ class MethodRecord(Record, frozen=True, kw_only=True):
 
 
 class KnownRecord(Record, frozen=True, kw_only=True):
-    """Final values of one member of the reference of a trajectory, by name; none, with the reason, if it failed."""
+    """Final values of one member of the reference of a trajectory, by name; if it failed, the reason instead."""
 
     member: Number
     values: dict[str, Number]
@@ -130,7 +130,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         way: longest path of a coordinate from the start to the known end [m]; None if unknown.
 
     Raises:
-        ValueError: if members of the reference have different values.
+        ValueError: if members of the reference have values of different names.
     """
 
     name: str
@@ -144,7 +144,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
-            raise ValueError("its reference has other values for each member")
+            raise ValueError("the members of its reference have values of different names")
 
 
 class PlanRecord(RunSettings, frozen=True, kw_only=True):
@@ -176,7 +176,7 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         names = [one.name for one in self.trajectories], [method.name for method in self.methods]
         if any(names) and names != (self.problems, self.solvers):
-            raise ValueError("its names are not those of its trajectories and methods")
+            raise ValueError("its names differ from those of its trajectories and methods")
 
     def ladder(self, solver: str) -> list[float]:
         """Return the ladder of one of ``solvers``."""

@@ -1,7 +1,7 @@
 """The folder of a run. Each file is written as a whole or not at all.
 
 RUN/run.json            plan, machine, and sessions with their probes and load
-RUN/cases/*.json        one finished case each, with a checksum
+RUN/cases/*.json        one case each, with a checksum
 RUN/problems/*.npz      the problems that the package does not hold, by their digests
 """
 
@@ -39,7 +39,7 @@ UNFIT_NAME = (
 """Fault of a name that ``plain_name`` changes."""
 
 MAX_FILE_BYTES = 2**28
-"""Size of a file of a run [bytes]."""
+"""Largest size of a file of a run [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Store:
         return _read(self.folder / RUN_FILE, RunRecord, "begin a new run")
 
     def write_case(self, case: CaseRecord) -> None:
-        """Write one finished case.
+        """Write one case, finished or not.
 
         Raises:
             BenchError: if it cannot be written.
@@ -164,11 +164,11 @@ class Store:
         known = self._written.get(path)
         problem = read_problem(path if known is None else io.BytesIO(known), str(path))
         if problem.digest != digest:
-            raise BenchError(f"{path} contains a problem of another digest; begin a new run.")
+            raise BenchError(f"{path} contains a problem with another digest; begin a new run.")
         return problem
 
     def restore(self) -> None:
-        """Write files again that were deleted or changed since this process wrote them, as a plugin may do.
+        """Rewrite files that were deleted or changed after this process wrote them, for example by a plugin.
 
         Raises:
             BenchError: if one cannot be written.
@@ -219,7 +219,7 @@ def _no_run(path: Path) -> str:
     elif not path.exists():
         fault = "it does not exist"
     elif runs := sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")):
-        fault, remedy = f"it contains {len(runs)}", f"name one of them, such as {runs[-1]}"
+        fault, remedy = f"stored runs in it: {len(runs)}", f"name one of them, such as {runs[-1]}"
     return f"{path} is not a stored run ({fault}); {remedy}."
 
 

@@ -59,7 +59,7 @@ def _forgotten() -> Iterator[None]:
         ("nan", "hard rods", "not finite, with status diverged"),
         ("writes problem", "hard spheres", "changed the numbers of hard-incline"),
         ("never oscillates", "cycles", "in a cycle of two, and it ends at the iteration limit"),
-        ("returns the last", "tolerances", "a tolerance of 1e-08 ends at a residual of"),
+        ("returns the last", "tolerances", "a tolerance of 1e-08 gives a residual of"),
         ("remembers contacts in any order", "order", "it solves 8 frictionless contacts as stated, but it"),
         ("remembers tangents of any direction", "tangents", "with rotated tangents to 1e-06, but the judge"),
         ("counts copies twice", "copies", "with contact 0 duplicated to 1e-06, but the judge"),
@@ -80,7 +80,7 @@ def _forgotten() -> Iterator[None]:
         ("no text", "finite", "a message of type int, not text"),
         ("prints", "silent", "'hello'"),
         ("prints below", "silent", "'hello from below'"),
-        ("warns", "silent", "it warned of 'look here'; report it"),
+        ("warns", "silent", "it issued the warning 'look here'; report it"),
     ],
 )
 def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> None:

@@ -40,7 +40,7 @@ ACTIONS = {
     "leave slowly": (MISBEHAVED, "thread running"),
     "sleep": (TIMEOUT, "8 s"),
     "spin": (TIMEOUT, "8 s"),
-    "allocate": ("out of memory", "256 MB"),
+    "allocate": ("out of memory", "256 MiB"),
     "write": (MISBEHAVED, "changed the numbers"),
     "print": (CRASHED, "after much noise"),
     "print gigabytes": (MEASURED, ""),

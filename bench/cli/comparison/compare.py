@@ -1,4 +1,4 @@
-"""``proxbench compare``."""
+"""The command ``proxbench compare``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -23,7 +23,7 @@ def compare(
 ) -> int:
     """Compare two runs: what became faster, slower, solved or unsolved.
 
-    Times are comparable on one machine only. Problems must have the same digest.
+    Times are comparable only on one machine. Problems must have the same digest.
     """
     from rich.console import Console
 
@@ -37,7 +37,7 @@ def compare(
     options.refuse_two_prints(quiet, as_json)
     to_print = markdown is not None and str(markdown) == "-"
     if to_print and (quiet or as_json):
-        raise BenchError("--markdown - prints a page, --json and --quiet do not; give one of them, or name a file.")
+        raise BenchError("--markdown - prints a page, but --json and --quiet do not; give one of them, or name a file.")
     slowdowns = [slowdown for slowdown in read_conditions(fail_on or ()).values() if slowdown is not None]
     if markdown is not None and not to_print:
         refuse_taken([markdown], force=True)

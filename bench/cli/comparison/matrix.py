@@ -1,4 +1,4 @@
-"""``proxbench matrix``, the command."""
+"""The command ``proxbench matrix``."""
 
 import sys
 from dataclasses import asdict
@@ -16,7 +16,7 @@ def matrix(
     solver: options.Solvers = None,
     tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
     solve_seconds: options.SolveSeconds = 5.0,
-    max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iterations of one solve.")] = 200_000,
+    max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iteration limit of one solve.")] = 200_000,
     output: Annotated[
         Path | None,
         options.output(metavar="FILE", help="Markdown page, with a CSV file of all cells; printed if omitted."),
@@ -26,7 +26,7 @@ def matrix(
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Show which solver solves which problem, with the reason of every failure. Times are not compared."""
+    """Show which solver solves which problem, with the reason for every failure. Times are not compared."""
     from ....problems.contact.solver import Stop
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
@@ -70,7 +70,7 @@ def matrix(
             write_file(output, page.encode())
             write_file(table, csv_content(matrix_table(cells)))
         except UnwritableError:
-            print(matrix_page(cells, tolerance, command), end="")  # the measurement took long
+            print(matrix_page(cells, tolerance, command), end="")  # keep the result of a long measurement
             raise
         if not quiet:
             print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or at fault")

@@ -1,4 +1,4 @@
-"""``proxbench bundle``, ``rejudge`` and ``merge``: runs as single files."""
+"""The commands ``proxbench bundle``, ``rejudge`` and ``merge``: runs as single files."""
 
 import sys
 from pathlib import Path
@@ -19,7 +19,7 @@ def bundle(
 ) -> None:
     """Pack a run into one file.
 
-    It holds the plan, machines, cases, impulses, and the problems that Proxbench does not ship.
+    The file holds the plan, machines, cases, impulses, and the problems that Proxbench does not ship.
     """
     from ...report.layout.text import print_json
     from ...runs import bundle as pack
@@ -28,7 +28,7 @@ def bundle(
     if as_json:
         print_json({"file": str(file), "bytes": file.stat().st_size})
     else:
-        print(f"packed  {file} ({file.stat().st_size / 1024:.0f} kB)")
+        print(f"packed  {file} ({file.stat().st_size / 1024:.0f} KiB)")
 
 
 def rejudge(

@@ -1,4 +1,4 @@
-"""``proxbench capture``: contact problems from the steps of an engine."""
+"""The command ``proxbench capture``: contact problems from the steps of an engine."""
 
 import sys
 from functools import partial
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from ....problems.capture.step import CapturedStep
 
 HEADS = ("step", "laws", "rows", "refused", "own model", "Coulomb", "separation", "iterations", "solver")
-"""Columns of the judged steps."""
+"""Columns of the table of judged steps."""
 
 WIDTHS = (6, 5, 5, 7, 9, 7, 10, 10, 0)
-"""Their widths in characters; the last one ends the line."""
+"""Widths of these columns [characters]; the last one is not padded."""
 
 _simulation = partial(typer.Option, rich_help_panel="Simulation")
 
@@ -26,9 +26,9 @@ _simulation = partial(typer.Option, rich_help_panel="Simulation")
 def capture(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="MuJoCo model (.xml, .urdf or .mjb).")],
     duration: Annotated[float, _simulation(metavar="SECONDS", help="Simulated time.")] = 1.0,
-    every: Annotated[int, _simulation(metavar="STEPS", help="Capture one step of so many.")] = 10,
+    every: Annotated[int, _simulation(metavar="STEPS", help="Number of steps per captured step.")] = 10,
     keyframe: Annotated[str, _simulation(metavar="NAME", help="Keyframe to start from.")] = "",
-    seed: Annotated[int | None, _simulation(metavar="SEED", help="Random controls with this seed.")] = None,
+    seed: Annotated[int | None, _simulation(metavar="SEED", help="Apply random controls with this seed.")] = None,
     output: Annotated[Path, options.output(metavar="FOLDER", help="Folder for the problem files.")] = Path("captured"),
     judge: Annotated[bool, options.flag("--judge", help="Judge the engine's forces in each step.")] = False,
     force: options.Force = False,
@@ -62,7 +62,7 @@ def capture(
 
 
 def _judged(step: "CapturedStep") -> dict[str, Any]:
-    """Return a step in numbers that JSON has: an infinite residual is ``None``."""
+    """Return a step as JSON values; an infinite residual is ``None``."""
     from ....problems.capture.step import judge_step
 
     verdict, engine = judge_step(step), step.engine
@@ -102,10 +102,10 @@ def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> 
 
     if is_judged:
         print(
-            "\nown model: residual of the convex program that the engine solves; Coulomb: the judge's residual;\n"
+            "\nown model: residual of the convex program that the engine solves; Coulomb: the judged residual;\n"
             "separation: largest velocity at which a loaded contact opens [m/s], 0 under Coulomb's law\n"
         )
-    empty = f", {summary.empty} without contact left out" if summary.empty else ""
+    empty = f", {summary.empty} without contact omitted" if summary.empty else ""
     print(f"captured  {counted(len(summary.files), 'step')} into {output}, at most {summary.laws} laws{empty}")
     taken = summary.engine_rows - summary.refused.total()
     print(f"rows      {taken} of {summary.engine_rows} taken")

@@ -1,4 +1,4 @@
-"""``proxbench info | import | export``: inspect, read and write files of problems in any format."""
+"""The commands ``proxbench info``, ``import`` and ``export``: inspect, read and write problem files in any format."""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 PROBLEM_SUFFIX = ".npz"
 
 EXPORTED = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
-"""Ending of the files of each format that is written."""
+"""Suffix of the files of each export format."""
 
 _reading = partial(typer.Option, rich_help_panel="Reading")
 
-Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Files of problems, or folders of them.")]
+Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Problem files, or folders of them.")]
 """Files and folders to read."""
 
 
@@ -38,7 +38,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
 
     found, broken = _apply(sources, problem_files, lambda file, _: survey(file))
     if as_json:
-        # JSON has no infinity, which a condition number can be
+        # a condition number may be infinite, which JSON cannot represent
         rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
         print_json({"files": rows, "broken": broken})
     else:
@@ -58,18 +58,18 @@ def import_files(
     ] = Path(),
     symmetry: Annotated[
         str,
-        _reading(metavar="HOW", help="Matrix that is not symmetric: mean (up to 1 %), lower, upper, keep or refuse."),
+        _reading(metavar="HOW", help="For asymmetric matrices: mean (up to 1 %), lower, upper, keep or refuse."),
     ] = "mean",
     indefinite: Annotated[
-        str, _reading(metavar="HOW", help="Matrix with a negative eigenvalue: refuse or project (up to 1e-6).")
+        str, _reading(metavar="HOW", help="For negative eigenvalues: refuse or project (up to 1e-6).")
     ] = "refuse",
     force: options.Force = False,
     as_json: options.Json = False,
 ) -> int:
-    """Read files of other programs into problem files (.npz).
+    """Convert files of other programs to problem files (.npz).
 
-    Each file is printed with the digest of its problem. The exit code is 1 if a file in a folder cannot be read;
-    standard error gives the reason.
+    Print the name of each file and the digest of its problem. The exit code is
+    1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from ....problems import save_problem
     from ....problems.exchange.survey import problem_files
@@ -100,7 +100,7 @@ def export_files(
 ) -> int:
     """Write problems as files for other programs.
 
-    Each file is printed with the digest of its problem.
+    Print the name of each file and the digest of its problem.
     """
     from ....problems import save_problem, write_fclib
     from ....problems.exchange.catalog import is_path
@@ -116,7 +116,7 @@ def export_files(
             contents_of(problem)  # raises before any file is written
     suffix = EXPORTED[file_format]
     is_file = output.suffix == suffix and not output.is_dir()
-    stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file may be anything
+    stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file is arbitrary
     targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]
     _refuse_one_for_several(targets, list(names), is_file)
     refuse_taken(targets, force)
@@ -250,8 +250,8 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
         cells = [f"{cell:>{width}}" for cell, width in zip(line, widths, strict=False)]
         print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
     print(
-        "\nrank: estimated; asymmetry: of W or M, over its largest entry; cond.: largest of a contact's block of G; "
-        "solution: judged residual of the stored one"
+        "\nrank: estimated; asymmetry: of W or M, over its largest entry; cond.: largest of the contacts' blocks of G; "
+        "solution: judged residual of the stored impulses"
     )
 
 

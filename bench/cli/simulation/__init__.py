@@ -1,1 +1,1 @@
-"""``proxbench simulate``: its command, interruption, and output."""
+"""The commands ``proxbench simulate``, ``statics`` and ``engines``."""

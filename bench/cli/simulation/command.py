@@ -35,13 +35,13 @@ def simulate(
     ] = None,
     tolerance: Annotated[float | None, _method(metavar="NUMBER", help="Judged residual to reach in each step.")] = None,
     max_iterations: Annotated[
-        int | None, _method(metavar="NUMBER", help="Iterations of the solver in one step.")
+        int | None, _method(metavar="NUMBER", help="Iteration limit of the solver in one step.")
     ] = None,
     start: Annotated[
         str | None, _method(metavar="START", help="Initial impulses of a step: warm, cold or warm-then-cold.")
     ] = None,
     step_seconds: Annotated[
-        float | None, _method(metavar="SECONDS", help="Time limit of one answer of a plugin.")
+        float | None, _method(metavar="SECONDS", help="Time limit of one request to a plugin.")
     ] = None,
     study: Annotated[
         bool, _method("--study", metavar="", show_default=False, help="Measure what accuracy costs.")
@@ -53,12 +53,12 @@ def simulate(
         float | None, options.limits(metavar="SECONDS", help="Time limit of one curve of a study.")
     ] = None,
     plugin: options.PluginFiles = None,
-    resume: Annotated[Path | None, options.output(metavar="RESULT", help="Resume this file, or study.")] = None,
+    resume: Annotated[Path | None, options.output(metavar="RESULT", help="Resume this result file or study.")] = None,
     output: Annotated[
-        Path, options.output(metavar="FILE", help="Result (.npz), or the folder for it or for a study.")
+        Path, options.output(metavar="FILE", help="Result file (.npz), or folder for it or for a study.")
     ] = Path("results"),
     states: Annotated[
-        int | None, options.output(metavar="NUMBER", help="Least number of stored states; at most twice as many.")
+        int | None, options.output(metavar="NUMBER", help="Minimum number of stored states; at most twice as many.")
     ] = None,
     recording: Annotated[Path | None, options.output(metavar="FILE", help="Recording to write (.rrd).")] = None,
     chart: Annotated[Path | None, options.output(metavar="NAME", help="Chart to write, .svg and .png.")] = None,
@@ -122,7 +122,7 @@ def _require_study(folder: Path) -> None:
 
 
 def _refuse_contradictions(context: typer.Context) -> None:
-    """Raise a BenchError if options of ``simulate`` contradict each other."""
+    """Raise ``BenchError`` if options of ``simulate`` contradict each other."""
     from ....problems.motion.scenes.registry import SCENES
     from ...errors import BenchError
 
@@ -134,13 +134,13 @@ def _refuse_contradictions(context: typer.Context) -> None:
     if resume is not None and values["study"] and not resume.is_dir():
         raise BenchError(f"{resume} is not a study; omit --study, or name the folder of a study.")
     if not is_study:
-        options.refuse(_LIMITS, given, "limits a study, and this is a single simulation")
+        options.refuse(_LIMITS, given, "limits a study, but this is a single simulation")
         if len(values["solver"] or ()) > 1:
             raise BenchError("a simulation has one solver; name one, or compare several with --study.")
     else:
-        options.refuse(sorted(_NOT_IN_A_STUDY), given, "is for a single simulation, and this is a study")
+        options.refuse(sorted(_NOT_IN_A_STUDY), given, "is for a single simulation, but this is a study")
         if output.suffix in (".json", ".npz"):
-            raise BenchError(f"a study is a folder in --output, not the file {output}; name the folder.")
+            raise BenchError(f"a study is stored in a folder, but --output names the file {output}; name a folder.")
     if resume is not None:
         if is_study:
             options.refuse(_STORED, given, "is stored with the study and cannot be changed")

@@ -1,4 +1,4 @@
-"""Tables of a comparison of engines, one a scene, in Markdown."""
+"""Markdown tables of a comparison of engines, one per scene."""
 
 from ...measure.trajectories.engines.engine import ENGINES
 from ...measure.trajectories.engines.measurement import Measurement
@@ -10,7 +10,7 @@ NOTHING = "–"
 
 
 def comparison_tables(comparison: Comparison) -> str:
-    """Return a table a scene, the best setting of each engine in bold, and below how the models differ."""
+    """Return one table per scene, with the best setting of each engine in bold, and the differences of the models."""
     scenes = dict.fromkeys(run.scene for run in comparison.measurements)
     tables = [f"## {scene}\n\n{_scene_table(comparison, scene)}" for scene in scenes]
     return "\n".join([*tables, _notes(comparison)])

@@ -23,7 +23,7 @@ def engines(
     rounds: Annotated[
         int | None,
         typer.Option(
-            metavar="NUMBER", min=1, help="How often each setting runs; as in --resume or once.", show_default=False
+            metavar="NUMBER", min=1, help="Runs of each setting; by default, as in --resume or 1.", show_default=False
         ),
     ] = None,
     output: Annotated[
@@ -31,16 +31,16 @@ def engines(
     ] = None,
     resume: Annotated[
         Path | None,
-        options.output(metavar="RESULT", help="Keep the runs of this .json file, and add the others."),
+        options.output(metavar="RESULT", help="Keep the runs of this .json file, and add the missing ones."),
     ] = None,
     force: options.Force = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Compare physics engines: the time of a simulated second against the error of the motion.
+    """Compare physics engines: wall time per simulated second against the error of the motion.
 
-    Each run has a process and a thread of its own. Ctrl-C keeps the finished runs. The engines need the extra
-    "engines".
+    Each run has its own process with one thread. Ctrl-C keeps the finished
+    runs. The engines require the extra "engines".
     """
     import msgspec
 

@@ -9,9 +9,9 @@ from types import FrameType
 
 @contextmanager
 def deferred_interrupts() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether an interruption was requested; a second Ctrl-C interrupts at once.
+    """Yield a function that returns whether a stop was requested; a second Ctrl-C interrupts immediately.
 
-    Signals reach only the main thread; in other threads nothing is deferred.
+    Signals reach only the main thread; other threads defer nothing.
     """
     interrupted = False
 

@@ -100,7 +100,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     If they cannot be written, the table is still printed, and a sentence on standard error gives the reason.
 
     Args:
-        file: of the simulation.
+        file: result file of the simulation.
         charts: draw the chart.
         quiet: print only the paths of the files.
         as_json: print one JSON document instead.
@@ -108,7 +108,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     Raises:
         BenchError: if the file is missing, damaged or foreign, a link for its files leads out of their folder, or with
             ``quiet`` if they cannot be written.
-        FailedSimulationError: if a step of it failed.
+        FailedSimulationError: if a step failed.
     """
     simulation = read_simulation(file)
     if not charts:

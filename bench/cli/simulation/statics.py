@@ -14,16 +14,14 @@ if TYPE_CHECKING:
     from ....problems.motion.scenes.scene import Scene
 
 LEAST_PUSH = 1e-9
-"""Largest push, over the weight, that is printed as none."""
+"""Largest push, relative to the weight, that is printed as no push."""
 
 _loads = partial(typer.Option, rich_help_panel="Loads and contacts")
 
 
 def statics(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help='Like "stack(friction=0.3)".')],
-    push: Annotated[
-        str | None, _loads(metavar="X,Y,Z", help="Direction of the push that it must bear; x by default.")
-    ] = None,
+    push: Annotated[str | None, _loads(metavar="X,Y,Z", help="Direction of the largest push; x by default.")] = None,
     margin: Annotated[float, _loads(metavar="METRES", help="Gap below which contacts count as closed.")] = 0.0,
     friction: Annotated[
         bool, options.flag("--friction", help="Find the least friction coefficient, equal at all contacts.")
@@ -31,9 +29,9 @@ def statics(
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
 ) -> int:
-    """Tell whether the bodies of a scene can stand where it starts, by a cone program.
+    """Check whether the bodies of a scene can stand in its initial state, by a cone program.
 
-    The exit code is 1 if they cannot. A scene that can stand need not stay: its rest may be unstable.
+    The exit code is 1 if they cannot. The equilibrium of a scene that can stand may still be unstable.
     """
     from ....problems.motion.equilibrium import find_equilibrium, least_friction, problem_at_rest
     from ....problems.motion.mechanism import mechanism_text
@@ -88,7 +86,7 @@ def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArr
 
 
 def _push(problem: "ContactProblem", direction: "FloatArray", velocity: "FloatArray") -> dict[str, Any]:
-    """Return the largest push in numbers that JSON has: an infinite one is ``None``."""
+    """Return the largest push as JSON values; an infinite one is ``None``."""
     from ....problems.motion.equilibrium import largest_push
 
     factor = largest_push(problem, velocity).factor

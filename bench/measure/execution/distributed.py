@@ -1,4 +1,4 @@
-"""Executes the plan of a run on the workers of an executor, with one task for each problem.
+"""Execute the plan of a run on the workers of an executor, with one task for each problem.
 
 A repeated task gives the same cases, because an executor such as dask may repeat the task of a lost worker.
 An error at the end names lost problems; resuming the run measures them.
@@ -25,7 +25,7 @@ MAX_SUBMITTED = 64
 
 
 class DistributedExecutor(RunExecutor):
-    """Measure on workers; the machine of this process measures nothing."""
+    """Measure on workers only, not on the machine of this process."""
 
     def __init__(
         self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor, mix: bool

@@ -1,6 +1,6 @@
-"""Executes the plan of a run in this process: in passes over all problems, stored point by point.
+"""Execute the plan of a run in this process: in passes over all problems, stored point by point.
 
-Each pass has another order of problems and solvers, and measures one or two rounds of each point, so that another
+Each pass has a different order of problems and solvers, and measures one or two rounds of each point, so that another
 program disturbs few rounds of any point.
 """
 

@@ -63,7 +63,7 @@ def measure_problem(task: ProblemTask) -> MeasuredProblem:
     """Measure a task, as the only one in this process, without side effects.
 
     Raises:
-        BenchError: if this machine has another version of the judge or of the source than that of the run.
+        BenchError: if this machine has another version of the judge or of the source than the run.
     """
     here = this_machine()
     if (JUDGE, here.source) != (task.run.judge, task.run.machine.source):

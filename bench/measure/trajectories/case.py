@@ -20,7 +20,7 @@ from .task import TrajectoryTask
 
 
 class Simulated(TimedRound, frozen=True):
-    """The result of one simulation, as its process reports it: a round of one "solve", whose iterations are solves.
+    """The result of one simulation from its process: a round of one "solve", whose iterations are one-step solves.
 
     Attributes:
         steps: number of its steps, which are timed one by one, without judging and recording.
@@ -117,7 +117,7 @@ class TrajectoryCase(LadderCase[Member]):
             unsolved_steps=sum(run.unsolved for run in good.values()),
             failed_members=len(failed),
         )
-        # if most members are incomplete, the point is not reached
+        # a point is reached only if more than half of its members are complete
         is_reached = not failed or (errors and len(good) > len(failed))
         status = Status.SOLVED if is_reached else failed[0].status
         reason = failed[0].message[:MAX_REASON_LENGTH] if failed else ""
@@ -126,7 +126,7 @@ class TrajectoryCase(LadderCase[Member]):
         )
 
     def end_after(self, point: Point) -> str:
-        """Return why finer points are not attempted after one that took too long; empty otherwise."""
+        """Return why finer points are not attempted after one that took too long; an empty text otherwise."""
         if point.outcome is Outcome.TIME_LIMIT:
             return f"{point.tolerance:g} already took longer than {self.limits.solve_seconds:g} s"
         return point.reason if point.outcome is Outcome.NOT_ATTEMPTED else ""

@@ -24,13 +24,13 @@ SOLVERS = ("SORprox", "NSGS", "Lemke", "HybridNewton")
 """Solvers for few contacts."""
 
 TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-12)
-"""Their tolerances in a variable step; 1e-8 is already too coarse."""
+"""Tolerances of these solvers with a variable step; 1e-8 is already too coarse."""
 
 FIXED_STEPS = 5000
-"""Number of fixed steps in the duration to compare tolerances of a solver."""
+"""Number of fixed steps in the duration for comparing tolerances of a solver."""
 
 FIXED_TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)
-"""Their tolerances in a fixed step, for which coarser ones suffice."""
+"""Tolerances of these solvers with a fixed step, for which coarser ones suffice."""
 
 LARGE_SOLVER = "MomentumFallback"
 """The solver for many contacts."""
@@ -39,7 +39,7 @@ LARGE_STEPS = (8.0, 4.0, 2.0, 1.0, 0.5)
 """Fixed step sizes for many contacts, relative to that of the scene; the reference has half of the last."""
 
 LARGE_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)
-"""Tolerances of that solver."""
+"""Tolerances of the solver for many contacts."""
 
 
 def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Method]:

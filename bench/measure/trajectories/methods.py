@@ -82,7 +82,7 @@ def make_method(
     given: SolverSpec | None = None,
     start: str = DEFAULT_START,
 ) -> Method:
-    """Return the method of a name.
+    """Return the method with a name.
 
     Args:
         name: ``STEPPER with SOLVER`` or ``SOLVER in STEPPER``.
@@ -122,7 +122,7 @@ def stored_method(record: MethodRecord) -> Method:
 
 
 def scaled_stepper(stepper: Stepper, factor: float, duration: float) -> Stepper:
-    """Return a stepper with ``factor`` on its tolerance, or on the number of steps in ``duration`` [s].
+    """Return a stepper with ``factor`` times its tolerance, or times the number of steps in ``duration`` [s].
 
     A whole number of steps reaches the end exactly.
     """

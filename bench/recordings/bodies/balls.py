@@ -28,13 +28,14 @@ GLASS = (150, 170, 200, 45)
 
 DISC_FLATNESS = 0.35
 ARROW_RADII = 3.0
-"""Length of the arrow of a ball's weight over ``REFERENCE_SECONDS``, in radii; it grows with the impulse's root."""
+"""Length of the arrow of a ball's weight over ``REFERENCE_SECONDS``, in radii. Lengths grow with the square root of the
+impulse."""
 
 REFERENCE_SECONDS = 0.01
 
 
 class BallRecorder(SceneRecorder):
-    """Records a scene of balls or discs; see ``SceneRecorder``.
+    """Record a scene of balls or discs; see ``SceneRecorder``.
 
     A ball has two shades, to show its rotation. Simulations do not store orientations, which are integrated from the
     mean angular velocity between two drawn states.
@@ -61,7 +62,7 @@ class BallRecorder(SceneRecorder):
         return (
             "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows on the "
             "first ball of a contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the "
-            "root of its impulse."
+            "square root of its impulse."
         )
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
@@ -108,7 +109,7 @@ class BallRecorder(SceneRecorder):
         if contacts is None or states is None:
             return [(IMPULSES, NO_IMPULSES)]
         pieces = contacts.directions
-        assert isinstance(pieces, Pieces)  # as those of all balls
+        assert isinstance(pieces, Pieces)  # as for all balls
         first = pieces.starts[:-1]
         axes = in_space(pieces.values[first][:, :, : system.dimension])
         vectors = np.einsum("cl,clx->cx", step.impulses.reshape(pieces.n_blocks, pieces.width), axes)

@@ -9,8 +9,8 @@ from ....problems.arrays import FloatArray
 from ..contact_states import States
 
 SHARE, RADII, MAX_RATIO = 0.9, 0.6, 4.0
-"""The ``SHARE`` quantile of all forces has an arrow of ``RADII`` bounding radii of its body. Lengths grow with the root
-of the force, up to ``MAX_RATIO`` times this length, so that the arrows of impacts do not cover everything."""
+"""The ``SHARE`` quantile of all forces has an arrow of ``RADII`` bounding radii of its body. Lengths grow with the
+square root of the force, up to ``MAX_RATIO`` times this length, so that arrows of impacts do not cover the others."""
 
 NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.uint16))
 """Arguments of ``ForceArrows.add`` for a step without forces."""
@@ -37,7 +37,7 @@ class ForceArrows:
         Args:
             number: number of the step.
             vectors: forces at contacts, then those of joints [N], shape (n, 3).
-            points: where they act [m], shape (n, 3).
+            points: points where they act [m], shape (n, 3).
             radii: bounding radii of the bodies on which they act [m], shape (n,).
             states: states of the contacts, shape (n_contacts,).
         """
@@ -57,8 +57,8 @@ class ForceArrows:
             return ""
         force = float(f"{self.reference:.2g}")
         return (
-            f" Arrows grow with the root of a force: {RADII:g} radii of the body are {force:g} N, and twice that is "
-            f"{MAX_RATIO:g} times this force or more."
+            f" Arrows grow with the square root of a force: {RADII:g} radii of the body are {force:g} N, and twice "
+            f"that is {MAX_RATIO:g} times this force or more."
         )
 
     def drawn(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:

@@ -16,7 +16,7 @@ PLAIN, RUBBING, DRIVEN = (236, 240, 245), rgb(PALETTE[1]), rgb(PALETTE[6])
 """Colours of joints: without friction, with friction, and with a motor."""
 
 AXIS, POINT, LINE = 0.3, 0.1, 0.03
-"""Half-length of an axis, radius of a point, and radius of a line over the smallest bounding radius of a body."""
+"""Half-length of an axis, radius of a point, and radius of a line, relative to the smallest bounding radius."""
 
 
 def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entities:
@@ -70,7 +70,7 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     contacts, n_joints = step.contacts, len(joints.joints)
     assert contacts is not None
     directions = contacts.directions
-    assert isinstance(directions, sp.csc_array)  # as with all joints
+    assert isinstance(directions, sp.csc_array)  # as for all joints
     numbers = contacts.keys - first_key
     owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))

@@ -26,7 +26,7 @@ class Rectangle:
         rotation: the axes of the plane as columns, its normal last, shape (3, 3).
         origin: a point of the plane [m], shape (3,).
         low: least coordinates along its first two axes [m], shape (2,).
-        high: largest ones.
+        high: largest coordinates along these axes [m], shape (2,).
     """
 
     rotation: FloatArray
@@ -41,7 +41,7 @@ class Rectangle:
         Args:
             body: the half-space.
             low: lowest corner of the box [m], shape (3,).
-            high: highest corner.
+            high: highest corner [m], shape (3,).
             half_width: half the width of a square under the middle of the box [m]; if None, the rectangle covers it.
         """
         ends, origin = np.array([low, high]), np.array(body.centre)

@@ -1,4 +1,4 @@
-"""Recordings of rigid bodies: each by its shape, fixed ones, joints, and the forces at contacts and joints."""
+"""Recordings of rigid bodies: shapes, fixed bodies, joints, and the forces at contacts and joints."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -32,7 +32,7 @@ LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
 """Colours of quarters of the bodies by their height at the start; every other body has a lighter shade."""
 
 GLASS = (150, 170, 200, 60)
-"""Colour of fixed bodies, and of all bodies beside forces: nearly transparent."""
+"""Colour of fixed bodies, and of all bodies in the view of forces: nearly transparent."""
 
 GRID = (150, 170, 200, 90)
 """Colour of the lines on half-spaces."""
@@ -43,10 +43,10 @@ DIRECTION = (0.35, -0.86, 0.37)
 """Direction from the bodies to the camera."""
 
 REACH = 0.2
-"""Greatest gap at the end of a step over the smallest bounding radius, of contacts whose forces are drawn."""
+"""Largest gap at the end of a step, relative to the smallest bounding radius, of contacts whose forces are drawn."""
 
 MIN_FORCE = 1e-6
-"""Force below which nothing is drawn, over the largest one of a step."""
+"""Force below which nothing is drawn, relative to the largest force of a step."""
 
 
 class RigidRecorder(SceneRecorder):
@@ -97,7 +97,7 @@ class RigidRecorder(SceneRecorder):
 
     @property
     def _width(self) -> float:
-        """Half the width of the square that stands for the ground [m]."""
+        """Half the width of the square that represents the ground [m]."""
         return 0.75 * float(np.linalg.norm(self._high - self._low))
 
     def _include_bodies(self, state: State) -> None:
@@ -129,7 +129,7 @@ class RigidRecorder(SceneRecorder):
 
     def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
         super()._frame_curves(plots)
-        return True  # the views are known at the end
+        return True  # the views are known only at the end
 
     def _scenery(self) -> Entities:
         for index, (shape, colour) in enumerate(self._groups):

@@ -17,10 +17,10 @@ AROUND, ALONG = 32, 8
 def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
     """Return the surface of a bounded shape; quarters of round ones alternate in shade, to show their rotation.
 
-    Each triangle has corners of its own, three in a row, so that edges stay sharp.
+    Each triangle has its own corners, three in a row, so that edges stay sharp.
 
     Args:
-        shape: any shape but a half-space.
+        shape: any shape except a half-space.
         colour: its colour.
     """
     normals = None

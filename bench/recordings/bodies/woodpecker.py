@@ -22,7 +22,8 @@ POLE_BEYOND = 0.06
 """Length of the pole above and below the path of the bird [m]."""
 
 ARROW_LENGTH = 0.012
-"""Length of the arrow of the toy's weight over ``REFERENCE_SECONDS`` [m]; lengths grow with the root of impulses."""
+"""Length of the arrow of the toy's weight over ``REFERENCE_SECONDS`` [m]. Lengths grow with the square root
+of the impulse."""
 
 REFERENCE_SECONDS = 0.001
 
@@ -38,8 +39,8 @@ class WoodpeckerRecorder(SceneRecorder):
     def _explanation(self) -> str:
         return (
             "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are the impulses of "
-            "beak and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the root of "
-            "its impulse."
+            "beak and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the "
+            "square root of its impulse."
         )
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:

@@ -28,7 +28,7 @@ SEPARATE_LEGENDS: dict[str, Literal["independent", "shared"]] = {
     "shape": "independent",
     "strokeDash": "independent",
 }
-"""Scales that keep the legend of each panel, with colour, shape and dash in one, at that panel."""
+"""Scales with which each panel keeps its own legend, which combines colour, shape and dash."""
 
 TIME_AXIS: dict[str, Any] = {"format": "~g", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.5}
 """Ticks of axes of times and counts."""
@@ -58,7 +58,7 @@ def compiled(chart: alt.TopLevelMixin) -> dict[str, Any]:
 
 @cache
 def drawing_script() -> str:
-    """Return a script that defines ``vegaEmbed``, which draws Vega specifications in a page and loads nothing."""
+    """Return a script that defines ``vegaEmbed``, which draws Vega specifications in a page without downloads."""
     script: str = vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")
     return script
 
@@ -139,7 +139,7 @@ def by_name(
 
 
 def solver_legend(names: Mapping[str, Look], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
-    """Return a legend to the right of a panel, with the shown ones of ``names`` in order.
+    """Return a legend to the right of a panel, with the ``shown`` ones of ``names``, in their order.
 
     It shows the marks of the panel, or the dashes of its lines if it has no marks.
     """

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#8a14ff", "#34192f", "#702500", "#1b1b7e")
-"""Okabe & Ito's colours, and those that differ most from them for readers who lack one kind of cones."""
+"""Okabe & Ito's colours, and those that differ most from them for readers who lack one kind of cone."""
 
 SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
 """Shapes of marks."""
@@ -39,8 +39,8 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
 def look(index: int) -> Look:
     """Return the style of solver number ``index`` of a run.
 
-    Neighbours differ in colour, shape and dash. Colours repeat after ten. Shapes and dashes are shifted by one then,
-    because their numbers have common divisors with ten and would repeat as well.
+    Neighbours differ in colour, shape and dash. Colours repeat after ten. Shapes and dashes are then shifted by one,
+    because their numbers have common divisors with ten and would also repeat.
     """
     colours, shapes, dashes = len(PALETTE), len(SHAPES), len(DASHES)
     return Look(

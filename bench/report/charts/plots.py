@@ -11,7 +11,7 @@ from .profiles import profile_charts
 
 
 def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
-    """Return what accuracy costs on a problem and how its solvers converge; see ``Run.plot``."""
+    """Return the chart of cost against accuracy and of convergence on a problem; see ``Run.plot``."""
     own = frames.only([problem])
     if not has_drawable_rows(own, problem):
         raise BenchError(f"no solver has a finite residual on {problem}; plot another problem.")
@@ -33,5 +33,5 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
 def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return the judged residual over iterations on a problem; see ``plot_convergence``."""
     if not (frames.iterations["problem"] == problem).any():
-        raise BenchError(f"no solver has iterates on {problem}; plot another problem.")
+        raise BenchError(f"no solver has observable iterates on {problem}; plot another problem.")
     return convergence(frames, problem)

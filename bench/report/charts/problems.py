@@ -131,7 +131,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 
 
 def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
-    """Return cost against accuracy above the convergence of the solvers, each if there are rows to draw.
+    """Return the panels of cost against accuracy and of convergence, each if there are rows to draw.
 
     A solver has the same colour, shape and dashes in all charts of a run.
     """

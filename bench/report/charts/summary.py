@@ -61,7 +61,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
     common = counted(tried["problem"][tried["common"]].nunique(), "problem")
     note = (
         f"large marks: shifted geometric mean over the {common} that all these solvers support, "
-        f"failures at {duration(limit)}; right: how many of its own each solves"
+        f"failures at {duration(limit)}; right: solved of the supported problems"
     )
     return _of_run("Time to accuracy", note, panels, frames, tried)
 
@@ -85,7 +85,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
         panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {who}")
         panel.layer.append(_behind(cells.drop_duplicates("solver")).encode(y=solvers, text="all:N"))
         panels.append(panel)
-    return _of_run("Success", "how many of those that a solver supports it solves", panels, frames, tried)
+    return _of_run("Success", "problems solved, of those that the solver supports", panels, frames, tried)
 
 
 def families_chart(frames: RunFrames) -> alt.VConcatChart:
@@ -105,7 +105,7 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
         width = max(WIDTH, FAMILY_COLUMN * len(names))
         solvers = _rows(tried["solver"].unique(), named=not panels, grid=False)
         panels.append(_heat_panel(cells, across, solvers, {"solved": -6, "mean": 7}, title, width))
-    note = "solved of those of a family that each supports (white: none); mean time over those that all support"
+    note = "solved of the supported problems of a family (white: none); mean time over those that all solvers support"
     return _of_run("Success by family", note, panels, frames, tried)
 
 

@@ -36,19 +36,19 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     """Return the file that ``output`` names, or a new file in that folder, and create its folder.
 
     Args:
-        output: a file if it ends in ``suffix``; a folder if it exists as one, or has no suffix.
+        output: a file if it ends in ``suffix``; a folder if it is an existing one, or has no suffix.
         stem: beginning of the name of a new file, before date and time.
         suffix: suffix of the file.
         force: whether the file may exist.
 
     Raises:
         BenchError: if it exists and ``force`` is not given, has another suffix, is a link out of its folder, or its
-            folder cannot be made.
+            folder cannot be created.
     """
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
         raise BenchError(
-            f"`output` {output} ends in {output.suffix}, and this result is a {suffix} file; "
+            f"`output` {output} ends in {output.suffix}, but this result is a {suffix} file; "
             f"name a file that ends in {suffix}, or a folder (one with a dot in its name must exist)."
         )
     is_file = output.suffix == suffix and not is_folder
@@ -88,7 +88,7 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
 
 
 def picture_files(path: Path) -> tuple[Path, Path]:
-    """Return the files, .svg and .png, that a picture at ``path`` is written to.
+    """Return the .svg and .png files to which a picture at ``path`` is written.
 
     Raises:
         BenchError: if ``path`` is not a file name, or has another format.

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 INDENT = "  "
-"""Indentation of a note; its further lines have twice as much."""
+"""Indentation of a note; its continuation lines have twice as much."""
 
 
 def print_table(
@@ -70,5 +70,5 @@ def abreast(shown: pd.DataFrame, width: int) -> list[list[str]]:
 
 
 def hanging(note: str, width: int) -> str:
-    """Return a note in lines of at most ``width`` characters, with indented further lines."""
+    """Return a note in lines of at most ``width`` characters, with indented continuation lines."""
     return textwrap.fill(note, width, initial_indent=INDENT, subsequent_indent=2 * INDENT, break_on_hyphens=False)

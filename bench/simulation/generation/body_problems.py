@@ -36,7 +36,7 @@ class BodyScene(Protocol):
     """A scene of rigid bodies."""
 
     def system(self) -> RigidBodies:
-        """Return what moves."""
+        """Return the bodies."""
         ...
 
     def start(self) -> State:
@@ -52,7 +52,7 @@ class BodyRecipe:
         scene: the scene.
         step: number of steps before it.
         time_step: Δt [s].
-        solver: takes the steps before it.
+        solver: solver of the steps before it.
         stop: its stopping criterion.
         depth: penetration [m] beyond which bodies are moved apart after each of these steps; None for no limit.
     """
@@ -66,7 +66,7 @@ class BodyRecipe:
 
 
 ARCH_LIMITS = dict(zip(ARCH_STONES, (0.0962, 0.1021, 0.1028, 0.1068, 0.1074), strict=True))
-"""Least t/R with which an arch of so many stones stands at μ = 0.8; see ``scenes.rigid.arch``."""
+"""Least t/R at which an arch of each number of stones stands at μ = 0.8; see ``scenes.rigid.arch``."""
 
 
 def _pile(n_boxes: int, step: int = 500) -> BodyRecipe:

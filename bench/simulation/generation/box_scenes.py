@@ -18,22 +18,22 @@ from ....problems.motion.scenes.scene import OVERLAP, check_positive
 from ....problems.motion.state import State
 
 WALLS = (((-1.0, 0.0), (0.0, 1.0, 0.0), 0.5 * pi), ((1.0, 0.0), (0.0, 1.0, 0.0), -0.5 * pi))
-"""Direction of a wall from the middle, and the rotation, axis and angle, of the ground that makes it, for each wall
-across x; those across y have x and y exchanged and the opposite angle."""
+"""Direction from the middle, and axis and angle of the rotation of the ground, for each wall across x. For walls across
+y, x and y are exchanged and the angle is negated."""
 
 EFFECTS = (Gravity(), Friction(0.5))
 
 
 @dataclass(frozen=True)
 class BoxPile:
-    """Equal boxes of random orientation above the ground, in layers between four walls, which fall into a pile.
+    """Equal boxes of random orientation, in layers above the ground between four walls, which fall into a pile.
 
     Attributes:
         n_boxes: number of boxes.
-        seed: of the orientations.
+        seed: seed of the orientations.
         size: edge lengths of a box [m].
-        mass: of a box [kg].
-        spacing: distance of neighbours over the diagonal of a box, more than 1.
+        mass: mass of a box [kg].
+        spacing: distance of neighbours relative to the diagonal of a box, more than 1.
 
     Raises:
         ProblemError: if a number is not positive.
@@ -85,7 +85,7 @@ class BoxTable:
         posts: number of posts along each side.
         ratio: mass of the slab over that of a post.
         size: edge lengths of a post [m].
-        mass: of a post [kg].
+        mass: mass of a post [kg].
 
     Raises:
         ProblemError: if a number is not positive.
@@ -112,7 +112,7 @@ class BoxTable:
         return rigid_bodies(shapes, masses, [FixedBody(HalfSpace())], EFFECTS)
 
     def start(self) -> State:
-        """Return them at rest; all faces overlap a little."""
+        """Return the bodies at rest; all faces overlap slightly."""
         post, height = np.arange(self.posts**2), self.size[2]
         places = np.column_stack([post // self.posts, post % self.posts]) - 0.5 * (self.posts - 1)
         centres = np.column_stack([2.0 * places * self.size[:2], np.full(len(post), 0.5 * height - OVERLAP)])
@@ -130,7 +130,7 @@ class BoxTrain:
         speed: initial velocity of the first box along the row, away from the others [m/s].
         size: edge lengths along, across and normal to the ground [m].
         gap: distance of neighbours [m].
-        mass: of a box [kg].
+        mass: mass of a box [kg].
 
     Raises:
         ProblemError: if a number is not positive.
@@ -159,7 +159,7 @@ class BoxTrain:
         return replace(system, joints=RigidJoints(self.joints, self.n_boxes))
 
     def start(self) -> State:
-        """Return the boxes at rest but for the first one."""
+        """Return the boxes, at rest except for the first one."""
         along = -(self.size[0] + self.gap) * np.arange(self.n_boxes)
         height = np.full(self.n_boxes, 0.5 * self.size[2] - OVERLAP)
         state = _upright(np.column_stack([along, np.zeros(self.n_boxes), height]))
@@ -168,6 +168,6 @@ class BoxTrain:
 
 
 def _upright(centres: FloatArray) -> State:
-    """Return boxes at rest that are not turned, at centres [m], shape (n, 3)."""
+    """Return boxes at rest without rotation, at centres [m], shape (n, 3)."""
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
     return State(0.0, np.hstack([centres, turns]).ravel(), np.zeros(6 * len(centres)))

@@ -51,7 +51,7 @@ PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
 class FunnelRecipe:
     """The step of a funnel scene that begins at ``time`` [s].
 
-    With ``mixed_friction``, each pair of bodies has a random μ between these two, drawn with the seed of the scene.
+    With ``mixed_friction``, each pair of bodies has a random μ in this range, drawn with the seed of the scene.
     """
 
     scene: Funnel
@@ -70,7 +70,7 @@ class WoodpeckerRecipe:
 
 @dataclass(frozen=True)
 class RollingRecipe:
-    """The problem ``of`` whose contacts also resist rolling, with ``rolling_friction`` μ_r [m]."""
+    """The problem ``of`` with the additional ``rolling_friction`` μ_r [m] at all contacts."""
 
     of: str
     rolling_friction: float
@@ -81,7 +81,7 @@ _SPATIAL: tuple[Effect, ...] = (*_FRICTIONLESS, Friction(0.3))
 _PLANAR: tuple[Effect, ...] = (*_SPATIAL, Planar())
 
 _INSTANTS = {30: (0.16, 0.45, 0.65), 100: (0.12, 0.32, 0.6), 300: (0.12, 0.29, 0.6), 1000: (0.12, 0.3, 0.8)}
-"""First impacts, densest flow and thinning flow [s], for each number of balls."""
+"""Times of the first impacts, the densest flow and the thinning flow [s], for each number of balls."""
 
 _OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
 """Outlet radius in ball radii: few balls would fall through the wide outlet before they pile up over it."""
@@ -130,14 +130,14 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
     Args:
         names: standard problems that come from scenes, and problems of plugins.
-        folder: where to write; the user's cache folder if None.
+        folder: output folder; the user's cache folder if None.
 
     Returns:
         The files written, in the order of ``names``.
 
     Raises:
         ProblemError: for a name without a recipe, or a folder that cannot be written.
-        PluginError: if a plugin does not make the problem it offers.
+        PluginError: if a plugin does not create the problem that it offers.
     """
     of_plugins = {offer.name for offer in plugin_problems()}.difference(RECIPES, HARD_CASES)
     for name in names:
@@ -155,7 +155,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
 
 def generate_missing(names: Iterable[str]) -> None:
-    """Generate those problems that come from scenes and are not available yet, into the user's cache folder."""
+    """Generate missing problems that come from scenes, into the user's cache folder."""
     missing = [name for name in names if name in RECIPES and not is_available(name)]
     if missing:
         generate(missing)

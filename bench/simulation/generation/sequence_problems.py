@@ -34,7 +34,7 @@ class SequenceRecipe:
 
     Attributes:
         scene: the scene with its options.
-        time: the sequence begins with the step that begins at this time [s].
+        time: time at the beginning of this step [s].
     """
 
     scene: str

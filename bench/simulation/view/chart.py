@@ -28,7 +28,7 @@ POINTS = 500
 WIDTH, HEIGHT = 620, 110
 
 SHOWN_SECONDS = 0.5
-"""Simulated time up to the end in which coordinates are drawn: some periods of the woodpecker."""
+"""Simulated time before the end over which coordinates are drawn [s]: some periods of the woodpecker."""
 
 POINTS_PER_STEP = 8
 """Number of points of a coordinate between two states."""
@@ -110,7 +110,7 @@ def _scientific(tolerance: float) -> str:
 def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:
     """Return the observables of the scene, active contacts, iterations, penetration and energy.
 
-    Balls that leave a scene fall for ever: their kinetic and potential energy, which cancel, would hide the total.
+    Balls that leave a scene fall forever: their kinetic and potential energy, which cancel, would hide the total.
     """
     observed = [one for one in simulation.plan.scene.observables if one.label]
     curves = _gathered(simulation.steps[shown], [one.name for one in observed])
@@ -129,7 +129,7 @@ def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel
 
 
 def _gathered(rows: NDArray[np.void], observed: list[str]) -> pd.DataFrame:
-    """Gather steps in intervals: means of contacts and iterations, the largest penetration, the last of the rest."""
+    """Aggregate steps over intervals: mean contacts and iterations, largest penetration, last values of the rest."""
     steps = pd.DataFrame({name: rows[name] for name in rows.dtype.names or ()})
     steps["energy"] = steps["kinetic_energy"] + steps["potential_energy"]
     steps["most_iterations"] = steps["iterations"]
@@ -166,7 +166,7 @@ def _curve_panel(
 
 
 def _coordinate_panels(simulation: Simulation, begin: float, found: list[Incident]) -> list[Panel]:
-    """Return a panel for each coordinate with a name, switching points as dots."""
+    """Return a panel for each coordinate with a name, with switching points as dots."""
     drawn, shown = simulation.plan.scene.coordinates, simulation.times >= begin
     curves = _curves(simulation.times[shown], simulation.trajectory[shown], simulation, drawn)
     dots = _dots(simulation, found, drawn)

@@ -12,10 +12,10 @@ from rich.text import Text
 from ..trajectory import Simulation
 
 REDRAW_SECONDS = 0.2
-"""Wall time between two drawings; one takes about a millisecond."""
+"""Wall time between two drawings [s]; one takes about a millisecond."""
 
 LINE_SECONDS = 10.0
-"""Wall time between two plain lines."""
+"""Wall time between two plain lines [s]."""
 
 
 class LiveSummary:

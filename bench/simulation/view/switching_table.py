@@ -17,10 +17,10 @@ MAX_ROWS = 30
 """Largest number of printed switching points without known periods; the result file contains all."""
 
 _OF_WORDS = ("law", "contact", "from", "to")
-"""Heads of columns of words."""
+"""Heads of text columns."""
 
 _LEFT = {*_OF_WORDS, "stepper", "solver", "start"}
-"""Heads of columns that are aligned to the left."""
+"""Heads of left-aligned columns."""
 
 _HEADS = ("row", *_OF_WORDS, "t [s]")
 
@@ -31,7 +31,7 @@ def print_switches(simulation: Simulation, console: Console) -> None:
     found = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
     if motion is not None and found:
         shown = found[-1]  # the last one that is comparable with the limit cycle
-        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as {motion.known.source}"))
+        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as in {motion.known.source}"))
         console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
     elif len(simulation.switches):
         console.print(_switches_table(simulation.incidents, simulation.plan.scene.contact_names))
@@ -59,14 +59,14 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     known = motion.known
     section = f"row {known.section + 1}"
     if not motion.cycles:
-        yield f"no complete period, from row 1 of {known.source} to the next row 1, yet", ""
+        yield f"no complete period yet, from row 1 of {known.source} to the next row 1", ""
     else:
         good = motion.published_count
         many = f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
         points = f"the {len(known.incidents)} switching points of {known.source} in its order"
         yield f"{many}{'has' if good == 1 else 'have'} {points}", ""
     if not motion.count:
-        yield f"the section, {section}, is not met twice yet, so there is no time from section to section", ""
+        yield f"the section, {section}, was not crossed twice, so there is no time from section to section", ""
         return
     last = max(1, motion.count - known.transient)
     which = f"{_periods(last, motion.count)}, from section to section: {section} to the next {section}"
@@ -74,7 +74,7 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
     if known.is_of_scene:
         period, descent = motion.relative_deviations(last)
-        off = f"off by {period:+.1e} and {descent:+.1e}, relatively"
+        off = f"relative errors {period:+.1e} and {descent:+.1e}"
         yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {off}", "bold"
 
 

@@ -214,7 +214,7 @@ def _energy(value: float | None) -> str:
 
 
 def _digits(value: float, number: int) -> str:
-    """Return a number with ``number`` significant digits, but with all digits before the point."""
+    """Return a number with ``number`` significant digits, but all digits before the point."""
     return f"{value:.{number}g}" if value < 10**number else f"{value:.0f}"
 
 
@@ -242,7 +242,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     total = summary(simulation)
     ending = _ending(simulation)
     if not total["steps"]:
-        yield ("no step is taken yet", "") if ending is None or simulation.failure is None else ending
+        yield ("no step has been taken", "") if ending is None or simulation.failure is None else ending
         return
     yield (
         f"total  {total['simulated_seconds']:.4g} s in {counted(total['steps'], 'step')}, "

@@ -21,7 +21,7 @@ from ..records import CaseRecord, RunRecord
 from ..store import BUNDLE_SUFFIX, Store, is_bundle, put_file
 
 MAX_BYTES = 2**30
-"""Size of an unpacked bundle [bytes]."""
+"""Largest size of an unpacked bundle [bytes]."""
 
 _REMEDY = "get it again from its source"
 
@@ -89,7 +89,7 @@ def open_run(path: Path) -> Store | Bundle:
 
 
 def output_folder(path: Path) -> Path:
-    """Return the folder for the tables, charts and page of a run: its own, or that beside a bundle with its name."""
+    """Return the folder for the tables, charts and page of a run: its own, or one named like a bundle, beside it."""
     return path.with_suffix("") if is_bundle(path) else path
 
 
@@ -140,7 +140,7 @@ def write_bundle(bundle: Bundle, path: Path) -> None:
     problems = {problem.digest: packed_problem(problem) for problem in bundle.carried.values()}
     content = sealed(_Content(run=bundle.run, cases=bundle.cases, problems=list(problems.values())))
     if len(content) > MAX_BYTES:
-        raise BenchError(f"{bundle.source} has {len(content) / 2**20:.0f} MiB, too many for a bundle; divide the run.")
+        raise BenchError(f"{bundle.source} is too large for a bundle, {len(content) / 2**20:.0f} MiB; divide the run.")
     put_file(path, gzip.compress(content, mtime=0), "name another file")
 
 
@@ -156,7 +156,7 @@ def read_bundle(path: Path) -> Bundle:
     try:
         text = inflated(path.read_bytes(), MAX_BYTES)
     except OSError as error:
-        raise BenchError(f"cannot read {path}: {error.strerror}; name a file that can be read.") from None
+        raise BenchError(f"cannot read {path}: {error.strerror}; name a readable file.") from None
     except ValueError as error:
         raise BenchError(f"{path} is not a bundle, or is damaged ({error}); {_REMEDY}.") from None
     content = unsealed(text, _Content, str(path), _REMEDY)
@@ -176,9 +176,11 @@ def _checked(bundle: Bundle) -> Bundle:
     """
     run, source, plan = bundle.run, bundle.source, bundle.run.plan
     if plan.trajectories:
-        raise BenchError(f"{source} is a study, whose errors no impulses prove; send its folder.")
+        raise BenchError(f"{source} is a study, whose errors do not follow from impulses; send its folder.")
     if run.judge != JUDGE:
-        raise BenchError(f"{source} was judged by version {run.judge} of the judge, this is {JUDGE}; measure it again.")
+        raise BenchError(
+            f"{source} was judged by version {run.judge} of the judge, but this is {JUDGE}; measure it again."
+        )
     if not bundle.cases:
         raise BenchError(f"{source} has no measured case; measure something first.")
     planned = {(problem, solver) for problem in plan.problems for solver in plan.solvers}

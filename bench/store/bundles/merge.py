@@ -111,7 +111,7 @@ def _require_same_settings(bundles: Sequence[Bundle]) -> None:
         for name, words in (("tolerances", "tolerances"), ("limits", "limits"), ("passes", "number of passes")):
             if getattr(bundle.run.plan, name) != getattr(first.run.plan, name):
                 raise BenchError(
-                    f"{bundle.source} has other {words} than {first.source}; merge runs of the same settings."
+                    f"{bundle.source} has other {words} than {first.source}; merge runs with the same settings."
                 )
 
 
@@ -129,7 +129,7 @@ def _require_one_machine(cases: Iterable[CaseRecord], sessions: Sequence[Session
 
 
 def _shard(plan: PlanRecord) -> tuple[int, int]:
-    """Return the number of a shard and of all shards; zeros for an undivided run."""
+    """Return the number of a shard and the number of shards; zeros for an undivided run."""
     number, _, count = plan.shard.partition("/")
     return int(number or 0), int(count or 0)
 

@@ -1,10 +1,10 @@
-"""Rejudging: every residual that impulses prove is recomputed from the problem and the impulses.
+"""Rejudging: recompute every residual that follows from the problem and the stored impulses.
 
 Judges on two machines differ by rounding, because sums are evaluated in different orders. The impulses are therefore
 judged once more with relative changes of ``ROUNDING``. Numbers agree if they differ by at most ``MARGIN`` times the
-effect of these changes and ``RELATIVE`` of their size. On one machine they are equal to the bit.
+effect of these changes and ``RELATIVE`` of their size. On one machine they are bitwise identical.
 
-Times, iterations, and the residuals of all but the finest point of a case cannot be proved. These residuals must be
+Times, iterations, and the residuals of all but the finest point of a case cannot be recomputed. These residuals must be
 consistent with the outcomes of their points.
 """
 
@@ -54,7 +54,7 @@ class Rejudged:
         n_cases: number of cases in the bundle.
         n_judged: number of cases whose finest point was judged again.
         n_residuals: number of recomputed residuals, under Coulomb's law and the solvers' own models.
-        n_identical: number of residuals that are equal to the bit.
+        n_identical: number of bitwise identical residuals.
         disagreements: a sentence for each case that disagrees with the bundle.
     """
 
@@ -138,7 +138,7 @@ def _claim_fault(point: Point, model: Model) -> str:
         return "" if point.outcome is Outcome.NOT_ATTEMPTED else f"it is {point.outcome.value} without a measurement"
     own, coulomb = number_of(measured.model_residual), number_of(measured.residual)
     if model == Model.COULOMB and own != coulomb:
-        return "its two residuals differ, which must be equal under Coulomb's law"
+        return "its two residuals differ, but must be equal under Coulomb's law"
     counts = f"it counts as {point.outcome.value}"
     if point.status != Status.SOLVED:
         is_claim = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
@@ -221,7 +221,7 @@ def _words(name: str) -> str:
 def _perturbed(impulses: FloatArray) -> list[FloatArray]:
     """Return Λ [N s] with random relative changes of ``ROUNDING`` of either sign, the same at each call.
 
-    A median over few contacts may not change with one of them.
+    Several changes are needed, because one may leave a median over few contacts unchanged.
     """
     signs = np.random.default_rng(0).choice((-1.0, 1.0), size=(N_CHANGES, *impulses.shape))
     return list(impulses * (1.0 + ROUNDING * signs))

@@ -96,8 +96,8 @@ def test_a_run_of_damaged_cases_is_refused_by_their_names(
     assert run_command(["report", str(faultless), *options]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.startswith(f"proxbench: no case of {faultless} can be read: {files[0].name}, ")
-    assert f" and {len(files) - 5} more are damaged; " in printed.err
+    assert printed.err.startswith(f"proxbench: no case of {faultless} can be read (damaged: {files[0].name}, ")
+    assert f" and {len(files) - 5} more); " in printed.err
     assert printed.err.count("\n") == 1
 
 
@@ -137,4 +137,4 @@ def test_options_that_exclude_each_other_are_refused(options: str, mistake: Call
 
 @pytest.mark.parametrize("switch", ["--page", "--baseline NSGS"])
 def test_simulations_have_neither_page_nor_baseline(switch: str, mistake: Callable[[str], str]) -> None:
-    assert "is for runs, and pour.npz is a simulation" in mistake(f"report pour.npz {switch}")
+    assert "applies to runs, but pour.npz is a simulation" in mistake(f"report pour.npz {switch}")

@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
         ("report a.bundle", "a.bundle is not a bundle, or is damaged (the compressed data are damaged); get it again"),
         ("run --resume a.bundle", "unpack it with: proxbench merge a.bundle"),
         ("compare a.bundle runs/one", "a.bundle is not a bundle, or is damaged"),
-        ("report runs", "runs is not a stored run (it contains 1); name one of them, such as runs/one."),
+        ("report runs", "runs is not a stored run (stored runs in it: 1); name one of them, such as runs/one."),
         ("report empty", "empty is not a stored run (it has no run.json); name the folder of a run."),
         ("report nosuch", "nosuch is not a stored run (it does not exist); name the folder of a run."),
         ("report nosuch.npz", "there is no result file nosuch.npz."),

@@ -136,7 +136,7 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
     for scene, moves in (("stack", False), ("sliding_sphere", True)):
         made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
         assert run_command(["report", str(made.folder), "--no-charts"]) == 0
-        assert ("moves in 0.01 s, so that errors" in " ".join(capsys.readouterr().out.split())) is not moves
+        assert ("moves in 0.01 s, so errors" in " ".join(capsys.readouterr().out.split())) is not moves
 
 
 @pytest.mark.parametrize("hidden", [False, True])
@@ -147,12 +147,12 @@ def test_a_study_in_which_nothing_moves_warns_before_anything_is_measured(hidden
         def on_event(event: Event) -> None:
             shown(event)
             if isinstance(event, ProblemStarted):
-                printed.append("nothing of stack moves in 0.01 s" in text.getvalue())
+                printed.append("nothing in stack moves in 0.01 s" in text.getvalue())
 
         methods = {"Moreau with SORprox": (2e-3,)}
         study("stack", results=tmp_path, duration=0.01, members=[1.0], methods=methods, on_event=on_event)
     assert printed == [True]
-    assert text.getvalue().count("nothing of stack moves") == 1
+    assert text.getvalue().count("nothing in stack moves") == 1
 
 
 def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) -> None:

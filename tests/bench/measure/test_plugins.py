@@ -111,7 +111,7 @@ SOLVERS = [Changing]
 
 def test_a_solver_that_changes_its_name_once_it_is_made_is_refused(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD + CHANGING)])
-    with pytest.raises(PluginError, match="the solver 'Changing' calls itself 'Robust'; its name must always be"):
+    with pytest.raises(PluginError, match="the solver 'Changing' calls itself 'Robust'; set its name to the one"):
         solver_spec("Changing")
 
 
@@ -176,7 +176,7 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
         ("import os; os._exit(0)", "its process ended with exit code 0"),
         ("import ctypes; ctypes.string_at(0)", "its process was killed by SIGSEGV"),
         ("import os; os.fork() or __import__('time').sleep(2); os._exit(3)", "its process ended with exit code 3"),
-        ("x = bytearray(2**33)", "it raised MemoryError when it requested more than 2048 MB of memory"),
+        ("x = bytearray(2**33)", "it raised MemoryError when it requested more than 2048 MiB of memory"),
     ],
     ids=["exit", "segfault", "leaves a process", "memory"],
 )

@@ -53,7 +53,7 @@ def test_the_reason_of_a_refusal_comes_back() -> None:
 
 def test_a_warm_solver_never_starts_from_zero_under_that_name() -> None:
     with RemoteSolver(solver_spec("Warm(NSGS)")) as solver:
-        assert "`proxbench run` alone" in str(solver.supports(load("funnel-30")))
+        assert "only `proxbench run`" in str(solver.supports(load("funnel-30")))
 
 
 @pytest.mark.parametrize(

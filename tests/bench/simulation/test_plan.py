@@ -25,7 +25,7 @@ Pour = Callable[..., SimulationPlan]
         ({"tolerance": float("nan")}, "between 0 and 1"),
         ({"max_iterations": 0}, "max_iterations"),
         ({"solver": "SORprx"}, "'SORprox'"),
-        ({"solver": "Warm(NSGS)", "start": "cold"}, "names its start apart; use NSGS with start=warm"),
+        ({"solver": "Warm(NSGS)", "start": "cold"}, "is a separate option of a simulation; use NSGS with start=warm"),
     ],
 )
 def test_a_number_out_of_range_is_named(numbers: dict[str, float], words: str) -> None:

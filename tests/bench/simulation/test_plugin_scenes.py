@@ -167,7 +167,7 @@ def test_no_code_of_the_scene_runs_here() -> None:
         ("raise", 60.0, "RuntimeError: oh no"),
         pytest.param("exit", 60.0, "exit code 3", marks=pytest.mark.slow),
         pytest.param("hang", 2.0, "it took longer than 2 s", marks=pytest.mark.slow),
-        pytest.param("eat", 60.0, "MB of memory", marks=pytest.mark.slow),
+        pytest.param("eat", 60.0, "MiB of memory", marks=pytest.mark.slow),
     ],
 )
 def test_a_fault_of_the_scene_ends_the_simulation_at_its_step_and_keeps_all_before(

@@ -20,7 +20,7 @@ def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
     assert run_command(f"{TOY} --duration 0.3 --output {tmp_path}/toy.npz".split()) == 0
     printed = capsys.readouterr().out
     assert "2 lower edge" in printed
-    assert "complete period 1 of 1, as table 1 of the paper" in printed
+    assert "complete period 1 of 1, as in table 1 of the paper" in printed
     assert "1 of 1 complete period, from row 1 to the next row 1, " in printed
     assert "12 switching points of table 1 of the paper" in " ".join(printed.split())
     assert "one-step solves" in printed

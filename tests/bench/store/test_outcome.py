@@ -67,4 +67,4 @@ def test_reasons_are_given_for_claims_that_do_not_count_alone() -> None:
     assert claim_reason(Outcome.RELAXED, 1e-4, Model.CONVEX, 0.0) == "solves the convex model, not Coulomb friction"
     assert claim_reason(Outcome.SOLVED, 1e-4, Model.COULOMB, 0.0) == ""
     assert late_reason(2.0, 2.0) == ""
-    assert late_reason(2.01, 2.0) == "solved after 2.01 s, its limit is 2 s"
+    assert late_reason(2.01, 2.0) == "solved after 2.01 s, but its limit is 2 s"

@@ -30,7 +30,7 @@ def known(failure: str = "", **values: float) -> KnownRecord:
 def test_members_of_a_reference_have_values_of_the_same_names_unless_they_failed() -> None:
     alike = [known(x=1.0, y=2.0), known(y=0.0, x=5.0), known("too long")]
     assert replace(TRAJECTORY, known=alike).known == alike
-    with pytest.raises(ValueError, match="other values for each member"):
+    with pytest.raises(ValueError, match="members of its reference have values of different names"):
         replace(TRAJECTORY, known=[known(x=1.0), known(x=1.0, y=2.0)])
 
 
@@ -39,7 +39,7 @@ def test_members_of_a_reference_have_values_of_the_same_names_unless_they_failed
     [{"problems": ["pile"]}, {"solvers": ["NSGS"]}, {"methods": []}, {"trajectories": []}, {"problems": []}],
 )
 def test_the_names_of_a_study_are_those_of_its_trajectories_and_methods(changes: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match="names are not those"):
+    with pytest.raises(ValueError, match="names differ from those"):
         replace(STUDY, **changes)
 
 

@@ -106,7 +106,7 @@ def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_re
     assert (again.digest, again.name) == (mine.digest, mine.name)
     file = store.folder / "problems" / f"{mine.digest}.npz"
     file.write_bytes((store.folder / "problems" / f"{other.digest}.npz").read_bytes())
-    with pytest.raises(BenchError, match="contains a problem of another digest"):
+    with pytest.raises(BenchError, match="contains a problem with another digest"):
         stored.read_problem(mine.digest)
     file.unlink()
     with pytest.raises(ProblemError, match="no problem file"):

@@ -1,1 +1,1 @@
-"""Physics engines and Proxbench on the same scenes: what a simulated second costs, and how far the motion is off."""
+"""Physics engines and Proxbench on the same scenes: the cost of a simulated second, and the error of the motion."""

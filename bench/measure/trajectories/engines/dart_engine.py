@@ -10,7 +10,7 @@ from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 
 MAX_CONTACTS = 100_000
-"""Contacts of a step that DART keeps; it drops those beyond 1000 by default."""
+"""Largest number of contacts that DART keeps in a step; the default is 1000."""
 
 
 class DartEngine:

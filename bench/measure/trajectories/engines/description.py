@@ -21,11 +21,11 @@ class Body:
     """A homogeneous ball or cube.
 
     Attributes:
-        is_cube: whether it is a cube, axes parallel to those of the world at the start.
+        is_cube: whether it is a cube, with axes parallel to those of the world at the start.
         half: radius, or half the edge [m].
-        mass: [kg].
-        position: of its centre at the start [m].
-        velocity: of its centre at the start [m/s]; it does not turn.
+        mass: mass [kg].
+        position: position of its centre at the start [m].
+        velocity: velocity of its centre at the start [m/s]; its spin is zero.
     """
 
     is_cube: bool
@@ -45,7 +45,7 @@ class Panel:
     """A static box.
 
     Attributes:
-        centre: [m].
+        centre: centre [m].
         half: half the edges [m].
         rotation: its axes as columns, shape (3, 3).
     """
@@ -65,12 +65,12 @@ class Panel:
 
 @dataclass(frozen=True)
 class Motion:
-    """What an engine made of a scene, frame by frame; the first frame is the start.
+    """The motion of a scene in an engine, frame by frame; the first frame is the start.
 
     Attributes:
-        times: shape (n_frames,) [s].
-        positions: of centres, shape (n_frames, n_bodies, 3) [m].
-        velocities: of centres, shape (n_frames, n_bodies, 3) [m/s].
+        times: times [s], shape (n_frames,).
+        positions: positions of centres, shape (n_frames, n_bodies, 3) [m].
+        velocities: velocities of centres, shape (n_frames, n_bodies, 3) [m/s].
         spins: angular velocities, shape (n_frames, n_bodies, 3) [rad/s].
     """
 
@@ -85,20 +85,20 @@ class Description:
     """A scene for engines.
 
     Attributes:
-        name: of the scene.
-        bodies: what moves.
+        name: name of the scene.
+        bodies: the moving bodies.
         panels: static boxes.
         has_floor: whether a static floor fills z < 0.
         friction: coefficient μ of every contact.
-        gravity: [m/s²]; an incline is a floor with tilted gravity.
+        gravity: acceleration [m/s²]; an incline is a floor with tilted gravity.
         duration: simulated time [s].
         step: the step [s] that the factors of settings multiply.
         frame: time between frames [s], a multiple of every step.
         length: size of a body [m].
         errors: names of the errors with their units; the first one decides which setting is best.
         negligible: value of the first error below which settings count as equally accurate.
-        measure: makes the errors of a motion, in the order of ``errors``.
-        own_scene: name of the scene of Proxbench with the same bodies and start; a floor is tilted there, and not
+        measure: computes the errors of a motion, in the order of ``errors``.
+        own_scene: name of the scene of Proxbench with the same bodies and start, which tilts the floor instead of
             gravity.
         own_options: options of that scene.
     """
@@ -139,7 +139,7 @@ class Description:
 
 @dataclass(frozen=True)
 class BodyStates:
-    """Where bodies are and how they move: positions, velocities and spins as in ``Motion``, of one frame."""
+    """Positions, velocities and spins of the bodies in one frame, as in ``Motion``."""
 
     positions: FloatArray
     velocities: FloatArray
@@ -151,9 +151,9 @@ class Setting:
     """A setting of an engine.
 
     Attributes:
-        name: for tables.
-        step_factor: the step over that of the scene.
-        options: of the engine.
+        name: name in tables.
+        step_factor: the step relative to that of the scene.
+        options: options of the engine.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Engines by name: the module that drives each, the version it was tried with, and the settings that are compared."""
+"""Engines by name, each with its driver, the version it was tested with, and the settings that are compared."""
 
 from dataclasses import dataclass
 from importlib import import_module, metadata
@@ -10,7 +10,7 @@ from .description import BodyStates, Description, Setting
 from .solved_problem import SolvedProblem
 
 INSTALL = 'pip install ".[engines]" in a clone of proxbench'
-"""What installs the engines."""
+"""Command that installs the engines."""
 
 
 class Engine(Protocol):
@@ -23,7 +23,7 @@ class Engine(Protocol):
         """Return the states of all bodies."""
 
     def remember(self) -> None:
-        """Store the state before a step whose contact problem is asked for."""
+        """Store the state before a step whose contact problem is requested."""
 
     def solved_problem(self) -> SolvedProblem | None:
         """Return the contact problem of the last step; None if it had no contacts, or reports no impulses."""
@@ -31,13 +31,13 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class EngineKind:
-    """An engine that takes part.
+    """An engine of the comparison.
 
     Attributes:
-        module: its driver, a module beside this one.
+        module: its driver, a module of this package.
         distribution: the wheel, whose version is stored.
-        tried: the versions that the driver was tried with begin like this.
-        settings: what is compared.
+        tried: beginning of the versions with which the driver was tested.
+        settings: the settings that are compared.
         model: how it differs from rigid bodies with Coulomb friction.
     """
 
@@ -132,7 +132,7 @@ def version_of(name: str) -> str:
     """Return the version of an engine.
 
     Raises:
-        BenchError: if it is unknown, not installed, or was not tried in this version.
+        BenchError: if it is unknown, not installed, or was not tested in this version.
     """
     if name not in ENGINES:
         raise BenchError(f"unknown engine {name!r}{suggestion(name, ENGINES)}")

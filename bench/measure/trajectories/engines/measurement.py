@@ -20,28 +20,28 @@ from .scenes import describe
 from .solved_problem import SolvedProblem
 
 JUDGED_FRAMES = 10
-"""Frames of a run whose first step is judged."""
+"""Number of frames of a run whose first step is judged."""
 
 ACCURATE = 1e-8
 """Residual to which Proxbench solves the problems of an engine again."""
 
 MAX_BODIES_SOLVED_AGAIN = 10
-"""Bodies of a scene up to which it does; the problems of hundreds of balls would take longer than the motion."""
+"""Largest number of bodies for which it does; problems of hundreds of balls would take longer than the motion."""
 
 
 class Measurement(msgspec.Struct, frozen=True, kw_only=True):
     """A run, as it is stored.
 
     Attributes:
-        scene: its name.
-        engine: its name.
+        scene: name of the scene.
+        engine: name of the engine.
         setting: name of the setting.
-        time_step: [s].
+        time_step: time step [s].
         wall_seconds: wall time of the steps per simulated second, 0 if the run failed.
         processor_seconds: processor time of the steps per simulated second, 0 if the run failed.
-        errors: by name, in the order of the scene.
-        residual: largest judged residual of the judged steps under Coulomb's law, None where impulses are not known.
-        solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems, if bodies are few.
+        errors: errors by name, in the order of the scene.
+        residual: largest judged residual of the judged steps under Coulomb's law, None if impulses are unknown.
+        solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems, for few bodies.
         failure: why there is no measurement, empty if there is one.
     """
 
@@ -125,7 +125,7 @@ def _solved_again(one: SolvedProblem) -> float:
 
 
 def stay_on_one_core() -> None:
-    """Let this process use one core, where the system allows it: threads that hand work over would wait otherwise."""
+    """Restrict this process to one core, if possible, because threads that hand over work would otherwise wait."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 

@@ -39,7 +39,7 @@ class MuJoCoEngine:
         self._before = self.states()
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step; its contacts are those of the state before."""
+        """Return the problem of the last step; its contacts are those of the previous state."""
         data, step = self.data, self.model.opt.timestep
         force, impulses = np.zeros(6), np.zeros((self.data.ncon, 3))
         for k in range(data.ncon):

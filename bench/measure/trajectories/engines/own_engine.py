@@ -12,7 +12,7 @@ from .description import BodyStates, Description
 from .solved_problem import SolvedProblem
 
 WARM_UP = 0.6
-"""Share of the motion that is simulated before a run, so that all kernels are loaded."""
+"""Simulated share of the motion before a run, so that all kernels are loaded."""
 
 
 class OwnEngine:
@@ -49,7 +49,7 @@ class OwnEngine:
         return BodyStates(positions @ self.axes, velocities[:, :3] @ self.axes, spins @ self.axes)
 
     def remember(self) -> None:
-        """Store nothing: each step has its problem."""
+        """Store nothing: each step keeps its problem."""
 
     def solved_problem(self) -> SolvedProblem | None:
         """Return the problem of the last step."""
@@ -58,7 +58,7 @@ class OwnEngine:
 
 
 def axes_of(description: Description) -> FloatArray:
-    """Return the axes of a description as columns; in scenes of Proxbench the floor is tilted, and not gravity."""
+    """Return the axes of a description as columns; scenes of Proxbench tilt the floor instead of gravity."""
     slope = float(np.arctan2(description.gravity[0], -description.gravity[2]))
     axes: FloatArray = rotation_matrices(about((0.0, 1.0, 0.0), slope)[None])[0]
     return axes

@@ -29,7 +29,7 @@ class PyBulletEngine:
             library.changeDynamics(
                 body,
                 -1,
-                lateralFriction=float(np.sqrt(description.friction)),  # Bullet multiplies the two of a contact
+                lateralFriction=float(np.sqrt(description.friction)),  # Bullet multiplies both coefficients
                 restitution=0.0,
                 linearDamping=0.0,
                 angularDamping=0.0,

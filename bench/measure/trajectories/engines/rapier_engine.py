@@ -57,7 +57,7 @@ class RapierEngine:
         """Store nothing: Rapier does not report the directions of friction impulses."""
 
     def solved_problem(self) -> None:
-        """Return None, for the same reason."""
+        """Return None; see ``remember``."""
 
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> RapierEngine:

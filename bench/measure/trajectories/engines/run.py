@@ -1,4 +1,4 @@
-"""Runs over scenes, engines and settings, interleaved: each in a process of its own, on one thread."""
+"""Interleaved runs over scenes, engines and settings, each in its own process, on one thread."""
 
 import itertools
 import os
@@ -23,18 +23,18 @@ RUN_SECONDS = 600.0
 """Time limit of one run [s]."""
 
 DIGEST_LENGTH = 12
-"""Digits of a digest that tell sources apart."""
+"""Number of digits of a digest that distinguish sources."""
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
-    """What ``proxbench engines`` measures, as it is stored.
+    """The stored result of ``proxbench engines``.
 
     Attributes:
         measurements: a run of each setting, with its shortest times.
-        versions: of the engines.
-        rounds: how often each setting ran at least.
+        versions: versions of the engines.
+        rounds: least number of runs of each setting.
         load: load of the machine over one minute, before and after; the largest one of earlier runs counts as before.
-        machine: as runs store it.
+        machine: the machine, as in the record of a run.
         is_interrupted: whether Ctrl-C ended the comparison before its last run.
     """
 
@@ -81,16 +81,16 @@ def compare_engines(
 ) -> Comparison:
     """Measure each setting of the engines on the scenes.
 
-    Each round runs all settings once, so that a change of the machine's load meets all of them. Ctrl-C ends the
+    Each round runs all settings once, so that a change of the machine's load affects all of them. Ctrl-C ends the
     comparison, and the finished runs are returned.
 
     Args:
-        scenes: names; all if empty.
-        engines: names; all if empty.
+        scenes: names of scenes; all if empty.
+        engines: names of engines; all if empty.
         rounds: how often each setting runs; its shortest times count. The default is that of ``earlier``, or 1.
         on_run: called after each run.
-        measure: measures one run, given scene, engine and setting; in a process of its own by default.
-        earlier: a comparison whose runs are kept, but for failed ones; settings that have one do not run again.
+        measure: measures one run, given scene, engine and setting; by default in its own process.
+        earlier: a comparison whose successful runs are kept and not repeated.
 
     Raises:
         BenchError: if a name is unknown, an engine is not installed or of an untried version, or ``earlier`` is of
@@ -129,14 +129,14 @@ def compare_engines(
 
 
 def _require_same(earlier: Comparison, versions: dict[str, str], machine: dict[str, Any]) -> None:
-    """Raise ``BenchError`` if new runs would not compare with earlier ones."""
+    """Raise ``BenchError`` if new runs are not comparable with earlier ones."""
     pairs = [(engine, version, earlier.versions.get(engine, version)) for engine, version in versions.items()]
     pairs.append(("processor", machine["processor"], earlier.machine["processor"]))
     here, there = (str(one.get("source"))[:DIGEST_LENGTH] for one in (machine, earlier.machine))
     pairs.append(("the source of Proxbench with the digest", here, there))
     for name, here, there in pairs:
         if here != there:
-            raise BenchError(f"the earlier runs are of {name} {there}, not {here}; measure all of them again.")
+            raise BenchError(f"the earlier runs used {name} {there}, not {here}; measure all of them again.")
 
 
 def _settings(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[str, str, str]]:
@@ -147,7 +147,7 @@ def _settings(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[s
 
 
 def _faster(one: Measurement | None, other: Measurement) -> Measurement:
-    """Return a run with the shorter times of two; a failure stays one."""
+    """Return a run with the shorter times of two, or the failed one."""
     if one is None or other.failure:
         return other
     if one.failure:
@@ -157,7 +157,7 @@ def _faster(one: Measurement | None, other: Measurement) -> Measurement:
 
 
 def _in_own_process(scene: str, engine: str, setting: str) -> Measurement:
-    """Measure one run in a process of its own."""
+    """Measure one run in its own process."""
     program = [sys.executable, "-m", f"{__package__}.measurement", scene, engine, setting]
     environment = os.environ | ONE_THREAD
     try:

@@ -11,7 +11,7 @@ scene                   bodies                                                  
 ``funnel``              250 balls, which pour through a funnel                  overlap 0; energy never grows
 ======================= ======================================================= ==================================
 
-A sliding cube with μ < 1 does not topple, since its supporting force passes at μ/2 of the edge before the middle. Hard
+A sliding cube with μ < 1 does not topple, since its supporting force acts μ/2 edges ahead of the middle. Hard
 contact in a cone program, whose velocity lies in the dual cone, throws a cube up instead: v_N = μ ‖v_T‖ with
 ‖v_T‖ = v − μ v_N gives v_N = μ v / (1 + μ²), and a lift of v_N² / 2g = 293.6 mm here.
 """
@@ -32,7 +32,7 @@ HALF_EDGE, CUBE_MASS = 0.1, 8.0
 FACETS = 32
 WALL_HEIGHT, PANEL_THICKNESS = 0.5, 0.05
 SETTLED_SECONDS = 0.1
-"""The end of a pile over which its overlap counts [s]."""
+"""Time before the end of a pile over which its overlap counts [s]."""
 
 
 def describe(name: str) -> Description:
@@ -97,7 +97,7 @@ def _pile() -> Description:
 
 
 def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return overlap of balls at the end [r], their last kinetic energy a ball [m g r], and the energy gained."""
+    """Return overlap of balls at the end [r], their last kinetic energy per ball [m g r], and the energy gained."""
     settled = motion.positions[motion.times > motion.times[-1] - SETTLED_SECONDS]
     kinetic = 0.5 * float((_speeds(motion)[-1] ** 2).mean()) / (STANDARD_GRAVITY * scene.length)
     return max(_overlap(scene, frame) for frame in settled), kinetic, scene.energy_gained(motion)
@@ -157,7 +157,7 @@ def _of_balls(
 def _panels() -> tuple[Panel, ...]:
     """Return the cone of 45° and the wall above it, each of ``FACETS`` boxes that touch the round funnel from outside.
 
-    A box is wider than its facet below the top; what is too much lies behind the boxes beside it.
+    Below its top, a box is wider than its facet; the excess lies behind the adjacent boxes.
     """
     outlet = 4.5 * RADIUS
     top = outlet + CONE_HEIGHT
@@ -193,7 +193,7 @@ def _speeds(motion: Motion) -> FloatArray:
 
 
 def _overlap(scene: Description, centres: FloatArray) -> float:
-    """Return the deepest overlap of two balls over their radius; funnels differ, so that their walls do not count."""
+    """Return the deepest overlap of two balls over their radius; walls do not count, because the funnels differ."""
     from scipy.spatial import cKDTree
 
     distances = np.asarray(cKDTree(centres).query(centres, k=2)[0])  # the nearest centre is a ball's own

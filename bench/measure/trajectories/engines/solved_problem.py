@@ -1,4 +1,4 @@
-"""Contact problems of single steps of an engine, with the impulses that it took for their solution."""
+"""Contact problems of single steps of an engine, with the impulses that it returned as their solution."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -127,7 +127,7 @@ def test_a_claim_after_the_time_limit_does_not_count_unless_the_rounds_are_exclu
     limits = Limits(solve_seconds=0.01)
     slow, fast = measured_round(0.02), measured_round(0.005)
     late = made_case(limits=limits).point(1e-4, [slow])
-    assert (late.outcome, late.reason) == (Outcome.TIME_LIMIT, "solved after 0.02 s, its limit is 0.01 s")
+    assert (late.outcome, late.reason) == (Outcome.TIME_LIMIT, "solved after 0.02 s, but its limit is 0.01 s")
     assert made_case(limits=limits).point(1e-4, [fast]).outcome is Outcome.SOLVED
     excluded = [measured_round(0.02, "preempted")] * 2
     assert made_case(limits=limits).point(1e-4, [*excluded, fast]).outcome is Outcome.SOLVED

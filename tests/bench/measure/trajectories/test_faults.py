@@ -40,7 +40,7 @@ def scenes() -> Iterator[None]:
         ("leave", Outcome.CRASHED, "SystemExit: enough"),
         ("segfault", Outcome.CRASHED, "SIGSEGV"),
         ("sleep", Outcome.TIMEOUT, "its 3 s"),
-        ("allocate", Outcome.OUT_OF_MEMORY, "256 MB"),
+        ("allocate", Outcome.OUT_OF_MEMORY, "256 MiB"),
     ],
 )
 def test_a_fault_of_a_solver_costs_its_curve_only(action: str, outcome: Outcome, words: str, tmp_path: Path) -> None:

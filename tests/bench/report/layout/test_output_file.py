@@ -43,7 +43,7 @@ def test_a_result_that_replaces_another_has_them_too(mask: int, tmp_path: Path) 
 
 @pytest.mark.parametrize("name", ["a.npz", "x.txt", "runs-1.5", "a.json.gz"])
 def test_an_output_with_another_suffix_is_refused_and_makes_nothing(name: str, tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match=r"ends in \.\w+, and this result is a \.json file; name a file"):
+    with pytest.raises(BenchError, match=r"ends in \.\w+, but this result is a \.json file; name a file"):
         output_file(tmp_path / name, "pile", ".json", force=True)
     assert not list(tmp_path.iterdir())
 

@@ -44,7 +44,7 @@ def printed(simulation: Simulation) -> str:
 
 def test_the_table_says_which_period_it_shows_and_the_mean_which_times_it_is_of() -> None:
     text = printed(pecking(2.25))
-    assert "complete period 2 of 2, as table 1 of the paper\n" in text
+    assert "complete period 2 of 2, as in table 1 of the paper\n" in text
     assert (
         "2 of 2 complete periods, from row 1 to the next row 1, have the 12 switching points of table 1 of the paper"
         in text
@@ -71,18 +71,18 @@ def test_the_mean_leaves_out_the_transient() -> None:
 
 def test_a_period_of_other_switching_points_is_not_shown() -> None:
     text = printed(pecking(3.25, extra=(2,)))
-    assert "complete period 2 of 3, as table 1 of the paper\n" in text
+    assert "complete period 2 of 3, as in table 1 of the paper\n" in text
     assert "2 of 3 complete periods, from row 1 to the next row 1, have" in text
     assert "40 switching points at 30 instants" in text
 
 
 @pytest.mark.parametrize(
-    ("periods", "complete"), [(0.5, "no complete period, from row 1"), (1 + 1 / 12, "1 of 1 complete period,")]
+    ("periods", "complete"), [(0.5, "no complete period yet, from row 1"), (1 + 1 / 12, "1 of 1 complete period,")]
 )
 def test_complete_periods_and_times_from_section_to_section_are_distinguished(periods: float, complete: str) -> None:
     text = printed(pecking(periods))
     assert complete in text
-    assert "is not met twice yet, so there is no time from section to section" in text
+    assert "was not crossed twice, so there is no time from section to section" in text
 
 
 def test_a_single_unsolved_step_is_in_the_singular() -> None:

@@ -78,6 +78,6 @@ def test_a_bundle_that_could_not_be_read_again_is_not_written(
     honest: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bundle_file, "MAX_BYTES", 10)
-    with pytest.raises(BenchError, match="too many for a bundle"):
+    with pytest.raises(BenchError, match="too large for a bundle"):
         write_bundle(honest, tmp_path / "a.bundle")
     assert list(tmp_path.iterdir()) == []

@@ -156,7 +156,7 @@ def test_an_interrupted_comparison_has_the_rounds_that_all_its_settings_have(n_r
 def test_runs_of_another_version_source_or_processor_are_not_mixed(where: str, key: str, name: str) -> None:
     first = compare_engines(["stack"], ["rapier"], measure=measurement)
     other = msgspec.structs.replace(first, **{where: getattr(first, where) | {key: "0.36.0"}})
-    with pytest.raises(BenchError, match=rf"the earlier runs are of {name} 0\.36\.0, not .+; measure all of them"):
+    with pytest.raises(BenchError, match=rf"the earlier runs used {name} 0\.36\.0, not .+; measure all of them"):
         compare_engines(["stack"], ["rapier"], measure=measurement, earlier=other)
 
 
