@@ -144,15 +144,15 @@ class DeferredKernels:
 
     def __init__(self, kernels: Sequence[Any], uses_before_loading: int, uses_before_compiling: int) -> None:
         self._kernels, self._limits, self._uses = kernels, (uses_before_loading, uses_before_compiling), 0
-        self._are_due = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
+        self._in_use = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
-    def are_due(self) -> bool:
-        """Whether to use the kernels now; otherwise one use of the others is counted."""
-        if not self._are_due:
+    def should_use(self) -> bool:
+        """Return whether to use the kernels now; if not, count one use of the others."""
+        if not self._in_use:
             self._uses += 1
             is_loaded = self._uses == self._limits[0] and all([_load_overloads(one) for one in self._kernels])
-            self._are_due = not _INTERPRETS.get() or is_loaded or self._uses > self._limits[1]
-        return self._are_due
+            self._in_use = not _INTERPRETS.get() or is_loaded or self._uses > self._limits[1]
+        return self._in_use
 
 
 def count_numbers(*arguments: Any) -> int:

@@ -46,7 +46,7 @@ def test_the_version_comes_from_tags_and_is_that_of_the_installation() -> None:
         ("load", "proxbench.problems.exchange.catalog"),
         ("run", "proxbench.bench.runs"),
         ("solve", "proxbench.solvers.registry"),
-        ("solve_many", "proxbench.solvers.composite.small.many"),
+        ("solve_many", "proxbench.solvers.composite.small.solve_many"),
     ],
 )
 def test_the_package_offers_a_name_as_its_module_defines_it(name: str, place: str) -> None:

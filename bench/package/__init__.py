@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .problems.contact.judge import judge
     from .problems.contact.problem import ContactProblem
     from .problems.exchange.catalog import load
-    from .solvers.composite.small.many import solve_many
+    from .solvers.composite.small.solve_many import solve_many
     from .solvers.registry import solve
 
     __version__: str
@@ -38,7 +38,7 @@ _MODULES = {
     "load": ".problems.exchange.catalog",
     "run": ".bench.runs",
     "solve": ".solvers.registry",
-    "solve_many": ".solvers.composite.small.many",
+    "solve_many": ".solvers.composite.small.solve_many",
 }
 """Module that defines each name."""
 

@@ -251,16 +251,16 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
             pairs = by_solver[solver].merge(by_solver[warm_name(solver)], on=_PAIR, suffixes=("_cold", "_warm"))
             groups = pairs.groupby(["family", "tolerance"], sort=False)
             rows += [
-                {"family": family, "solver": solver, "tolerance": level, **_gain(own)}
+                {"family": family, "solver": solver, "tolerance": level, **_compare_starts(own)}
                 for (family, level), own in groups
             ]
     order = {family: index for index, family in enumerate(dict.fromkeys(frames.cases["family"]))}
     rows.sort(key=lambda row: (-row["tolerance"], order[row["family"]]))
-    return pd.DataFrame(rows, columns=["family", "solver", "tolerance", *_GAIN])
+    return pd.DataFrame(rows, columns=["family", "solver", "tolerance", *_COMPARISON_COLUMNS])
 
 
 _PAIR = ["problem", "family", "tolerance"]
-_GAIN = [
+_COMPARISON_COLUMNS = [
     "problems",
     "cold_solved",
     "warm_solved",
@@ -274,7 +274,7 @@ _GAIN = [
 ]
 
 
-def _gain(pairs: pd.DataFrame) -> dict[str, float]:
+def _compare_starts(pairs: pd.DataFrame) -> dict[str, float]:
     """Return the numbers of ``starts_table`` for points of one solver, family and tolerance, from zero and warm."""
     solved = {start: pairs[f"outcome_{start}"] == Outcome.SOLVED for start in ("cold", "warm")}
     both = pairs[solved["cold"] & solved["warm"]]

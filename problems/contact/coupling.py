@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..arrays import FloatArray, IntArray
 from ..compilation import interpretable
 from .laws import HALF_LINE, LINE
-from .matrices.ball_contacts import BallContacts
+from .matrices.pieces import Pieces
 from .problem import ContactProblem
 
 ROUNDING = 1e-13
@@ -31,13 +31,13 @@ def components(problem: ContactProblem) -> IntArray:
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
     found: IntArray
-    balls = None if problem.factors is None else problem.factors.directions
+    given = None if problem.factors is None else problem.factors.directions
     if problem.factors is None:
         matrix = problem.delassus()
         pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
         found = components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
-    elif isinstance(balls, BallContacts) and layout.n_blocks == balls.n_blocks:
-        found = _components_over_balls(balls.chunks, balls.n_chunks, layout.partner)
+    elif isinstance(given, Pieces) and given.fills_chunks and layout.n_blocks == given.n_blocks:
+        found = _components_over_balls(given.chunks, given.n_chunks, layout.partner)
     else:
         pieces = problem.factor_pieces()
         found = components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)

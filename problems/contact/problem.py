@@ -27,7 +27,6 @@ from .answer import Answer
 from .blocks import BlockLayout, layout_of
 from .laws import Laws
 from .matrices.accurate import accurate_over_factors, accurate_over_matrix
-from .matrices.ball_contacts import BallContacts
 from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
 from .matrices.factors import Factors
 from .matrices.given import sparse_numbers
@@ -214,10 +213,8 @@ class ContactProblem:
         return diagonal
 
     def _diagonal_over_factors(self) -> FloatArray:
-        given, layout = self.factors, self.layout
-        if given is not None and isinstance(given.directions, BallContacts) and given.inverse_mass.is_diagonal:
-            return given.directions.delassus_diagonal(given.inverse_mass.matrix.data)
-        return layout.rows_of(self.factor_pieces().square_sums().reshape(-1))
+        given = None if self.factors is None else self.factors.delassus_diagonal()
+        return self.layout.rows_of(self.factor_pieces().square_sums().reshape(-1)) if given is None else given
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
         """Return ξ = G Λ + c [m/s], shape (n_rows,)."""

@@ -46,7 +46,7 @@ class PreparedOnDevice:
 
 
 @dataclass(frozen=True)
-class _OnDevice(Method, ABC):
+class DeviceMethod(Method, ABC):
     """A projected iteration on a device of Warp."""
 
     relaxation: float = 1.0
@@ -83,7 +83,7 @@ class _OnDevice(Method, ABC):
 
 
 @dataclass(frozen=True)
-class WarpJORprox(_OnDevice):
+class WarpJORprox(DeviceMethod):
     """Projected Jacobi over-relaxation on a device of Warp, as ``JORprox``.
 
     Attributes:
@@ -100,7 +100,7 @@ class WarpJORprox(_OnDevice):
 
 
 @dataclass(frozen=True)
-class WarpColouredSORprox(_OnDevice):
+class WarpColouredSORprox(DeviceMethod):
     """Projected Gauss–Seidel colour by colour on a device of Warp, as ``ColouredSORprox``.
 
     Attributes:

@@ -132,13 +132,13 @@ def test_a_kernel_is_interpreted_only_where_allowed_for_few_numbers_and_a_short_
 @pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
 def test_deferred_kernels_are_used_where_nothing_is_interpreted_and_else_after_many_uses_of_the_others() -> None:
     kernels = DeferredKernels([], uses_before_loading=10**9, uses_before_compiling=3)
-    are_due = interprets_kernels(kernels.are_due)
-    assert [are_due() for _ in range(5)] == [False, False, False, True, True]
+    should_use = interprets_kernels(kernels.should_use)
+    assert [should_use() for _ in range(5)] == [False, False, False, True, True]
     with compiled_kernels():
-        assert DeferredKernels([], 10**9, 10**9).are_due()
+        assert DeferredKernels([], 10**9, 10**9).should_use()
     others = DeferredKernels([], 10**9, 10**9)
-    assert others.are_due()
-    assert interprets_kernels(others.are_due)()  # they are compiled by now
+    assert others.should_use()
+    assert interprets_kernels(others.should_use)()  # they are compiled by now
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
@@ -149,8 +149,8 @@ def test_deferred_kernels_are_loaded_early_if_they_are_in_the_cache(tmp_path: Pa
     code = """
 from doubling import double
 from proxbench.problems.compilation import DeferredKernels, interprets_kernels
-are_due = interprets_kernels(DeferredKernels([double], 2, 10**9).are_due)
-print(*(int(are_due()) for _ in range(3)), len(double.overloads))
+should_use = interprets_kernels(DeferredKernels([double], 2, 10**9).should_use)
+print(*(int(should_use()) for _ in range(3)), len(double.overloads))
 double(1.0)
 """
     environment = {

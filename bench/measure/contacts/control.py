@@ -119,7 +119,7 @@ class Controls:
             self._worker.close()
             self._worker = None
 
-    def answer(self, problem: ContactProblem, stop: Stop, start: FloatArray | None) -> FloatArray:
+    def solve_once(self, problem: ContactProblem, stop: Stop, start: FloatArray | None) -> FloatArray:
         """Return the impulses of one solve of any problem from ``start``, in a process that knows no other [N s].
 
         Raises:

@@ -121,7 +121,7 @@ class Measurement:
                 mark = iteration + 1.0 if iteration < FIRST_ITERATIONS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
-            solution = self.solver.prepare(problem).solve(stop, _own(start), note)
+            solution = self.solver.prepare(problem).solve(stop, _read_only_copy(start), note)
             refuse(type_fault(solution))
             claimed = int(solution.iterations)
         self._check_threads()
@@ -191,7 +191,7 @@ class Measurement:
             MisbehaviourError: if the result is not a valid solution.
         """
         collecting = gc.isenabled()
-        impulses, start = np.zeros(problem.n_rows), _own(start)
+        impulses, start = np.zeros(problem.n_rows), _read_only_copy(start)
         gc.disable()
         try:
             worked = used_seconds(self.solver)
@@ -292,7 +292,7 @@ def _problem(data: bytes) -> ContactProblem:
     return read_problem(io.BytesIO(data), "problem")
 
 
-def _own(start: FloatArray | None) -> FloatArray | None:
+def _read_only_copy(start: FloatArray | None) -> FloatArray | None:
     """Return a read-only copy of a start; None for zero."""
     return None if start is None else frozen(start, np.float64)
 

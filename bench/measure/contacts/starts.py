@@ -37,6 +37,6 @@ class Starts:
         if stop.tolerance not in self._known:
             start = None
             for step, following in pairwise([*self.steps, self.problem]):
-                start = continued_impulses(step, self._controls.answer(step, stop, start), following)
+                start = continued_impulses(step, self._controls.solve_once(step, stop, start), following)
             self._known[stop.tolerance] = start
         return self._known[stop.tolerance]

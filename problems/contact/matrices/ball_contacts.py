@@ -9,89 +9,15 @@ n from the second ball j to the first ball i, T1 and T2 as in ``contact_frame``,
 A record takes 40 bytes; the two pieces of W of a contact take 288.
 """
 
-from functools import cached_property
-from typing import Any
-
 import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
 from .contact_frame import tangents, write_frame
-from .pieces import Pieces
+from .pieces import BallRecords, DeferredPieces
 
 WIDTH, LENGTH = 3, 6
 """Rows of a contact with friction in space, and degrees of freedom of a ball there."""
-
-
-class DeferredPieces(Pieces):
-    """Base class of pairs of pieces whose numbers are computed when they are first read.
-
-    Args:
-        chunks: chunk of each piece, shape (n_pieces,).
-        n_chunks: number of chunks, without the idle one.
-        shape: lanes of a block and degrees of freedom of a chunk.
-    """
-
-    _shape: tuple[int, int]
-
-    def __init__(self, chunks: IntArray, n_chunks: int, shape: tuple[int, int]) -> None:
-        self._set(chunks=chunks, n_chunks=n_chunks, _shape=shape)
-
-    def _set(self, **attributes: Any) -> None:
-        for name, value in attributes.items():
-            object.__setattr__(self, name, value)
-
-    def _compute(self) -> FloatArray:
-        """Return the pieces."""
-        raise NotImplementedError
-
-    @cached_property
-    def starts(self) -> IntArray:
-        """First piece of each block, shape (n_blocks + 1,)."""
-        return 2 * np.arange(self.n_blocks + 1)
-
-    @cached_property
-    def values(self) -> FloatArray:
-        """The pieces, transposed, shape (n_pieces, width, length)."""
-        return self._compute()
-
-    @property
-    def n_blocks(self) -> int:
-        """Number of blocks."""
-        return len(self.chunks) // 2
-
-    @property
-    def width(self) -> int:
-        """Lanes of a block."""
-        return self._shape[0]
-
-    @property
-    def length(self) -> int:
-        """Degrees of freedom of a chunk."""
-        return self._shape[1]
-
-    @property
-    def in_pairs(self) -> bool:
-        """Whether every block has exactly two pieces."""
-        return True
-
-    def scaled(self, root_blocks: FloatArray) -> Pieces:
-        """Return the pieces of Sᵀ W for a block diagonal S; see ``Pieces.scaled``."""
-        return _ScaledPieces(self, root_blocks)
-
-
-class _ScaledPieces(DeferredPieces):
-    """The pieces of Sᵀ W for a block diagonal S."""
-
-    def __init__(self, given: DeferredPieces, root_blocks: FloatArray) -> None:
-        super().__init__(given.chunks, given.n_chunks, (given.width, given.length))
-        self._set(_given=given, _root_blocks=root_blocks)
-
-    _given: DeferredPieces
-    _root_blocks: FloatArray
-
-    def _compute(self) -> FloatArray:
-        return Pieces.scaled(self._given, self._root_blocks).values
 
 
 class BallContacts(DeferredPieces):
@@ -111,8 +37,18 @@ class BallContacts(DeferredPieces):
         self._set(normals=normals, radii=radii)
 
     def _compute(self) -> FloatArray:
-        values: FloatArray = _write_pieces(self.chunks, self.normals, self.radii)
+        values: FloatArray = _write_pieces(*self.balls)
         return values
+
+    @property
+    def fills_chunks(self) -> bool:
+        """Whether each block has an entry for every degree of freedom of its chunks."""
+        return True
+
+    @property
+    def balls(self) -> BallRecords:
+        """The records."""
+        return BallRecords(self.chunks, self.normals, self.radii)
 
     def copy(self) -> "BallContacts":
         """Return a copy of the records."""
@@ -121,26 +57,25 @@ class BallContacts(DeferredPieces):
     def times(self, padded: FloatArray) -> FloatArray:
         """Return the product with a vector over lanes, shape (n_chunks · length,)."""
         product = np.zeros(self.n_chunks * LENGTH)
-        _times(self.chunks, self.normals, self.radii, padded.reshape(-1), product)
+        _times(*self.balls, padded.reshape(-1), product)
         return product
 
     def transposed_times(self, vector: FloatArray) -> FloatArray:
         """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
         product = np.empty(self.n_blocks * WIDTH)
-        _transposed_times(self.chunks, self.normals, self.radii, vector, product)
+        _transposed_times(*self.balls, vector, product)
         return product
 
     def free_velocity(self, free_motion: FloatArray, velocity: FloatArray, restitution: FloatArray) -> FloatArray:
         """Return Wᵀ u_free + ε Wᵀ u [m/s], shape (n_blocks · width,), with ε of each row."""
         product = np.empty(self.n_blocks * WIDTH)
-        records = self.chunks, self.normals, self.radii
-        _write_free_velocity(*records, free_motion, velocity, restitution, product)
+        _write_free_velocity(*self.balls, free_motion, velocity, restitution, product)
         return product
 
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray:
         """Return the diagonal of G [1/kg], shape (n_rows,), for a diagonal M⁻¹, shape (n_chunks · length,)."""
         diagonal = np.empty(self.n_blocks * WIDTH)
-        _write_diagonal(self.chunks, self.normals, self.radii, inverse_diagonal, diagonal)
+        _write_diagonal(*self.balls, inverse_diagonal, diagonal)
         return diagonal
 
 
@@ -163,6 +98,11 @@ class BallNormals(DeferredPieces):
     def _compute(self) -> FloatArray:
         values: FloatArray = _write_normals(self.chunks, self.normals, self.n_chunks, self.length)
         return values
+
+    @property
+    def opposite_normals(self) -> FloatArray:
+        """The normals, shape (n_contacts, d): a block is n on its first chunk and −n on its second."""
+        return self.normals
 
     def copy(self) -> "BallNormals":
         """Return a copy of the records."""

@@ -207,6 +207,12 @@ class Factors:
         read_only(*entries)
         return with_entries(directions, *entries)
 
+    def delassus_diagonal(self) -> FloatArray | None:
+        """Return the diagonal of G [1/kg], shape (n_rows,), or None where it takes the pieces of W̃."""
+        if isinstance(self.directions, Pieces) and self.inverse_mass.is_diagonal:
+            return self.directions.delassus_diagonal(self.inverse_mass.matrix.data)
+        return None
+
     def delassus_times(self, impulses: FloatArray) -> FloatArray:
         """Return Wᵀ M⁻¹ W Λ [m/s], shape (n_rows,)."""
         if isinstance(self.directions, Pieces):

@@ -7,7 +7,7 @@ S Sᵀ, are stored in this form.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,6 +22,20 @@ CHUNK_LENGTHS = (1, 2, 3, 6)
 
 SAMPLED_ROWS = 300
 """Number of rows from which the chunk length is chosen."""
+
+
+class BallRecords(NamedTuple):
+    """Contacts with friction between balls in space, or of a ball and a surface, each by its balls and its normal.
+
+    Attributes:
+        chunks: first and second ball of each contact, ``len(radii)`` for a surface, shape (2 · n_contacts,).
+        normals: n from the second to the first ball, shape (n_contacts, 3).
+        radii: r of all balls [m], shape (n_balls,).
+    """
+
+    chunks: IntArray
+    normals: FloatArray
+    radii: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +85,21 @@ class Pieces:
         """
         return tuple(range(self.width)), tuple(range(self.length)), self.starts, self.chunks, self.values.reshape(-1)
 
+    @property
+    def fills_chunks(self) -> bool:
+        """Whether each block is known to have an entry for every degree of freedom of its chunks."""
+        return False
+
+    @property
+    def balls(self) -> BallRecords | None:
+        """The records of contacts between balls, None where blocks are not given by records."""
+        return None
+
+    @property
+    def opposite_normals(self) -> FloatArray | None:
+        """Normal n of each block that is n on its first chunk and −n on its second, None where blocks are others."""
+        return None
+
     def copy(self) -> "Pieces":
         """Return a copy of the pieces."""
         return Pieces(self.starts.copy(), self.chunks.copy(), self.values.copy(), self.n_chunks)
@@ -86,6 +115,19 @@ class Pieces:
         product = np.empty(self.n_blocks * self.width)
         _transposed_times(*self.loops, self.n_chunks, vector, product)
         return product
+
+    def free_velocity(self, free_motion: FloatArray, velocity: FloatArray, restitution: FloatArray) -> FloatArray:
+        """Return Wᵀ u_free + ε Wᵀ u [m/s], shape (n_blocks · width,), with ε of each row."""
+        product = self.transposed_times(free_motion)
+        product += restitution * self.transposed_times(velocity)
+        return product
+
+    def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray | None:
+        """Return the diagonal of G [1/kg], shape (n_rows,), for a diagonal M⁻¹, shape (n_chunks · length,).
+
+        None where it takes the pieces of W̃, whose ``square_sums`` it is.
+        """
+        return None
 
     def square_sums(self) -> FloatArray:
         """Return the squared norm of each column, shape (n_blocks, width): for W̃ the diagonal of G [1/kg]."""
@@ -113,6 +155,77 @@ class Pieces:
         rows, columns = self.chunks[piece] * self.length + k, block[piece] * self.width + lane
         shape = (self.n_chunks * self.length, self.n_blocks * self.width)
         return sp.csc_array(sp.coo_array((self.values[piece, lane, k], (rows, columns)), shape=shape))
+
+
+class DeferredPieces(Pieces):
+    """Base class of pairs of pieces whose numbers are computed when they are first read.
+
+    Args:
+        chunks: chunk of each piece, shape (n_pieces,).
+        n_chunks: number of chunks, without the idle one.
+        shape: lanes of a block and degrees of freedom of a chunk.
+    """
+
+    _shape: tuple[int, int]
+
+    def __init__(self, chunks: IntArray, n_chunks: int, shape: tuple[int, int]) -> None:
+        self._set(chunks=chunks, n_chunks=n_chunks, _shape=shape)
+
+    def _set(self, **attributes: Any) -> None:
+        for name, value in attributes.items():
+            object.__setattr__(self, name, value)
+
+    def _compute(self) -> FloatArray:
+        """Return the pieces."""
+        raise NotImplementedError
+
+    @cached_property
+    def starts(self) -> IntArray:
+        """First piece of each block, shape (n_blocks + 1,)."""
+        return 2 * np.arange(self.n_blocks + 1)
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """The pieces, transposed, shape (n_pieces, width, length)."""
+        return self._compute()
+
+    @property
+    def n_blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.chunks) // 2
+
+    @property
+    def width(self) -> int:
+        """Lanes of a block."""
+        return self._shape[0]
+
+    @property
+    def length(self) -> int:
+        """Degrees of freedom of a chunk."""
+        return self._shape[1]
+
+    @property
+    def in_pairs(self) -> bool:
+        """Whether every block has exactly two pieces."""
+        return True
+
+    def scaled(self, root_blocks: FloatArray) -> Pieces:
+        """Return the pieces of Sᵀ W for a block diagonal S; see ``Pieces.scaled``."""
+        return _ScaledPieces(self, root_blocks)
+
+
+class _ScaledPieces(DeferredPieces):
+    """The pieces of Sᵀ W for a block diagonal S."""
+
+    def __init__(self, given: DeferredPieces, root_blocks: FloatArray) -> None:
+        super().__init__(given.chunks, given.n_chunks, (given.width, given.length))
+        self._set(_given=given, _root_blocks=root_blocks)
+
+    _given: DeferredPieces
+    _root_blocks: FloatArray
+
+    def _compute(self) -> FloatArray:
+        return Pieces.scaled(self._given, self._root_blocks).values
 
 
 def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:

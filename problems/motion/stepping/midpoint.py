@@ -23,8 +23,8 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray
-from ...contact.matrices.ball_contacts import BallContacts
 from ...contact.matrices.factors import Factors
+from ...contact.matrices.pieces import Pieces
 from ...contact.problem import ContactProblem
 from ...contact.solver import Prepared, Stop
 from ...errors import ProblemError, error_text
@@ -127,11 +127,11 @@ class MidpointRule:
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
     """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B − χ."""
     given = contacts.directions
-    if isinstance(given, BallContacts):
+    if isinstance(given, Pieces):
         free_velocity = given.free_velocity(assembly.free_motion, velocity, contacts.restitution)
     else:
-        free_velocity = contacts.transposed_times(assembly.free_motion)
-        free_velocity += contacts.restitution * contacts.transposed_times(velocity)
+        free_velocity = given.T @ assembly.free_motion
+        free_velocity += contacts.restitution * (given.T @ velocity)
     if contacts.drive is not None:
         free_velocity -= contacts.drive
     factors = Factors(contacts.directions, assembly.inverse_mass, assembly.free_motion)

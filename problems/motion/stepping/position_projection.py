@@ -22,7 +22,6 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray
-from ...contact.matrices.ball_contacts import BallNormals
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
@@ -151,10 +150,11 @@ def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
     """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that the columns of SᵀW_N are all that is swept over."""
     normals = overlaps.normals
     assert isinstance(normals, Pieces)
-    if isinstance(normals, BallNormals) and overlaps.inverse_mass.is_diagonal:
+    directions = normals.opposite_normals
+    if directions is not None and overlaps.inverse_mass.is_diagonal:
         displacement = np.zeros(normals.n_chunks * normals.length)
         inverse = overlaps.inverse_mass.matrix.data
-        _move_balls_apart(normals.chunks, normals.normals, inverse, normals.length, overlaps.gap, depth, displacement)
+        _move_balls_apart(normals.chunks, directions, inverse, normals.length, overlaps.gap, depth, displacement)
         return displacement
     root = overlaps.inverse_mass.root_blocks(normals.length)
     assert root is not None

@@ -117,7 +117,7 @@ def prepare_small(
     """Return the prepared sweeps of a small problem, or None where ``Robust`` does not begin with these sweeps."""
     free = problem.free_velocity
     laws = law_arguments(problem) if 0 < len(free) <= FEW_ROWS else None
-    if laws is None or not _KERNELS.are_due():
+    if laws is None or not _KERNELS.should_use():
         return None
     coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
     if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:

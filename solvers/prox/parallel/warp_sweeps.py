@@ -2,7 +2,9 @@
 
 The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels, which a graphics
 processor records once for each length and then starts at once (a CUDA graph). Before each check of the residual, Λ and
-ξ are copied back, which waits for the device: times of a solve are complete. ``transfer_seconds`` counts these copies.
+ξ are copied back, which waits for the device: times of a solve are complete. ``upload_seconds`` and
+``transfer_seconds`` count copies to and from the device and the allocation of its memory, once for each start. They
+count neither kernels, nor the recording of graphs, nor computations on the host.
 """
 
 import time
@@ -51,8 +53,9 @@ class DeviceSweep(ABC):
         device: the device.
         kernels: the module of the kernels, imported late.
         contacts: the constant data of all contacts, see ``warp_kernels.Contacts``.
-        upload_seconds: wall time of copying the data to the device [s].
-        transfer_seconds: wall time of copying Λ and ξ between both, in all solves [s].
+        upload_seconds: wall time of copying the data to the device, with the allocation of its memory [s].
+        transfer_seconds: wall time of copying Λ, ξ and v to and from the device, with the allocation of their memory,
+            in all solves [s].
     """
 
     def __init__(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> None:
@@ -61,21 +64,24 @@ class DeviceSweep(ABC):
         from . import warp_kernels
 
         wp.load_module(warp_kernels, device=device)  # compiled here: a recorded graph cannot load it
-        began = time.perf_counter()
         self.kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
         self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
         pieces, layout = self.pieces, self.layout
         free = np.zeros((layout.n_blocks, 3))
         free[:, : layout.width] = layout.pad(problem.free_velocity)
+        values, coupling = pieces.values, self.coupling()  # values may be computed here
+        friction, fixed = layout.friction_coefficient, layout.fixed_bound
+        self.find_order()
         contacts = warp_kernels.Contacts()
         contacts.length, contacts.idle = pieces.length, pieces.n_chunks
-        contacts.bodies, contacts.pieces = self.indices(pieces.chunks), self.numbers(pieces.values)
+        self.synchronise()
+        began = time.perf_counter()
+        contacts.bodies, contacts.pieces = self.indices(pieces.chunks), self.numbers(values)
         contacts.free, contacts.sizes = self.numbers(free), self.numbers(sizes)
-        contacts.friction = self.numbers(layout.friction_coefficient)
-        contacts.fixed = self.numbers(layout.fixed_bound)
-        contacts.coupling = self.numbers(self.coupling())
+        contacts.friction, contacts.fixed = self.numbers(friction), self.numbers(fixed)
+        contacts.coupling = self.numbers(coupling)
         self.contacts = contacts
-        self.add_order()
+        self.copy_order()
         self.synchronise()
         self.upload_seconds = time.perf_counter() - began
 
@@ -84,8 +90,12 @@ class DeviceSweep(ABC):
         """Return the correction of ξ_T after a change of Λ_N, shape (n_blocks, 2)."""
 
     @abstractmethod
-    def add_order(self) -> None:
-        """Copy to the device in which order contacts are updated."""
+    def find_order(self) -> None:
+        """Find the order in which contacts are updated."""
+
+    @abstractmethod
+    def copy_order(self) -> None:
+        """Copy the order to the device."""
 
     @abstractmethod
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
@@ -126,11 +136,15 @@ class ColouredDeviceSweep(DeviceSweep):
         coupling: FloatArray = own_coupling(self.pieces.starts, self.pieces.values)
         return coupling
 
-    def add_order(self) -> None:
+    def find_order(self) -> None:
         """Sort the contacts by colour."""
         colours, n_colours = colour_contacts(self.pieces)
-        self._order = self.indices(np.argsort(colours, kind="stable"))
+        self._by_colour = np.argsort(colours, kind="stable")
         self._sizes = np.bincount(colours, minlength=n_colours).tolist()
+
+    def copy_order(self) -> None:
+        """Copy the contacts sorted by colour."""
+        self._order = self.indices(self._by_colour)
 
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
         """Start the kernels of all colours."""
@@ -147,13 +161,16 @@ class JacobiDeviceSweep(DeviceSweep):
         """Return zeros, since ξ is that of the last sweep."""
         return np.zeros((self.layout.n_blocks, 2))
 
-    def add_order(self) -> None:
-        """List the contacts of each body."""
+    def find_order(self) -> None:
+        """List the pieces of each body."""
         chunks, n_bodies = self.pieces.chunks, self.pieces.n_chunks
-        touching = np.argsort(chunks, kind="stable")
         counts = np.bincount(chunks, minlength=n_bodies + 1)[:n_bodies]
-        self._starts = self.indices(np.concatenate([[0], np.cumsum(counts)]))
-        self._touching = self.indices(touching[: counts.sum()])
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        self._of_bodies = starts, np.argsort(chunks, kind="stable")[: starts[-1]]
+
+    def copy_order(self) -> None:
+        """Copy the list of each body, and allocate the changes of Λ."""
+        self._starts, self._touching = map(self.indices, self._of_bodies)
         self._changes = self.numbers(np.zeros(3 * self.layout.n_blocks))
 
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
@@ -170,13 +187,14 @@ class DeviceIterates:
         layout, pieces = sweep.layout, sweep.pieces
         padded = np.zeros((layout.n_blocks, 3))
         padded[:, : layout.width] = layout.pad(start)
+        velocity = np.append(pieces.times(padded), np.zeros(pieces.length))
+        sweep.synchronise()
         began = time.perf_counter()
-        self._sweep = sweep
-        self._impulses = sweep.numbers(padded)
-        self._velocity = sweep.numbers(np.append(pieces.times(padded), np.zeros(pieces.length)))
+        self._impulses, self._velocity = sweep.numbers(padded), sweep.numbers(velocity)
         self._relative = sweep.numbers(np.zeros(padded.size))
         sweep.synchronise()
         sweep.transfer_seconds += time.perf_counter() - began
+        self._sweep = sweep
         self._graphs: dict[int, Any] = {}
 
     def sweep(self, count: int) -> None:

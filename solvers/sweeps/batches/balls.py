@@ -18,8 +18,8 @@ from numba import njit, uint64
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.answer import ratio
 from ....problems.contact.blocks import BlockLayout
-from ....problems.contact.matrices.ball_contacts import BallContacts
 from ....problems.contact.matrices.contact_frame import tangents
+from ....problems.contact.matrices.pieces import BallRecords, Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual, outside_disc
 from ...iteration.loop import SinglePassIterates
@@ -49,7 +49,7 @@ class BallSweep:
     """
 
     layout: BlockLayout
-    contacts: BallContacts
+    contacts: BallRecords
     inverse_masses: FloatArray
     spin_share: float
     free: FloatArray
@@ -61,15 +61,17 @@ class BallSweep:
     def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
         """Return the sweep with step sizes as in ``step_size``, or None where contacts are no balls' or too few."""
         factors, layout = problem.factors, problem.layout
-        contacts = None if factors is None else factors.directions
-        if not isinstance(contacts, BallContacts) or not (layout.width == 3 and layout.has_contacts_only):
+        if factors is None or not isinstance(factors.directions, Pieces):
             return None
-        assert factors is not None
+        pieces = factors.directions
+        contacts = pieces.balls
+        if contacts is None or not (layout.width == 3 and layout.has_contacts_only):
+            return None
         if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
             return None
-        inverse_masses = np.zeros(contacts.n_chunks + 1)
+        inverse_masses = np.zeros(pieces.n_chunks + 1)
         spin_share = _write_inverse_masses(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses)
-        batches = assign_batches(contacts)
+        batches = assign_batches(pieces)
         is_full = len(batches.places) >= MIN_FILL * LANES * batches.n_batches
         if spin_share <= 0.0 or not is_full or layout.fixed_bound.any():
             return None
