@@ -1,9 +1,11 @@
 """Profiles of solvers over many problems: performance, data and accuracy profiles, time budgets, and speed-ups.
 
 Each profile covers the problems and solvers of one table, so it changes with the table: the least time of a problem is
-that of the solvers shown. Shares count every problem of the view, solved or not. The view ``COMMON`` contains the
-problems that all solvers support; the view ``EVERY`` contains all problems, and a solver fails on those that it does
-not support.
+that of the solvers shown. Times are compared only between solvers that compute in as many threads. Performance profiles
+therefore cover the solvers with the fewest threads, and speed-ups those with as many as the baseline.
+
+Shares count every problem of the view, solved or not. The view ``COMMON`` contains the problems that all solvers
+support; the view ``EVERY`` contains all problems, and a solver fails on those that it does not support.
 
 Source of the performance profile: E. D. Dolan and J. J. Moré, Benchmarking optimization software with performance
 profiles, Mathematical Programming 91 (2002), eq. (2.2); of the data profile: J. J. Moré and S. M. Wild, Benchmarking
@@ -11,7 +13,7 @@ derivative-free optimization algorithms, SIAM Journal on Optimization 20(1) (200
 evaluations.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -155,8 +157,25 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
     return rows.reindex(columns=["solver", "problem", "speedup"])
 
 
+def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") -> pd.DataFrame:
+    """Return the columns of solvers that compute in as many threads as a baseline, or in the fewest if it is empty."""
+    threads = frames.cases.drop_duplicates("solver").set_index("solver")["threads"]
+    own = threads.reindex(values.columns).to_numpy(dtype=np.float64)
+    return values.loc[:, own == (threads[baseline] if baseline else own.min(initial=np.inf))]
+
+
+def other_threads(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:
+    """Return a note that names the solvers that ``with_threads`` leaves out; empty if there are none."""
+    names = list(solvers)
+    kept = with_threads(frames, pd.DataFrame(columns=names), baseline).columns
+    left_out = [name for name in names if name not in kept]
+    return f"without solvers in other numbers of threads: {', '.join(left_out)}" if left_out else ""
+
+
 def baseline_of(frames: RunFrames, wanted: str = "") -> str:
     """Return the reference solver of speed-ups: ``wanted``, or the one that solves most to the finest accuracy.
+
+    Unless it is named, it is one of the solvers with the fewest threads.
 
     Raises:
         BenchError: if the run has no case of ``wanted``, or no case at all.
@@ -167,7 +186,7 @@ def baseline_of(frames: RunFrames, wanted: str = "") -> str:
     require_cases(frames)
     finest, limit = profile_accuracies(frames)[-1], frames.info.plan.limits.solve_seconds
     solved = _matrix(frames, reaching(frames.points, finest, limit), "total_seconds")
-    return wanted or str(solved.notna().sum().idxmax())
+    return wanted or str(with_threads(frames, solved).notna().sum().idxmax())
 
 
 def require_cases(frames: RunFrames) -> None:
@@ -195,7 +214,7 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
         for accuracy in profile_accuracies(frames):
             seconds = seconds_matrix(frames, accuracy)
             seconds = seconds[seconds.index.isin(own)]
-            faster = speedups(seconds, baseline)
+            faster = speedups(with_threads(frames, seconds, baseline), baseline)
             parts["speedup"].append(faster.assign(accuracy=accuracy, family=family, baseline=baseline))
             for view, shown in _views(frames, seconds):
                 for name, profile in kinds.items():
@@ -205,7 +224,8 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
                         "view": view,
                         "problems": len(shown),
                     }
-                    parts[name].append(profile(shown).assign(**labels))
+                    own_columns = with_threads(frames, shown) if name == "performance" else shown
+                    parts[name].append(profile(own_columns).assign(**labels))
         for view, shown in _views(frames, residual_matrix(frames).loc[own]):
             rows = accuracy_profile(shown)
             parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(shown)))

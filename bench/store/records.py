@@ -258,6 +258,8 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     Attributes:
         problem: name.
         digest: SHA-256 of the problem's numbers.
+        start: digest of the earlier steps and the contacts that a warm start continues; empty for a start from zero,
+            and in runs that were stored before it was recorded. Equal cases have equal digests of both kinds.
         solver: name, with options.
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
@@ -277,6 +279,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
 
     problem: str
     digest: str
+    start: Annotated[str, Meta(pattern="^([0-9a-f]{16})?$")] = ""
     solver: str
     model: str
     has_iterates: bool

@@ -4,8 +4,10 @@ A step names the one before it (``BEFORE`` in its provenance) and its contacts (
 takes the impulses of the step before, contact by contact, as steppers do: zero for a contact that is new.
 """
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,6 +19,9 @@ BEFORE = "before"
 
 STEP = "step"
 """Entry of the provenance of a step: its number, which exceeds that of the step before by one."""
+
+START_DIGITS = 16
+"""Number of hexadecimal digits of the digest of a start."""
 
 
 def continued_impulses(before: ContactProblem, impulses: FloatArray, problem: ContactProblem) -> FloatArray:
@@ -30,13 +35,37 @@ def continued_impulses(before: ContactProblem, impulses: FloatArray, problem: Co
     Returns:
         Λ [N s], shape (problem.n_rows,): that of the contact with the same key and as many rows, zero elsewhere.
     """
+    return np.append(impulses, 0.0)[_continued_rows(before, problem)]  # -1 takes the zero
+
+
+def start_digest(steps: Sequence[ContactProblem], problem: ContactProblem) -> str:
+    """Return a digest of everything outside a problem that determines the warm start of a solver; empty without steps.
+
+    Starts at several tolerances differ, and each is the solver's answer to the same steps. The digest therefore covers
+    the numbers of the steps and the rows that each step continues, not the impulses.
+
+    Args:
+        steps: the steps before the problem, from the first on.
+        problem: the problem.
+    """
+    if not steps:
+        return ""
+    sha = hashlib.sha256(b"proxbench warm start 1")
+    for before, following in pairwise([*steps, problem]):
+        sha.update(before.digest.encode())
+        sha.update(_continued_rows(before, following).tobytes())
+    return sha.hexdigest()[:START_DIGITS]
+
+
+def _continued_rows(before: ContactProblem, problem: ContactProblem) -> IntArray:
+    """Return the row of ``before`` that each row continues, shape (problem.n_rows,); -1 for none."""
     rows_before = _rows_by_key(before)
-    start = np.zeros(problem.n_rows)
+    continued = np.full(problem.n_rows, -1, dtype=np.int64)
     for key, rows in _rows_by_key(problem).items():
         known = rows_before.get(key)
         if known is not None and len(known) == len(rows):
-            start[rows] = impulses[known]
-    return start
+            continued[rows] = known
+    return continued
 
 
 @dataclass(frozen=True)

@@ -327,6 +327,7 @@ class Case(LadderCase[MeasuredRound]):
         return {
             "problem": self.problem.name,
             "digest": self.problem.digest,
+            "start": self._starts.digest,
             "solver": self.solver.name,
             "model": str(self.solver.model),
             "has_iterates": self.solver.has_iterates,

@@ -6,12 +6,13 @@ the problem. An answer that misses the tolerance is a start like any other.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Stop
-from ....problems.exchange.sequences import continued_impulses
+from ....problems.exchange.sequences import continued_impulses, start_digest
 from .control import Controls
 
 
@@ -27,6 +28,11 @@ class Starts:
         """Initialise with the earlier steps, the problem, and the process that solves the steps."""
         self.steps, self.problem, self._controls = steps, problem, controls
         self._known: dict[float, FloatArray | None] = {}
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of what determines the starts, as ``start_digest``; empty for starts from zero."""
+        return start_digest(self.steps, self.problem)
 
     def impulses(self, stop: Stop) -> FloatArray | None:
         """Return the start of a solve with a stop criterion [N s], shape (n_rows,); None for zero.

@@ -8,9 +8,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from ....problems.exchange.catalog import is_available
+from ....problems.exchange.sequences import start_digest
 from ....problems.representation import counted
 from ...errors import InterruptedRunError
-from ...plugins.problems import problem_of_run, store_problems
+from ...plugins.problems import predecessors_of_run, problem_of_run, store_problems
 from ...plugins.solver_specs import SolverSpec
 from ...simulation.generation.generate import generate
 from ...store.records import CaseRecord, RunRecord
@@ -63,11 +64,15 @@ class RunExecutor(ABC):
         """Measure and store the remaining cases."""
 
     def _discard_stale_cases(self) -> None:
-        """Discard the stored cases of problems whose numbers have changed."""
+        """Discard the stored cases of problems whose numbers have changed, and warm cases that start differently."""
         for name, cases in self._cases.items():
             if cases:
-                digest = self._digest(name)
-                self._cases[name] = {solver: case for solver, case in cases.items() if case.digest == digest}
+                digest, starts = self._digest(name), self._starts(name)
+                self._cases[name] = {
+                    solver: case
+                    for solver, case in cases.items()
+                    if (case.digest, case.start) == (digest, starts.get(solver, ""))
+                }
         self._done = self._count_finished()
 
     def _count_cases(self) -> int:
@@ -119,6 +124,15 @@ class RunExecutor(ABC):
         if plan.trajectories:
             return trajectory_of(plan.trajectory(name)).digest
         return problem_of_run(self._store, self._record, name).digest
+
+    def _starts(self, name: str) -> dict[str, str]:
+        """Return the digests of the starts of the warm solvers on a problem."""
+        warm = [one.name for one in self._solvers if isinstance(one, SolverSpec) and one.starts_warm]
+        if not warm:
+            return {}
+        problem = problem_of_run(self._store, self._record, name)
+        steps = predecessors_of_run(self._store, self._record, problem).steps
+        return dict.fromkeys(warm, start_digest(steps, problem))
 
     def _write_case(self, record: CaseRecord) -> None:
         self._cases[record.problem][record.solver] = record

@@ -13,7 +13,7 @@ from ..accuracy import summary_accuracies
 from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted, csv_content
-from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, profile_accuracies, profile_tables
+from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, other_threads, profile_accuracies, profile_tables
 from .drawing import SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_legend, stacked, write_drawing
 from .palette import Look, looks
 
@@ -84,7 +84,7 @@ def profile_charts(
         view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title tells so.
     """
     shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
-    over = _over(frames, shown["accuracy"], view)
+    over, solvers = _over(frames, shown["accuracy"], view), shown["accuracy"]["solver"].unique()
     charts = {}
     for name in (*CURVES, "speedup"):
         table, parts = shown[name], [(name, "", shown[name])]
@@ -92,7 +92,8 @@ def profile_charts(
             levels = [(level, table[table["accuracy"] == level]) for level in profile_accuracies(frames)]
             parts = [(name, f"to a {frames.residual} residual of {exponent(level)}", own) for level, own in levels]
         row = _row(frames, parts, set(table["solver"]))
-        notes = [*([over] if name in CURVES else []), _NOTES[name].format(baseline)]
+        lines = [*([over] if name in CURVES else []), _NOTES[name].format(baseline)]
+        notes = _with_threads(lines, name, other_threads(frames, solvers, baseline if name == "speedup" else ""))
         charts[name] = _page(frames, _TITLES[name], notes, [row], len(parts))
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
     return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
@@ -114,7 +115,13 @@ def _families_chart(
             parts.append((name, f"{family}: {_TITLES[name].split()[0].lower()}{of_level}", own))
         rows.append(_row(frames, parts, set() if rows else set(tables["accuracy"]["solver"])))
     notes = [_FAMILY_VIEWS[view], "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)]
+    notes = _with_threads(notes, "performance", other_threads(frames, tables["accuracy"]["solver"].unique()))
     return _page(frames, "Profiles by family", notes, rows, len(CURVES))
+
+
+def _with_threads(notes: list[str], name: str, left_out: str) -> list[str]:
+    """Return the notes of a chart with the solvers that its performance profile or speed-ups leave out."""
+    return [*notes[:-1], f"{notes[-1]}; {left_out}"] if left_out and name in ("performance", "speedup") else notes
 
 
 def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legend: set[str]) -> alt.HConcatChart:

@@ -109,7 +109,7 @@ def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) 
 
 
 def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, list[str]]:
-    """Return problem and solver of the common cases with equal digests, and sentences about omitted cases."""
+    """Return problem and solver of common cases with equal digests and starts, and sentences about omitted cases."""
     digests = [dict(zip(run.cases["problem"], run.cases["digest"], strict=True)) for run in (before, after)]
     changed = [name for name, digest in digests[0].items() if digests[1].get(name, digest) != digest]
     notes = [_listing("omitted because the numbers of these problems differ", changed)]
@@ -117,12 +117,17 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
         sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
             notes.append(_listing(f"{what}s of {run.folder} alone", [name for name in own if name not in other]))
-    both = before.cases[[*CASE, "threads"]].merge(after.cases[[*CASE, "threads"]], on=CASE)
-    is_equal = both["threads_x"] == both["threads_y"]
-    others = list(dict.fromkeys(both["solver"][~is_equal]))
-    notes.append(_listing("omitted because these solvers ran in other numbers of threads", others))
-    keys = both[is_equal][CASE]
-    return keys[~keys["problem"].isin(changed)], [note for note in notes if note]
+    compared = [*CASE, "threads", "start"]
+    both = before.cases[compared].merge(after.cases[compared], on=CASE)
+    both = both[~both["problem"].isin(changed)]
+    for column, named, difference in (
+        ("threads", "solver", "these solvers ran in other numbers of threads"),
+        ("start", "problem", "warm solvers continue other steps or contacts on these problems"),
+    ):
+        is_equal = both[f"{column}_x"] == both[f"{column}_y"]
+        notes.append(_listing(f"omitted because {difference}", list(dict.fromkeys(both[named][~is_equal]))))
+        both = both[is_equal]
+    return both[CASE], [note for note in notes if note]
 
 
 def _listing(what: str, names: list[str]) -> str:

@@ -157,11 +157,12 @@ def _hardware(machine: Machine) -> dict[str, Any]:
 
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
-    named, models = looks(frames.info.plan.solvers), frames.cases.drop_duplicates("solver").set_index("solver")["model"]
+    named, firsts = looks(frames.info.plan.solvers), frames.cases.drop_duplicates("solver").set_index("solver")
     return [
         {
             "name": name,
-            "model": models[name],
+            "model": firsts["model"][name],
+            "threads": int(firsts["threads"][name]),
             "file": plain_name(name),
             "option": option("solver", name),
             "on_dark": "#{:02x}{:02x}{:02x}".format(*on_dark(named[name].colour)),

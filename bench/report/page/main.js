@@ -30,6 +30,8 @@ async function render() {
   place("baseline-name").textContent = view.baseline;
   for (const [name, made] of Object.entries(TABLES)) fill(`${name}-table`, made(view));
   place("profiles-over").textContent = `Shares are ${profileView(view, view.isCommon).over}.`;
+  place("performance-threads").textContent = otherThreads(profileView(view, view.isCommon));
+  place("speedup-threads").textContent = otherThreads(view, view.baseline);
   const group = (name, { family, ...part }) => {
     const own = name === "accuracy" ? part : comparedView(part);
     const shown = name === "speedup" ? own : profileView(own, view.isCommon);

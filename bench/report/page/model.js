@@ -32,7 +32,23 @@ const share = (values, isIn) => (values.length ? values.filter(isIn).length / va
 const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 const least = (values) => values.reduce((low, value) => (Number.isNaN(value) || low <= value ? low : value), NaN);
 const most = (values) => -least(values.map((value) => -value));
-const bestTime = (view, problem) => least(view.solvers.map((solver) => timeTo(view, problem, solver)));
+
+// The solvers of a view that compute in as many threads as the baseline, or in the fewest of the view without one.
+// Only their times are compared.
+function withThreads(view, baseline = null) {
+  const known = view.run.solvers.find(({ name }) => name === baseline);
+  const threads = known?.threads ?? Math.min(...view.solvers.map((solver) => solver.threads));
+  return view.solvers.filter((solver) => solver.threads === threads);
+}
+
+// A note that names the solvers that `withThreads` leaves out; empty if there are none.
+function otherThreads(view, baseline = null) {
+  const kept = withThreads(view, baseline);
+  const names = view.solvers.filter((solver) => !kept.includes(solver)).map(({ name }) => name);
+  return names.length ? `Without solvers in other numbers of threads: ${names.join(", ")}.` : "";
+}
+
+const bestTime = (view, problem) => least(withThreads(view).map((solver) => timeTo(view, problem, solver)));
 
 // Shifted geometric mean; missing times count as the time limit.
 function meanTime(run, times) {
@@ -60,7 +76,7 @@ function summary(view) {
   const [common, compared] = [commonView(view), comparedView(view)];
   const isIn = (part, one) => part.problems.some((problem) => problem.name === one.problem);
   const best = new Map(view.problems.map((problem) => [problem.name, bestTime(view, problem)]));
-  const gains = speedups(compared);
+  const [gains, equals] = [speedups(compared), withThreads(view)];
   return common.solvers.map((solver) => {
     const cases = supported(view, view.problems, [solver]);
     const times = (chosen) => cases.filter(chosen).map((one) => one.timeTo(accuracy));
@@ -72,7 +88,9 @@ function summary(view) {
       confirmed: times((one) => !Number.isNaN(one.timeTo(accuracy))).length,
       mean: meanTime(run.run, times((one) => isIn(common, one) && isIn(compared, one))),
       ownMean: meanTime(run.run, times((one) => !one.isExcluded(accuracy))),
-      fastest: cases.filter((one) => isIn(compared, one) && one.timeTo(accuracy) === best.get(one.problem)).length,
+      fastest: equals.includes(solver)
+        ? cases.filter((one) => isIn(compared, one) && one.timeTo(accuracy) === best.get(one.problem)).length
+        : NaN,
       speedup: own.length ? Math.exp(mean(own)) : NaN,
       compared: own.length,
       wrong: cases.flatMap((one) => one.points).filter((point) => point.outcome === "wrong").length,
@@ -114,9 +132,10 @@ function steps(view, values, column, first, last) {
 const times = (view) => view.solvers.map((solver) => view.problems.map((problem) => timeTo(view, problem, solver)));
 
 function performanceProfile(view) {
+  const compared = { ...view, solvers: withThreads(view) };
   const best = view.problems.map((problem) => bestTime(view, problem));
-  const ratios = times(view).map((own) => own.map((time, k) => time / best[k]));
-  return steps(view, ratios, "ratio", 1, ROOM * most([1, ...ratios.flat()]));
+  const ratios = times(compared).map((own) => own.map((time, k) => time / best[k]));
+  return steps(compared, ratios, "ratio", 1, ROOM * most([1, ...ratios.flat()]));
 }
 
 function dataProfile(view) {
@@ -143,10 +162,10 @@ function budgets(view) {
   }));
 }
 
-// The time of the baseline over that of each other solver shown, on problems that both solve.
+// The time of the baseline over that of each other solver shown in as many threads, on problems that both solve.
 function speedups(view) {
   const baseline = { name: view.baseline };
-  return view.solvers.filter((solver) => solver.name !== view.baseline).flatMap((solver) =>
+  return withThreads(view, view.baseline).filter((solver) => solver.name !== view.baseline).flatMap((solver) =>
     view.problems.map((problem) => ({
       solver: solver.name,
       problem: problem.name,

@@ -17,7 +17,7 @@ function summaryTable(view) {
     counts(row.confirmed, row.problems),
     timeCell(row.mean),
     timeCell(row.ownMean),
-    { text: row.fastest, value: row.fastest },
+    { text: digits(row.fastest, 12), value: row.fastest },
     row.solver.name === view.baseline
       ? { text: "baseline", value: 1 }
       : { text: row.compared ? `${digits(row.speedup, 3)} (${row.compared})` : NONE, value: row.speedup },
@@ -54,7 +54,8 @@ function problemsTable(view) {
     const solved = cases.filter((one) => !Number.isNaN(one.timeTo(view.accuracy)));
     const best = bestTime(view, problem);
     const isCompared = comparedView({ ...view, problems: [problem] }).problems.length > 0;
-    const fastest = isCompared ? solved.find((one) => one.timeTo(view.accuracy) === best) : undefined;
+    const isEqual = (one) => withThreads(view).some(({ name }) => name === one.solver);
+    const fastest = isCompared ? solved.find((one) => isEqual(one) && one.timeTo(view.accuracy) === best) : undefined;
     const residual = least(cases.map((one) => one.residual ?? NaN));
     return [
       problemLink(view, problem.name), problem.family, problem.law,
@@ -140,9 +141,10 @@ function problemView(view, problem) {
   const best = isCompared ? bestTime(view, problem) : NaN;
   const rows = view.solvers.map((solver) => run.find(problem, solver)).filter(Boolean).map((one) => {
     const seconds = one.timeTo(view.accuracy);
+    const ratio = withThreads(view).some(({ name }) => name === one.solver) ? seconds / best : NaN;
     return [
       caseLink(view, one, one.solver),
-      timeCell(seconds, one.isExcluded(view.accuracy)), { text: digits(seconds / best, 3), value: seconds / best },
+      timeCell(seconds, one.isExcluded(view.accuracy)), { text: digits(ratio, 3), value: ratio },
       { text: power(one.residual ?? NaN), value: one.residual }, { text: one.iterations ?? NONE, value: one.iterations },
       one.outcome, one.reason,
     ];

@@ -68,6 +68,7 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
     sessions: list[Session] = []
     cases: dict[tuple[str, str], tuple[CaseRecord, Bundle]] = {}
     digests: dict[str, str] = {}
+    starts: dict[str, str] = {}
     for bundle in bundles:
         sessions += [one for one in bundle.run.sessions if one not in sessions]
         places = [sessions.index(one) for one in bundle.run.sessions]
@@ -75,6 +76,11 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
             if digests.setdefault(case.problem, case.digest) != case.digest:
                 raise BenchError(
                     f"the problem {case.problem!r} of {bundle.source} has other numbers in another source; rename it."
+                )
+            if case.start and starts.setdefault(case.problem, case.start) != case.start:
+                raise BenchError(
+                    f"the warm solvers on {case.problem!r} of {bundle.source} start from other steps or contacts than "
+                    "in another source; leave one of them out."
                 )
             found, key = (with_sessions(case, places), bundle), (case.problem, case.solver)
             cases[key] = _chosen(cases[key], found) if key in cases else found

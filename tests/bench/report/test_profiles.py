@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from msgspec.structs import replace as replace_fields
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
 from proxbench.bench.report import page as page_folder
@@ -34,6 +35,7 @@ from proxbench.bench.report.profiles import (
 )
 from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
+from simulated_runs import simulated_cases, store_run
 
 REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
@@ -108,20 +110,28 @@ def test_a_chart_without_common_problems_says_so_and_shows_all(declined: RunFram
     assert "no problem is supported by all solvers: over all 3 problems" in subtitle(charts["data"])
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="no node is installed to run the script of the page")
+needs_node = pytest.mark.skipif(
+    shutil.which("node") is None, reason="no node is installed to run the script of the page"
+)
+
+
+def output_of_page(document: dict[str, Any], script: str) -> Any:
+    """What a script prints as JSON, after the model of the page has read a document as ``run``."""
+    model = (Path(page_folder.__path__[0]) / "model.js").read_text()
+    source = f"{model}\nconst run = decoded({json.dumps(document)});\n{script}"
+    done = subprocess.run(["node", "-"], input=source, capture_output=True, text=True, check=True, timeout=60)
+    return json.loads(done.stdout)
+
+
+@needs_node
 @pytest.mark.parametrize("view", [COMMON, EVERY])
 def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: str) -> None:
-    document = page_document(declined, "SORprox")
-    model = (Path(page_folder.__path__[0]) / "model.js").read_text()
-    script = f"""{model}
-        const run = decoded({json.dumps(document)});
-        const whole = {{ ...run, run, accuracy: 1e-4 }};
+    script = f"""const whole = {{ ...run, run, accuracy: 1e-4 }};
         const view = profileView(whole, {json.dumps(view == COMMON)});
         const kinds = {{ performance: performanceProfile, data: dataProfile, accuracy: accuracyProfile }};
         const made = Object.fromEntries(Object.entries(kinds).map(([name, profile]) => [name, profile(view)]));
         console.log(JSON.stringify({{ ...made, over: view.over, axis: view.axis }}));"""
-    done = subprocess.run(["node", "-"], input=script, capture_output=True, text=True, check=True, timeout=60)
-    found = json.loads(done.stdout)
+    found = output_of_page(page_document(declined, "SORprox"), script)
     charts = profile_charts(declined, profile_tables(declined, "SORprox"), "SORprox", view)
     for name, table in profile_tables(declined, "SORprox").items():
         if name in found:
@@ -132,6 +142,56 @@ def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: s
             pd.testing.assert_frame_equal(rows, expected, rtol=1e-6, check_dtype=False)
             assert found["over"] in subtitle(charts[name])
             assert found["axis"] in json.dumps(charts[name].to_dict())
+
+
+THREADS = {"A": 1, "B": 1, "C": 2, "D": 2}
+"""Solvers with the numbers of threads in which they compute."""
+
+
+@pytest.fixture
+def threaded(tmp_path: Path) -> RunFrames:
+    """A run of solvers in one and in two threads, of which one in two is the fastest."""
+    cases = simulated_cases(0, {"C": 0.01}, solvers=tuple(THREADS))
+    return load(store_run(tmp_path / "run", [replace_fields(case, threads=THREADS[case.solver]) for case in cases]))
+
+
+@pytest.mark.parametrize(("baseline", "compared"), [("A", {"B"}), ("C", {"D"})])
+def test_times_are_compared_between_solvers_in_as_many_threads(
+    baseline: str, compared: set[str], threaded: RunFrames
+) -> None:
+    tables = profile_tables(threaded, baseline)
+    assert set(tables["speedup"]["solver"]) == compared
+    assert set(tables["data"]["solver"]) == set(tables["accuracy"]["solver"]) == set(THREADS)
+    alone = replace(threaded, cases=threaded.cases[threaded.cases["threads"] == 1])
+    pd.testing.assert_frame_equal(tables["performance"], profile_tables(alone, "A")["performance"])
+    assert baseline_of(threaded) in ("A", "B")
+    charts = profile_charts(threaded, tables, baseline)
+    for name, left_out in {"performance": "C, D", "speedup": "C, D" if baseline == "A" else "A, B"}.items():
+        assert f"without solvers in other numbers of threads: {left_out}" in subtitle(charts[name])
+    for name in ("data", "accuracy"):
+        assert "threads" not in subtitle(charts[name])
+
+
+@needs_node
+@pytest.mark.parametrize("baseline", ["A", "C"])
+def test_the_script_of_the_page_compares_solvers_in_as_many_threads(baseline: str, threaded: RunFrames) -> None:
+    document = page_document(threaded, baseline)
+    script = """const whole = { ...run, run, accuracy: 1e-6 };
+        const fastest = Object.fromEntries(summary(whole).map((row) => [row.solver.name, row.fastest]));
+        const notes = [otherThreads(whole), otherThreads(whole, whole.baseline)];
+        const [performance, speedup] = [performanceProfile(whole), speedups(whole)];
+        console.log(JSON.stringify({ performance, speedup, fastest, notes }));"""
+    found = output_of_page(document, script)
+    for name, table in profile_tables(threaded, baseline).items():
+        if name in found:
+            own = table[(table["family"] == ALL) & (table["accuracy"] == 1e-6)]
+            own = own[own["view"] == EVERY] if "view" in own else own
+            rows = pd.DataFrame(found[name])
+            pd.testing.assert_frame_equal(rows, own[rows.columns].reset_index(drop=True), rtol=1e-6, check_dtype=False)
+    assert found["fastest"]["C"] is found["fastest"]["D"] is None
+    assert found["fastest"]["A"] + found["fastest"]["B"] == threaded.cases["problem"].nunique()
+    left_out = ["C, D", "C, D" if baseline == "A" else "A, B"]
+    assert found["notes"] == [f"Without solvers in other numbers of threads: {names}." for names in left_out]
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 from proxbench.bench import load
 from proxbench.bench.errors import BenchError
+from proxbench.bench.store.conversion import content_of, record_of
 from proxbench.bench.store.fields import Quartiles
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, RunRecord
@@ -131,3 +132,9 @@ def test_families_are_those_of_the_plan_and_of_the_names_in_older_runs(stored: S
     named = replace(record, plan=replace(record.plan, families={"p": "mine"}))
     Store.open(folder).write_run(named)
     assert load(folder).cases["family"].tolist() == load(folder).points["family"].tolist() == ["mine"]
+
+
+def test_a_case_that_was_stored_without_a_start_started_from_zero(case: CaseRecord) -> None:
+    content = content_of(replace(case, start="0" * 16))
+    del content["start"]
+    assert record_of(content, CaseRecord).start == ""

@@ -9,7 +9,7 @@ from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.contact.solver import Stop
 from proxbench.problems.exchange.catalog import SEQUENCE_MEMBERS
 from proxbench.problems.exchange.files.problem_file import save_problem
-from proxbench.problems.exchange.sequences import BEFORE, STEP, continued_impulses, predecessors
+from proxbench.problems.exchange.sequences import BEFORE, STEP, continued_impulses, predecessors, start_digest
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import create
@@ -30,6 +30,27 @@ def test_a_contact_with_other_rows_and_a_problem_without_keys_start_from_zero() 
     before = contacts("a", dim=1)
     assert not continued_impulses(before, np.ones(1), contacts("a")).any()
     assert not continued_impulses(replace(before, keys=()), np.ones(1), contacts("a", dim=1)).any()
+
+
+def test_the_digest_of_a_start_covers_the_numbers_of_earlier_steps_and_the_rows_that_continue() -> None:
+    first, second, problem = contacts("a", "b"), contacts("b", "c"), contacts("c", "b", "d")
+    digest = start_digest([first, second], problem)
+    assert start_digest([], problem) == ""
+    same = [
+        ([first.fresh(), second.renamed("other")], problem.fresh()),
+        ([first.keyed(["A", "B"]), second.keyed(["B", "C"])], problem.keyed(["C", "B", "D"])),
+        ([first, second], problem.keyed(["c", "b", "e"])),
+    ]
+    assert {start_digest(*start) for start in same} == {digest}
+    stiffer = replace(first, free_velocity=2.0 * first.free_velocity)
+    other = [
+        ([second], problem),
+        ([stiffer, second], problem),
+        ([first.keyed(["b", "a"]), second], problem),
+        ([first, second], problem.keyed(["b", "c", "d"])),
+        ([first, second], problem.keyed(["e", "b", "d"])),
+    ]
+    assert len({digest, *(start_digest(*start) for start in other)}) == len(other) + 1
 
 
 class Recorder:

@@ -1,13 +1,20 @@
 """A warm case starts from its own answers to the steps before; a cold one, and the same numbers alone, from zero."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench import load, run
+from msgspec.structs import replace
+from proxbench.bench import load, resume, run
+from proxbench.bench.measure.contacts.case import Case
+from proxbench.bench.measure.ladder import CasePass
+from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.store.plans import Limits
+from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem
 from proxbench.problems import load as load_problem
-from proxbench.problems.exchange.sequences import BEFORE, STEP, continued_impulses
+from proxbench.problems.exchange.sequences import BEFORE, STEP, Predecessors, continued_impulses, start_digest
 from proxbench.solvers import Stop, create
 
 TOLERANCE = 1e-4
@@ -50,6 +57,56 @@ def test_a_warm_case_takes_the_iterations_of_the_solver_from_its_own_answers(fra
     cold = iterations(frames, "SORprox")
     assert all(found[name] < cold[name] for name in found)
     assert cold["step-0"] == create("SORprox").prepare(steps[0]).solve(stop).iterations
+
+
+def test_a_warm_case_has_the_digest_of_its_start_and_a_cold_one_has_none(frames: object) -> None:
+    cases = frames.cases.set_index(["solver", "problem"])["start"]  # type: ignore[attr-defined]
+    steps = steps_of_a_sequence()
+    assert cases["SORprox"].tolist() == ["", "", ""]
+    assert cases["Warm(SORprox)"].tolist() == [start_digest(steps[:number], steps[number]) for number in range(3)]
+
+
+Changed = Callable[[ContactProblem], ContactProblem]
+
+
+@pytest.mark.parametrize(
+    ("place", "change", "is_equal"),
+    [
+        (0, lambda step: step.fresh(), True),
+        (0, lambda step: scaled(step, 2.0), False),
+        (1, lambda step: scaled(step, 2.0), False),
+        (1, lambda step: step.keyed(["new", *step.keys[1:]]), False),
+        (2, lambda step: step.keyed([step.keys[1], step.keys[0], *step.keys[2:]]), False),
+    ],
+)
+def test_another_start_changes_the_digest_of_the_start_and_nothing_else(
+    place: int, change: Changed, is_equal: bool
+) -> None:
+    known, steps = steps_of_a_sequence(), steps_of_a_sequence()
+    steps[place] = change(steps[place])
+    for solver, differing in (("SORprox", set()), ("Warm(SORprox)", set() if is_equal else {"start"})):
+        before, after = identity(known, solver), identity(steps, solver)
+        assert {name for name in before if before[name] != after[name]} == differing
+
+
+def scaled(step: ContactProblem, factor: float) -> ContactProblem:
+    other = ContactProblem(factor * step.free_velocity, step.laws, factors=step.factors, keys=step.keys)
+    return other.renamed(step.name, **step.provenance)
+
+
+def identity(steps: list[ContactProblem], solver: str) -> dict[str, object]:
+    before = Predecessors(tuple(steps[:-1]))
+    return Case(steps[-1], solver_spec(solver), Limits(), [TOLERANCE], b"", None, CasePass(0, 0), before).identity()
+
+
+def test_a_finished_run_is_resumed_where_a_case_has_another_start(frames: object) -> None:
+    store = Store.open(frames.folder)  # type: ignore[attr-defined]
+    (case,) = (one for one in store.read_cases("step-2")[0] if one.start)
+    assert len(resume(store.folder).info.sessions) == 1
+    store.write_case(replace(case, start="0" * 16))
+    again = resume(store.folder)
+    assert len(again.info.sessions) == 2
+    assert case.start in again.cases["start"].tolist()
 
 
 def test_the_first_step_has_no_warm_start_and_says_so(frames: object) -> None:

@@ -129,11 +129,14 @@ def test_what_is_finished_is_not_measured_again(visited: list[Any], tmp_path: Pa
     assert len(store.read_run().sessions) == 2
 
 
-def test_a_case_of_other_numbers_is_measured_again(visited: list[Any], tmp_path: Path) -> None:
+@pytest.mark.parametrize("changes", [{"digest": "0" * 64}, {"start": "0" * 16}])
+def test_a_case_of_other_numbers_or_another_start_is_measured_again(
+    changes: dict[str, str], visited: list[Any], tmp_path: Path
+) -> None:
     store, _ = execute(tmp_path / "run")
     cases, _ = store.read_cases()
     visited.clear()
-    execute(tmp_path / "run", [replace(cases[0], digest="0" * 64), *cases[1:]], store.read_run())
+    execute(tmp_path / "run", [replace(cases[0], **changes), *cases[1:]], store.read_run())
     assert visited == [[(cases[0].problem, cases[0].solver)]] * 2
 
 

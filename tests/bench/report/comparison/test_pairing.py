@@ -41,6 +41,23 @@ def test_problems_of_other_numbers_are_left_out_and_named(tmp_path: Path, before
     assert not found.slower()
 
 
+def test_warm_cases_of_other_starts_are_left_out_and_named(tmp_path: Path) -> None:
+    runs = []
+    for name, start in (("before", "0" * 16), ("after", "1" * 16)):
+        cases = simulated_cases(0, solvers=("A", "Warm(A)"))
+        started = [msgspec.structs.replace(case, start="0" * 16) if "W" in case.solver else case for case in cases]
+        changed = [
+            msgspec.structs.replace(case, start=start) if case.start and case.problem == "p-2" else case
+            for case in started
+        ]
+        runs.append(store_run(tmp_path / name, changed))
+    found = compare(*runs)
+    assert "omitted because warm solvers continue other steps or contacts on these problems: p-2" in found.notes
+    assert set(found.cases["solver"][found.cases["problem"] == "p-2"]) == {"A"}
+    assert set(found.cases["solver"][found.cases["problem"] == "p-1"]) == {"A", "Warm(A)"}
+    assert not any("omitted" in note for note in compare(runs[0], runs[0]).notes)
+
+
 @pytest.mark.slow
 def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Path) -> None:
     machine = msgspec.structs.replace(MACHINE, versions={"numpy": "3"})

@@ -130,6 +130,16 @@ def test_a_finished_case_counts_before_an_unfinished_one_and_two_are_a_contradic
         merge([whole, other], tmp_path, "two")
 
 
+def test_warm_cases_of_one_problem_that_start_differently_are_not_put_together(honest: Bundle, tmp_path: Path) -> None:
+    names, sources = honest.run.plan.problems, list[Path]()
+    for number, solver in enumerate(("NSGS", "SORprox")):
+        cases = [replace(case, start=f"{number:016x}") for case in honest.cases if case.solver == solver]
+        sources.append(part(dataclasses.replace(honest, cases=cases), tmp_path / f"{number}.bundle", names))
+    with pytest.raises(BenchError, match="start from other steps or contacts than in another source"):
+        merge(sources, tmp_path, "both")
+    assert merge(sources[:1], tmp_path, "one").cases["start"].unique().tolist() == ["0" * 16]
+
+
 @pytest.mark.parametrize(
     ("plan", "word"), [({"passes": 1}, "number of passes"), ({"tolerances": [1e-2, 1e-5, 1e-6]}, "tolerances")]
 )
