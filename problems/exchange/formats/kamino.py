@@ -84,7 +84,7 @@ def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: Flo
     off = float(np.abs(problem.relative_velocity(impulses) - velocity).max(initial=0.0))
     if off > SINGLE_PRECISION * float(terms.max(initial=0.0)):
         raise ProblemError(
-            f"D λ + v_f differs from v_plus by {off:.1e}; dump D before the solve, which adds a penalty to its diagonal."
+            f"D λ + v_f differs from v_plus by {off:.1e}; dump D before the solve, which changes its diagonal."
         )
 
 

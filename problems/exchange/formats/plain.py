@@ -155,7 +155,7 @@ def _dim(arrays: Arrays) -> int:
         return DEFAULT_DIM
     rows, contacts = arrays["c"].size, arrays["mu"].size
     if contacts == 0 or rows % contacts or rows // contacts not in (1, 2, 3):
-        raise ProblemError(f"'c' has {rows} rows and 'mu' {contacts} contacts, but must have 1, 2 or 3 rows per contact.")
+        raise ProblemError(f"'c' has {rows} rows and 'mu' {contacts} contacts; give 1, 2 or 3 rows per contact.")
     return rows // contacts
 
 

@@ -64,7 +64,7 @@ def test_a_thin_body_may_penetrate_by_a_part_of_its_thickness(depth: float, is_r
 
 def test_a_joint_that_is_open_at_the_start_is_refused() -> None:
     joined = replace(bodies(), joints=RigidJoints([Joint("ball", 0, 1, (0.0, 0.0, 0.5), (0.0, 0.0, -0.5))], 2))
-    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: it misses by 0.1 m or rad; correct"):
+    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: its error is 0.1 m or rad; correct"):
         check_start(joined, start())
 
 
