@@ -71,7 +71,7 @@ def test_a_program_that_ends_is_an_error_of_the_solve(faulty_program: Path, faul
 
 
 def test_what_it_prints_beside_its_answers_is_refused(faulty_program: Path) -> None:
-    with pytest.raises(BrokenInterfaceError, match="does not begin an answer; write answers to standard output as messages"):
+    with pytest.raises(BrokenInterfaceError, match="does not begin an answer; write answers to standard output"):
         faulty(faulty_program, "garbage").prepare(load("hard-stack-10")).solve(Stop())
     with pytest.raises(SolverError, match="sent b'Welcome to my so', which does not begin an answer"):
         faulty(faulty_program, "print")

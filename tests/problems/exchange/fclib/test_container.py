@@ -94,13 +94,13 @@ def test_a_group_behind_a_link_to_another_file_is_not_entered(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("value", "look", "words"),
     [
-        (np.zeros(3, dtype=np.float32), lambda root: root.floats("v"), "must hold 64-bit numbers"),
-        (np.zeros(3, dtype=np.int32), lambda root: root.floats("v"), "must hold 64-bit numbers"),
+        (np.zeros(3, dtype=np.float32), lambda root: root.floats("v"), "must contain 64-bit numbers"),
+        (np.zeros(3, dtype=np.int32), lambda root: root.floats("v"), "must contain 64-bit numbers"),
         (np.zeros((3, 3)), lambda root: root.floats("v"), "must be a vector"),
-        (np.zeros(3), lambda root: root.integers("v"), "must hold integers"),
-        (np.zeros(3, dtype=np.int16), lambda root: root.integers("v"), "must hold integers"),
+        (np.zeros(3), lambda root: root.integers("v"), "must contain integers"),
+        (np.zeros(3, dtype=np.int16), lambda root: root.integers("v"), "must contain integers"),
         (np.zeros(3, dtype=np.int32), lambda root: root.integer("v"), "must be one number, got 3"),
-        (b"text", lambda root: root.floats("v"), "must hold 64-bit numbers"),
+        (b"text", lambda root: root.floats("v"), "must contain 64-bit numbers"),
         (np.zeros(3), lambda root: root.text("v"), "must be one string"),
         (np.zeros(3), lambda root: root.group("v"), "/v is not a group"),
         (np.zeros(3), lambda root: root.group("elsewhere"), "/elsewhere is missing"),

@@ -183,7 +183,7 @@ def test_a_stored_solution_that_is_none_is_not_taken_for_one(tmp_path: Path) -> 
         ({"fclib_local/vectors/q": Q[:3]}, r"must have shape \(3, 3\)"),
         ({"fclib_local/W/x": np.full(12, np.inf)}, r"G\[0, 0\] = inf must be finite"),
         ({"fclib_local/W/m": np.array([2**31 - 1])}, "must have shape"),
-        ({"fclib_global/spacedim": np.array([3])}, "it holds several problems"),
+        ({"fclib_global/spacedim": np.array([3])}, "it contains several problems"),
         ({"solution/r": np.zeros(5)}, "solution/r must have 6 entries, got 5"),
     ],
 )
