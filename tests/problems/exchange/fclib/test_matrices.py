@@ -64,7 +64,7 @@ def test_arrays_may_be_longer_than_what_they_hold(kind: str, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("kind", "changes", "words"),
     [
-        ("rows", {"m": 7}, r"must have shape \(6, 6\) to go with the vectors, and says \(7, 6\)"),
+        ("rows", {"m": 7}, r"must have shape \(6, 6\) to match the vectors, got \(7, 6\)"),
         ("rows", {"m": 2**31 - 1, "n": 2**31 - 1}, "must have shape"),
         ("rows", {"nz": -3}, "nz = -3 is not a storage format"),
         ("rows", {"p": np.arange(6)}, "p must have 7 entries, and has 6"),
