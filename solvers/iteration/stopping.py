@@ -3,9 +3,8 @@
 The judge's residual is measured every few sweeps. A residual that no longer falls does not end a solve: it may stay
 constant for a million sweeps, while an impulse travels through a stack, and then fall. A solve therefore continues to
 its limits unless it cannot succeed: Λ no longer changes, or the residual consists of rounding (STALLED); iterate ν
-    equals
-iterate ν−2 to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); the residual explodes or
-is not a number (DIVERGED).
+equals iterate ν−2 to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); the residual
+explodes or is not a number (DIVERGED).
 """
 
 import bisect
