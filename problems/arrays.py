@@ -12,17 +12,17 @@ IntArray = NDArray[np.int64]
 
 
 def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return ``values`` as an array, whatever type of real number it has.
+    """Return ``values`` as an array of real numbers of any type.
 
     Raises:
-        ProblemError: if they are no real numbers; complex ones, texts and objects are none.
+        ProblemError: if they are complex numbers, strings or other objects.
     """
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
         raise ProblemError(f"{name} must be an array of real numbers, got {type(values).__name__}.") from None
     if array.dtype.kind not in "fiub":
-        raise ProblemError(f"{name} must be an array of real numbers, got one of {array.dtype}.")
+        raise ProblemError(f"{name} must be an array of real numbers, got an array of {array.dtype}.")
     return array
 
 
@@ -30,7 +30,7 @@ def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
     """Return a contiguous read-only copy of ``values``.
 
     Raises:
-        ProblemError: if they are no real numbers.
+        ProblemError: if they are not real numbers.
     """
     array = np.array(real_numbers(values, name), dtype=dtype, order="C", copy=True)
     read_only(array)

@@ -1,7 +1,7 @@
-"""Kernels at their first use: a notice where compilation takes long, and interpretation where it is not worth its time.
+"""Kernels at their first use: a notice if compilation takes long, and interpretation if compilation does not pay.
 
 A kernel takes up to half a second to compile. The set-up of one small problem runs each of its kernels once, which
-takes the interpreter milliseconds, so ``solve`` lets it. The results are equal to the bit if a kernel uses only
+takes the interpreter milliseconds, so ``solve`` interprets them. The results are identical if a kernel uses only
 correctly rounded operations, and neither powers nor ``fastmath``.
 """
 
@@ -30,9 +30,9 @@ class CompilationListener(event.Listener):
     """Measure the time that kernels take to compile; kernels loaded from the cache do not count.
 
     Attributes:
-        seconds: wall time of all compilations that have ended, nested ones counted once [s].
+        seconds: wall time of all compilations that have ended, counting nested ones once [s].
         kernels: number of functions that were compiled.
-        is_silent: whether no notice is written, or no second one.
+        is_silent: whether no further notice is written.
     """
 
     def __init__(self) -> None:
@@ -63,14 +63,14 @@ event.register("numba:compile", COMPILATION)  # type: ignore[no-untyped-call]
 
 
 def silence_notice() -> None:
-    """Disable the notice in this process, for example where its standard error is recorded."""
+    """Disable the notice in this process, for example if its standard error is recorded."""
     COMPILATION.is_silent = True
 
 
 def load_cached_kernels() -> int:
     """Load the kernels of all imported modules that numba has cached for this processor.
 
-    A first call with new types loads a kernel in about 5 ms, which no later call takes.
+    The first call with new types loads a kernel in about 5 ms; later calls do not.
 
     Returns:
         The number of kernels that were loaded, one for each combination of types.
@@ -94,13 +94,13 @@ def _load_overloads(kernel: Any) -> int:
 
 
 MAX_INTERPRETED_NUMBERS = 50_000
-"""Numbers that an interpreted kernel reads in one call, which may take 0.05 s."""
+"""Largest count of numbers that an interpreted kernel reads in one call, which may take 0.05 s."""
 
 MAX_INTERPRETED_SECONDS = 0.05
 """Time for which each kernel is interpreted before it is compiled, or loaded from the cache in 0.005 s."""
 
 _INTERPRETS: ContextVar[bool | None] = ContextVar("interprets", default=None)
-"""Whether kernels may be interpreted; False where no function can allow it."""
+"""Whether kernels may be interpreted; False if no function can allow it."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -122,7 +122,7 @@ def interprets_kernels(function: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def compiled_kernels() -> Iterator[None]:
-    """Compile all kernels at their first calls, also within functions that ``interprets_kernels`` returned."""
+    """Compile all kernels at their first calls, also within functions from ``interprets_kernels``."""
     token = _INTERPRETS.set(False)
     try:
         yield
@@ -131,15 +131,15 @@ def compiled_kernels() -> Iterator[None]:
 
 
 class DeferredKernels:
-    """Kernels that replace others, which give the same results in more time and are already compiled.
+    """Kernels that replace slower ones with the same results, which are already compiled.
 
-    Where a function ``interprets_kernels``, they are used once they are loaded: after a few uses of the others if they
-    are in the cache, else after as many as take the time of a compilation.
+    Within a function from ``interprets_kernels``, they are used when they are loaded: after a few uses of the slower
+    ones if they are in the cache, else after as many uses as take the time of a compilation.
 
     Args:
         kernels: the kernels.
-        uses_before_loading: uses of the others that take about as long as loading the kernels from the cache.
-        uses_before_compiling: uses of the others that take about as long as compiling the kernels.
+        uses_before_loading: uses of the slower kernels that take about as long as loading the kernels from the cache.
+        uses_before_compiling: uses of the slower kernels that take about as long as compiling the kernels.
     """
 
     def __init__(self, kernels: Sequence[Any], uses_before_loading: int, uses_before_compiling: int) -> None:
@@ -147,7 +147,7 @@ class DeferredKernels:
         self._in_use = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
     def should_use(self) -> bool:
-        """Return whether to use the kernels now; if not, count one use of the others."""
+        """Return whether to use the kernels now; if not, count one use of the slower ones."""
         if not self._in_use:
             self._uses += 1
             is_loaded = self._uses == self._limits[0] and all([_load_overloads(one) for one in self._kernels])
@@ -161,13 +161,13 @@ def count_numbers(*arguments: Any) -> int:
 
 
 def interpretable(kernel: Any, count: Callable[..., int] = count_numbers) -> Any:
-    """Return ``kernel``, which the interpreter runs at first where a function ``interprets_kernels``.
+    """Return ``kernel``, which the interpreter runs at first within functions from ``interprets_kernels``.
 
     ``count`` returns how many numbers the kernel reads if it is called with these arguments. Calls of a compiled
-    kernel take no longer: numba calls ``_compile_for_args`` only if it has compiled nothing that fits the arguments,
-    and then calls what that returns.
+    kernel take no longer: numba calls ``_compile_for_args`` only if no compiled version fits the arguments, and then
+    calls its result.
     """
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]  # then it is a Python function
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]  # the kernel is a Python function
         return kernel
     compile_kernel, seconds = kernel._compile_for_args, 0.0
 

@@ -13,7 +13,7 @@ class ProxbenchError(Exception):
 
 
 class ProblemError(ProxbenchError, ValueError):
-    """A contact problem or the name of one is not valid."""
+    """A contact problem or its name is not valid."""
 
 
 class IndefiniteError(ProblemError):
@@ -28,14 +28,14 @@ MAX_NAMES = 12
 """Largest number of known names that a message lists."""
 
 ALIKE = 0.6
-"""Least similarity, as difflib measures it, for a name to be suggested."""
+"""Smallest similarity by difflib for a name to be suggested."""
 
 PROBLEMS_LISTED = "proxbench list problems --suite all"
 """The command that lists all problems."""
 
 
 def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
-    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or else the known names if few.
+    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or the known names if there are few.
 
     Args:
         name: the name given.

@@ -1,7 +1,7 @@
 """Names with options, such as ``SORprox(relaxation=1.5)``, of solvers, steppers and scenes.
 
 name     plain | plain(part, …, option=value, …)
-part     a name with options of its own: Fallback(SORprox, NSGS(tolerance=1e-3))
+part     a name, possibly with options: Fallback(SORprox, NSGS(tolerance=1e-3))
 value    a Python literal
 """
 
@@ -33,16 +33,16 @@ class Name:
 
 
 def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -> Name:
-    """Return the name that ``text`` writes.
+    """Parse a name with options.
 
     Args:
         text: the text.
         kind: the kind of thing it names, for the error message: "solver".
-        example: a name with options, for the same.
+        example: a name with options, for the error message.
         error: the class of the error.
 
     Raises:
-        ProxbenchError: of class ``error``, if the text is no name.
+        ProxbenchError: of class ``error``, if the text is not a name.
     """
     try:
         return _name(ast.parse(text.strip(), mode="eval").body)
@@ -53,7 +53,7 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
 
 
 def check_options(owner: str, given: Iterable[str], known: Iterable[str], error: type[ProxbenchError]) -> None:
-    """Raise ``error`` for the first option that ``owner`` does not have, with the nearest one that it has."""
+    """Raise ``error`` for the first option that ``owner`` does not have, and suggest the nearest one."""
     names = list(known)
     for option in given:
         if option not in names:
@@ -61,7 +61,7 @@ def check_options(owner: str, given: Iterable[str], known: Iterable[str], error:
 
 
 def described(thing: Any) -> str:
-    """Return the name of a dataclass instance: its class, and every option that differs from its default."""
+    """Return the name of a dataclass instance: its class, and the options that differ from their defaults."""
     fields = thing.__dataclass_fields__
     values = {name: value for name, field in fields.items() if (value := getattr(thing, name)) != field.default}
     return str(Name(type(thing).__name__, values)) if values else type(thing).__name__

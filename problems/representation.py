@@ -1,14 +1,14 @@
-"""Representations for people: a line of text in a console, a small table in a notebook."""
+"""Representations for users: a line of text in a console, a small table in a notebook."""
 
 from collections.abc import Iterable, Mapping
 from html import escape
 
 MAX_LISTED = 4
-"""Names that a line of text lists; of more it gives the number."""
+"""Largest number of names that a line of text lists; of more it states the number."""
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """Return ``"1 contact"`` or ``"59 contacts"``; the plural has an s unless it is given."""
+    """Return ``"1 contact"`` or ``"59 contacts"``; the plural ends in s unless it is given."""
     return f"{number} {noun if number == 1 else plural or f'{noun}s'}"
 
 

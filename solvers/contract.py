@@ -1,4 +1,4 @@
-"""Checks that a plugin's solver implements the interface; each fault is one sentence for its author.
+"""Checks that a plugin's solver implements the interface; each fault is a sentence for its author.
 
 Only the form is checked: members, signatures, names, and the types of return values. The conformance tests check the
 behaviour.
@@ -24,7 +24,7 @@ MAX_ITERATIONS = 2**53
 
 
 def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -> Solver:
-    """Make a solver from a plugin's class and ``options``, and check that it implements the interface.
+    """Create a solver from a plugin's class and ``options``, and check that it implements the interface.
 
     Args:
         name: the plain name that the plugin offers.
@@ -81,7 +81,7 @@ def form_fault(solver: Any) -> str | None:
         return f"its has_iterates is {_with_article(solver.has_iterates)}; it must be True or False"
     threads = getattr(solver, "threads", 1)
     if type(threads) is not int or threads < 1:
-        return f"its threads is {threads!r:.60}; it must be a whole number from 1 on"
+        return f"its threads is {threads!r:.60}; it must be a whole number, at least 1"
     for method, wanted in _METHODS.items():
         fault = _method_fault(solver, method, wanted, lambda signature: signature.bind(None))
         if fault:
@@ -105,12 +105,12 @@ def reason_fault(reason: Any) -> str | None:
 
 
 def solution_fault(problem: ContactProblem, solution: Any) -> str | None:
-    """Return why ``solution`` has not the form of a solution of ``problem``, or None."""
+    """Return why ``solution`` does not have the form of a solution of ``problem``, or None."""
     fault = type_fault(solution)
     if fault:
         return fault
     impulses = solution.impulses
-    if type(impulses) is not np.ndarray:  # a subclass may show each reader different numbers
+    if type(impulses) is not np.ndarray:  # a subclass may return different numbers at each access
         return f"it returned impulses of type {type(impulses).__name__}, not a plain numpy array"
     if impulses.shape != (problem.n_rows,):
         return f"it returned impulses of shape {impulses.shape}, not ({problem.n_rows},)"

@@ -1,4 +1,4 @@
-"""The list of solvers, including those of plugins, and their creation from names with options."""
+"""The registry of solvers, including those of plugins, which creates them from names with options."""
 
 import inspect
 import re
@@ -47,7 +47,7 @@ PARTS = {
     "HybridNewton": "composite.hybrid_newton",
     "ProximalPoint": "newton.proximal_point",
 }
-"""Module of each solver that is mainly a part of ``Robust``, and listed apart."""
+"""Module of each solver that is mainly a part of ``Robust``, and listed separately."""
 
 PEERS = {
     "PinocchioADMM": "peers.pinocchio_admm",
@@ -58,7 +58,7 @@ PEERS = {
 """Module of each outside solver, whose library is an optional dependency."""
 
 ON_DEVICES = {"WarpJORprox": "prox.warp_sorprox", "WarpColouredSORprox": "prox.warp_sorprox"}
-"""Module of each solver that needs Warp, an optional dependency, and a device of it."""
+"""Module of each solver that needs Warp, an optional dependency, and one of its devices."""
 
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback", "Warm": "composite.warm"}
 """Module of each solver that is made of other solvers."""
@@ -112,12 +112,12 @@ def natives() -> dict[str, str]:
 
 
 def plugin_solvers() -> list[Offer]:
-    """Return the solvers that plugins offer, refused offers with their reason."""
+    """Return the solvers that plugins offer, including rejected offers with the reason."""
     return offers("solver", _OWN)
 
 
 def is_own(name: str) -> bool:
-    """Return whether a plain name is that of a solver of Proxbench, which no other solver may have."""
+    """Return whether a plain name is reserved for a solver of Proxbench."""
     return name in _OWN
 
 

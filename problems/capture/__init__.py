@@ -1,1 +1,1 @@
-"""Problems that are captured from the steps of physics engines, with what the engine itself set out to solve."""
+"""Problems captured from the steps of physics engines, with the model that the engine solves."""

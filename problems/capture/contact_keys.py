@@ -1,4 +1,4 @@
-"""Names of contacts that last from step to step.
+"""Persistent names of contacts across steps.
 
 Contacts of one pair of geometries are distinguished by a number, ``"floor | box #2"``. In the next step a contact
 keeps the number of the nearest contact of the pair, as seen from either geometry: the corner of a sliding box does not
@@ -17,10 +17,10 @@ NO_ANCHORS = np.zeros((0, 2, 3))
 def distinct_keys(
     keys: Sequence[str], anchors: FloatArray, known: Sequence[str] = (), known_anchors: FloatArray = NO_ANCHORS
 ) -> tuple[str, ...]:
-    """Return the keys of a step, each with a number where it is not the first of its pair.
+    """Return the keys of a step, with a number unless the contact is the first of its pair.
 
     Args:
-        keys: what each contact belongs to.
+        keys: key of the pair of each contact.
         anchors: point of each contact in the frames of its two geometries [m], shape (len(keys), 2, 3).
         known: distinct keys of the step before.
         known_anchors: their points.

@@ -1,6 +1,6 @@
-"""Captured steps as problem files: those of ``save_problem``, with what the engine made of the step beside the problem.
+"""Captured steps as files of ``save_problem`` with additional arrays about the engine.
 
-The additional arrays begin with ``capture.``; who reads the file as a problem does not see them.
+The names of the additional arrays begin with ``capture.``; readers of the problem ignore them.
 """
 
 import json
@@ -27,7 +27,7 @@ _PLAIN = ("scale", "engine", "solver", "iterations")
 
 
 def save_step(step: CapturedStep, path: Path) -> None:
-    """Write a captured step to a problem file, as a whole or not at all."""
+    """Write a captured step to a problem file atomically."""
     write_whole(path, packed_problem(step.problem, _arrays(step)))
 
 
@@ -35,7 +35,7 @@ def read_step(path: Path | str) -> CapturedStep:
     """Read a captured step.
 
     Raises:
-        ProblemError: if the file is none of ``save_step``, or is damaged.
+        ProblemError: if the file is not from ``save_step``, or is damaged.
     """
     path = Path(path)
     problem = read_problem(path)
@@ -45,11 +45,11 @@ def read_step(path: Path | str) -> CapturedStep:
         raise ProblemError(f"{path} is damaged: {error}; capture it again.") from None
     found = {key.removeprefix(_PREFIX): value for key, value in content.items() if key.startswith(_PREFIX)}
     if "about" not in found:
-        raise ProblemError(f"{path} holds a problem but no captured step; make one with proxbench capture.")
+        raise ProblemError(f"{path} contains a problem but no captured step; create one with proxbench capture.")
     try:
         about = json.loads(found["about"].tobytes().decode())
         if about["format"] != FORMAT:
-            raise ProblemError(f"{path} has captured data of format {about['format']}, this version reads {FORMAT}.")
+            raise ProblemError(f"{path} has captured data of format {about['format']}; this version reads {FORMAT}.")
         n_rows = len(found["offset"])
         engine = EngineModel(
             matrix=sp.csr_array((found["A.data"], found["A.indices"], found["A.indptr"]), shape=(n_rows, n_rows)),

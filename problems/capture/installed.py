@@ -1,4 +1,4 @@
-"""MuJoCo, imported on first use and only in a version that captures were tried with."""
+"""Import of MuJoCo on first use, in a tested version."""
 
 import importlib
 from collections.abc import Iterator
@@ -12,14 +12,14 @@ TRIED_VERSION = 4
 """Major version of MuJoCo whose identities the tests check."""
 
 INSTALL = 'pip install ".[mujoco]" in a clone of proxbench'
-"""What installs MuJoCo."""
+"""Command that installs MuJoCo."""
 
 
 def mujoco() -> Any:
     """Import MuJoCo on first use.
 
     Raises:
-        ProblemError: if it is not installed, or its version was not tried.
+        ProblemError: if it is not installed, or its version is not supported.
     """
     if find_spec("mujoco") is None:
         raise ProblemError(f"capturing needs MuJoCo, which is not installed; run {INSTALL}.")

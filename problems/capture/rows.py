@@ -1,17 +1,17 @@
-"""What the constraint rows of MuJoCo mean as force laws.
+"""The force laws of the constraint rows of MuJoCo.
 
 =========================== =======================================================================================
-equality                    a bilateral law a row
+equality                    a bilateral law per row
 friction loss               planar friction with a fixed bound, h times the loss
 limit of a joint or tendon  a unilateral law
 contact, ``condim`` 1       a unilateral law
 ``condim`` 3                the same with sliding friction
-``condim`` 4                the same with sliding and spinning friction, each with a bound of its own
+``condim`` 4                the same with sliding and spinning friction, each with its own bound
 ``condim`` 6                the same with sliding, and with rolling and spinning friction under one bound
 =========================== =======================================================================================
 
-μ is ``contact.friction``; ``contact.mu`` is divided by √impratio. Where friction differs between axes, rows are scaled
-by s_k = μ_k/μ_1, velocities by s_k and impulses by 1/s_k: the elliptic cone becomes a circular one, and work stays.
+μ is ``contact.friction``; ``contact.mu`` is divided by √impratio. If friction differs between axes, rows are scaled
+by s_k = μ_k/μ_1, velocities by s_k and impulses by 1/s_k: the elliptic cone becomes circular, and work is unchanged.
 
 A pyramidal contact has the rows J_N ± μ_k J_k instead of J_N and J_k; half their sum and difference are the rows of the
 contact, and their forces add up to f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋), as in ``mju_decodePyramid``.
@@ -30,7 +30,7 @@ from .engine_model import EngineSet
 from .installed import mujoco
 
 EMPTY = 1e-14
-"""A row of a contact below this part of its largest one moves nothing: friction across the plane of a planar model."""
+"""A contact row below this fraction of its largest one moves nothing, as friction normal to a planar model."""
 
 _SLIDING = (LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION)
 _ROLLING = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
@@ -38,11 +38,11 @@ _ROLLING = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND
 
 @dataclass(frozen=True)
 class RefusedRow:
-    """A constraint row of an engine that no law stands for.
+    """A constraint row of an engine without a corresponding law.
 
     Attributes:
         row: its index among the rows of the engine.
-        name: what it belongs to.
+        name: name of its constraint.
         reason: why it is refused.
     """
 
@@ -59,9 +59,9 @@ class CapturedRows:
         laws: the force laws.
         velocity: T with W = Jᵀ Tᵀ, shape (n_rows, n_engine_rows).
         force: S with Λ = h S f, shape (n_rows, n_engine_rows).
-        surface_velocity: what is added to the relative velocity: moving surfaces [m/s], shape (n_rows,).
-        keys: what each contact or lone law belongs to, in row order; contacts of one pair have one key.
-        anchors: point of each contact in the frames of its geometries [m], 0 for lone laws, shape (len(keys), 2, 3).
+        surface_velocity: addition to the relative velocity by moving surfaces [m/s], shape (n_rows,).
+        keys: name of each contact or single law, in row order; contacts of one pair share a key.
+        anchors: point of each contact in the frames of its geometries [m], 0 for single laws, shape (len(keys), 2, 3).
         refused: rows of the engine without a law.
     """
 
@@ -76,7 +76,7 @@ class CapturedRows:
 
 @dataclass
 class _Row:
-    """One row of a problem: its coefficients by rows of the engine."""
+    """One row of a problem, as coefficients of rows of the engine."""
 
     velocity: dict[int, float]
     force: dict[int, float]
@@ -117,7 +117,7 @@ class _Collected:
 
 
 def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> CapturedRows:
-    """Return what the constraint rows of a step mean.
+    """Return the force laws of the constraint rows of a step.
 
     Args:
         model: MuJoCo's model.
@@ -168,7 +168,7 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
 
 
 def _take_single(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
-    """Take one row that is no part of a contact with friction."""
+    """Add a row that is not part of a contact with friction."""
     module = mujoco()
     types, objects = module.mjtConstraint, module.mjtObj
     kind, index = int(data.efc_type[row]), int(data.efc_id[row])
@@ -209,7 +209,7 @@ def _frame_rows(contact: Any, first: int, is_pyramid: bool) -> list[_Row]:
 
 
 def _take_contact(found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray) -> None:
-    """Take the normal row of a contact, and its friction rows that move anything."""
+    """Add the normal row of a contact, and its nonzero friction rows."""
     names = [_geometry(model, contact, side) for side in (0, 1)]
     normal = found.law(LawKind.UNILATERAL, frame[:1])
     found.name(" | ".join(names), np.array([_anchor(data, contact, side) for side in (0, 1)]))

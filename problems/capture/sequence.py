@@ -1,4 +1,4 @@
-"""A simulation by MuJoCo, of which every so many steps become problem files of one suite."""
+"""Simulation by MuJoCo, with problem files of one suite at regular intervals."""
 
 import json
 import math
@@ -25,7 +25,7 @@ HEADING = "# the steps that proxbench capture wrote"
 """First line of the description of a folder."""
 
 STEP_DIGITS = 6
-"""Digits of the number of a step in the name of its file."""
+"""Number of digits of a step in the name of its file."""
 
 CONTROL_SECONDS = 0.02
 """Time for which random controls stay constant [s]."""
@@ -33,13 +33,13 @@ CONTROL_SECONDS = 0.02
 
 @dataclass(frozen=True)
 class CaptureOptions:
-    """What is simulated, and which steps are captured.
+    """Options of a simulation and its capture.
 
     Attributes:
         duration: simulated time [s].
-        every: a step is captured after this many.
+        every: number of steps from one captured step to the next.
         keyframe: name or number of the model's keyframe to start from; its initial state if empty.
-        seed: seed of random controls; ``None`` leaves the controls as they are.
+        seed: seed of random controls; ``None`` leaves the controls unchanged.
 
     Raises:
         ProblemError: if the duration or the number of steps is not positive, or the seed is negative.
@@ -61,14 +61,14 @@ class CaptureOptions:
 
 @dataclass
 class CaptureSummary:
-    """What a capture came to.
+    """The result of a capture.
 
     Attributes:
         files: the files written, in order.
-        empty: captured steps without a constraint row that a law stands for.
+        empty: number of captured steps without a supported constraint row.
         laws: number of laws of the largest problem.
-        engine_rows: rows that the engine had in all captured steps.
-        refused: how many rows were refused, by reason.
+        engine_rows: number of engine rows in all captured steps.
+        refused: number of refused rows, by reason.
         error: why the capture ended early; empty if it did not.
     """
 
@@ -89,26 +89,26 @@ def capture(
     force: bool = False,
     on_step: Callable[[CapturedStep], None] = lambda step: None,
 ) -> CaptureSummary:
-    """Simulate a model and write every so many steps to ``output``, a folder that is a suite.
+    """Simulate a model and write the captured steps to the folder ``output``, a suite.
 
     Args:
         file: an MJCF or URDF file, or a compiled model (.mjb).
         output: the folder.
-        options: what is simulated and captured.
+        options: options of the simulation and the capture.
         force: replace the steps of a model of that name in the folder.
-        on_step: called with each captured step after it was written.
+        on_step: called with each captured step after it is written.
 
     Returns:
-        what was written; where a step fails, what was written before, and the error.
+        A summary of the written files; if a step fails, of those before it, with the error.
 
     Raises:
-        ProblemError: if the model cannot be read or captured at all, or has no contact.
+        ProblemError: if the model cannot be read, its first step cannot be captured, or it has no contact.
     """
     model, taken = _read_model(file), _steps_of(output, file.stem)
     if taken and not force:
         raise ProblemError(
-            f"{output} holds {len(taken)} steps of {file.stem} already; choose another `output`, or replace them with "
-            f"`force=True`."
+            f"{output} already contains {len(taken)} steps of {file.stem}; choose another `output`, or replace them "
+            f"with `force=True`."
         )
     data = _initial_data(model, file, options.keyframe)
     summary = CaptureSummary()
@@ -141,7 +141,7 @@ def capture(
 
 
 def captured_steps(model: Any, data: Any, options: CaptureOptions, stem: str) -> Iterator[CapturedStep | None]:
-    """Simulate ``model`` from the state of ``data``, and yield every so many steps; ``None`` for one without rows.
+    """Simulate ``model`` from the state of ``data``; yield each captured step, or ``None`` if it has no rows.
 
     Raises:
         ProblemError: if MuJoCo fails, or a step cannot be captured.
@@ -174,7 +174,7 @@ def _named(step: CapturedStep, before: CapturedStep | None, stem: str, number: i
 
 
 def _random_controls(model: Any, rng: np.random.Generator) -> Any:
-    """Return controls drawn uniformly from their ranges, or from [-1, 1] where there are none, shape (nu,)."""
+    """Return controls drawn uniformly from their ranges, or from [-1, 1] without limits, shape (nu,)."""
     limited = model.actuator_ctrllimited.astype(bool)
     low = np.where(limited, model.actuator_ctrlrange[:, 0], -1.0)
     high = np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
@@ -205,12 +205,12 @@ def _initial_data(model: Any, file: Path, keyframe: str) -> Any:
 
 
 def _steps_of(output: Path, stem: str = "") -> list[Path]:
-    """Return the files of an earlier capture of a model of that name, or of all."""
+    """Return the files of earlier captures of a model, or of all models if ``stem`` is empty."""
     return sorted(output.glob(f"{escape(stem) or '*'}-{'[0-9]' * STEP_DIGITS}.npz"))
 
 
 def _describe(output: Path, stem: str) -> None:
-    """Make a suite of the folder, with a family for each captured model; a description of another origin is kept."""
+    """Make the folder a suite with a family per captured model; keep a description from elsewhere."""
     file = output / DESCRIPTION
     if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
         return

@@ -1,4 +1,4 @@
-"""One step of MuJoCo as a contact problem, with the forces that MuJoCo found and the model that it solved.
+"""One step of MuJoCo as a contact problem, with MuJoCo's forces and the model that it solves.
 
 MuJoCo computes f on the state before the step, and the step then ends with
 
@@ -6,9 +6,9 @@ MuJoCo computes f on the state before the step, and the step then ends with
 
 with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator: M + hD (Euler),
 M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo keeps its factor in ``qH``.
-A step that does not end in this velocity would be another problem, and is refused.
+A step that does not end with this velocity belongs to another problem, and is refused.
 
-Rows that are refused act as MuJoCo had them act: their impulses are part of the free velocity.
+The impulses of refused rows, as MuJoCo computed them, are part of the free velocity.
 """
 
 import copy
@@ -40,7 +40,7 @@ SUPPORTED = 'set integrator to "implicitfast", "Euler" or "discrete"'
 
 
 class EmptyStepError(ProblemError):
-    """A step has no constraint row, or none that a law stands for."""
+    """A step has no constraint row, or none that is supported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class CapturedStep:
     Attributes:
         problem: the step under Coulomb's law.
         engine: the model that the engine solved, and its forces.
-        anchors: point of each contact in the frames of its geometries [m], 0 for lone laws, shape (len(keys), 2, 3).
+        anchors: point of each contact in the frames of its geometries [m], 0 for single laws, shape (len(keys), 2, 3).
         refused: rows of the engine without a law.
     """
 
@@ -61,18 +61,18 @@ class CapturedStep:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Name of each contact or lone law, in the order of the problem's rows; it lasts in a sequence."""
+        """Name of each contact or single law, in the order of the problem's rows; persistent in a sequence."""
         return self.problem.keys
 
 
 @dataclass(frozen=True)
 class StepVerdict:
-    """How good the forces of an engine are, on two tracks.
+    """Quality of the forces of an engine, in its own model and under Coulomb's law.
 
     Attributes:
-        own: residual of the engine's own model: did it solve what it set out to solve.
-        coulomb: the judge's residual: how far is that from Coulomb's law.
-        separation: largest velocity at which a contact separates that carries an impulse [m/s]; 0 under Coulomb's law.
+        own: residual of the engine's own model.
+        coulomb: the judge's residual, under Coulomb's law.
+        separation: largest separation velocity of a contact with an impulse [m/s]; 0 under Coulomb's law.
     """
 
     own: float
@@ -81,22 +81,22 @@ class StepVerdict:
 
 
 def from_mujoco(model: Any, data: Any, name: str = "") -> ContactProblem:
-    """Return the contact problem of the step that MuJoCo would take from the state of ``data``, which is not changed.
+    """Return the contact problem of the step that MuJoCo would take from the state of ``data``, which is unchanged.
 
     Args:
         model: ``mujoco.MjModel``, or the wrapper of dm_control.
-        data: ``mujoco.MjData`` of it.
-        name: what the problem is called; the name of the model if empty.
+        data: its ``mujoco.MjData``.
+        name: name of the problem; that of the model if empty.
 
     Raises:
-        ProblemError: if MuJoCo is not installed or of an untried version, no row is supported, or the step is none of
-            those that a contact problem stands for.
+        ProblemError: if MuJoCo is not installed or its version not supported, no row is supported, or the step does not
+            correspond to a contact problem.
     """
     return captured_step(model, data, name).problem
 
 
 def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
-    """Return the same problem as ``from_mujoco``, with what MuJoCo made of it."""
+    """Return the same problem as ``from_mujoco``, with MuJoCo's own model and forces."""
     module = mujoco()
     model, data = getattr(model, "ptr", model), getattr(data, "ptr", data)
     _require_supported_options(module, model)
@@ -124,7 +124,7 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     free = before + step * smooth
     total = jacobian.T @ force
     if inverse is own_mass:
-        # such a step takes the acceleration of the solver, which differs from its forces until the solver converges
+        # such a step uses the acceleration of the solver, which matches its forces only when the solver has converged
         total = total + _unbalanced(inverse, after, total)
     _require_velocity(free + inverse.times(step * total), before, after, data.time)
     problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)
@@ -138,7 +138,7 @@ def take_step(model: Any, data: Any) -> None:
     """Let MuJoCo take one step.
 
     Raises:
-        ProblemError: if it fails, or resets the state because a number of it is not finite or huge.
+        ProblemError: if it fails, or resets the state because a number is huge or not finite.
     """
     module = mujoco()
     time, kinds = data.time, module.mjtWarning
@@ -154,7 +154,7 @@ def take_step(model: Any, data: Any) -> None:
 
 
 def judge_step(step: CapturedStep) -> StepVerdict:
-    """Judge the forces of the engine on both tracks."""
+    """Judge the forces of the engine in its own model and under Coulomb's law."""
     impulses, laws = step.engine.impulses, step.problem.laws
     velocity = step.problem.relative_velocity(impulses)
     normal = laws.first_row[laws.is_unilateral]
@@ -169,7 +169,7 @@ def _require_supported_options(module: Any, model: Any) -> None:
         reason = UNSUPPORTED_INTEGRATORS[integrator]
         raise ProblemError(f"the integrator {integrator} {reason}; {SUPPORTED}.")
     if model.opt.enableflags & module.mjtEnableBit.mjENBL_IPC:
-        raise ProblemError("the flag ipc replaces contact forces by barriers, which are no force laws; disable it.")
+        raise ProblemError("the flag ipc replaces contact forces by barriers, which are not force laws; disable it.")
 
 
 def _jacobian(module: Any, model: Any, data: Any) -> sp.csr_array[Any]:
@@ -205,13 +205,13 @@ def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArra
 
 
 def _require_velocity(expected: FloatArray, before: FloatArray, after: Any, time: float) -> None:
-    """Raise ``ProblemError`` unless the step ended in the velocity that the problem stands for."""
+    """Raise ``ProblemError`` unless the step ended with the expected velocity."""
     scale = max(np.abs(before).max(), np.abs(expected).max(), np.abs(after.qvel).max())
     error = float(np.abs(after.qvel - expected).max())
     if not error <= STEP_ERROR * scale:
         raise ProblemError(
-            f"the step at {time:g} s ends {error:.1e} off the velocity of its forces, so it has terms that a contact "
-            f"problem lacks (a reset of the state, deformable bodies); leave these out."
+            f"the step at {time:g} s differs by {error:.1e} from the velocity of its forces, so it has terms that a "
+            f"contact problem lacks (a reset of the state, deformable bodies); remove them from the model."
         )
 
 
@@ -253,7 +253,7 @@ def _problem(
 
 
 def model_name(model: Any) -> str:
-    """Return the name that a model gives itself."""
+    """Return the name of a model."""
     return bytes(model.names).split(b"\0", 1)[0].decode() or "mujoco"
 
 

@@ -11,7 +11,7 @@ from ..errors import ProblemError
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The known part of a solution; fields left out are not unique or not known.
+    """The known part of a solution; fields without a value are not unique or not known.
 
     Attributes:
         impulses: all solutions Λ [N s], each of shape (n_rows,), if there are finitely many; any of them is correct.
@@ -48,7 +48,7 @@ class Answer:
     def impulse_error(self, impulses: ArrayLike) -> float | None:
         """Return the largest deviation from the known impulses, or from the known sums [N s]; None if neither is known.
 
-        With several admissible solutions it is the distance to the nearest.
+        If there are several solutions, this is the distance to the nearest one.
         """
         given = np.asarray(impulses, dtype=np.float64)
         if self.impulses:
@@ -77,7 +77,7 @@ class Answer:
 
 
 def ratio(value: float, scale: float) -> float:
-    """Return value / scale with 0/0 = 0 and x/0 = inf; NaN reads as inf."""
+    """Return value / scale with 0/0 = 0 and x/0 = inf; NaN becomes inf."""
     if value == 0.0:
         return 0.0
     found = float(value) / scale if scale > 0.0 else np.inf

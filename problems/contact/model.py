@@ -12,10 +12,10 @@ ModelKind = Literal["coulomb", "convex", "pyramid", "frictionless"]
 class Model:
     """A contact model.
 
-    * ``Model.COULOMB``: unilateral contact with Coulomb friction, the law of nature here.
+    * ``Model.COULOMB``: unilateral contact with Coulomb friction, the reference model.
     * ``Model.CONVEX``: the associated law, −ξ ∈ N_K(Λ) with K the friction cone; a sliding contact dilates.
     * ``Model.pyramid(k)``: Coulomb friction with the disc replaced by the inscribed regular k-gon.
-    * ``Model.FRICTIONLESS``: no friction impulses at all.
+    * ``Model.FRICTIONLESS``: no friction impulses.
     """
 
     kind: ModelKind
@@ -34,10 +34,10 @@ class Model:
 
     @staticmethod
     def from_text(text: str) -> "Model":
-        """Return the model that ``str`` writes as ``text``.
+        """Return the model whose ``str`` is ``text``.
 
         Raises:
-            ProblemError: if it is none.
+            ProblemError: if there is no such model.
         """
         kind, _, sides = text.removesuffix(")").partition("(")
         if kind == "pyramid" and sides.isdecimal():

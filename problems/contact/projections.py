@@ -71,14 +71,14 @@ def project_rows(form, first, count, bound, vector):  # type: ignore[no-untyped-
 def onto_cone(
     normal: FloatArray, parts: Sequence[FloatArray], friction: Sequence[FloatArray], fixed: Sequence[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone for each part.
+    """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone per part.
 
     The parts are sliding friction and, if a contact has it, rolling friction. For a
-    given N the nearest T lies on its disc. So N is the zero of the following function, or 0 if that is negative:
+    given N the nearest T lies in its disc. So N is the zero of the following function, or 0 if the zero is negative:
 
         N − N₀ − Σ_parts μ (‖T₀‖ − a − μ N)₊
 
-    The function grows with N and has a kink where a disc becomes large enough. A cone with a > 0 has its apex cut off.
+    The function grows with N and has a kink where a disc becomes large enough. A cone with a > 0 is truncated.
     Source: Acary & Bourrier 2021, for a = 0.
 
     Args:
@@ -116,9 +116,9 @@ def onto_contact_cones(
 
     Args:
         layout: the blocks.
-        lanes: impulses, rolling ones over ``length``, padded to shape (n_blocks, width).
+        lanes: impulses, the rolling ones divided by ``length``, padded to shape (n_blocks, width).
         friction: μ of the block's own Λ_N, shape (n_blocks,).
-        fixed: the rest of the bound on Λ_T [N s], shape (n_blocks,).
+        fixed: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
         length: divisor of the rolling impulses [m], shape (n_blocks,).
     """
     parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed]
@@ -144,7 +144,7 @@ def onto_polygon(point: FloatArray, radius: FloatArray, sides: int) -> FloatArra
     Returns:
         The projected points, shape (n, 2).
     """
-    # turn each point so that its nearest edge faces the first axis: by symmetry the nearest point lies in that sector
+    # rotate each point so that the edge of its sector faces the first axis; by symmetry the nearest point lies on it
     sector = 2.0 * np.pi / sides
     angle = np.arctan2(point[:, 1], point[:, 0])
     facing = (np.floor(angle / sector) + 0.5) * sector

@@ -38,7 +38,7 @@ UNIT = 2.0**-53
 """Unit roundoff u."""
 
 INSIDE = 1.0 - 2.0**-48
-"""Part of b² below which ‖h − ξ‖² is below b² beyond rounding."""
+"""Fraction of b²; ‖h − ξ‖² below it is below b² despite rounding."""
 
 PROJECTION_ROUNDINGS = 8.0
 """Number of roundings of ‖h‖ in a projection onto a cone or a polygon."""
@@ -173,7 +173,7 @@ def _unit(scale: float) -> float:
 @interpretable
 @njit(cache=True)
 def find_largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
-    """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if any is."""
+    """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if one is NaN."""
     largest = 0.0
     for law in range(len(row_count)):
         for row in range(first_row[law], first_row[law] + row_count[law]):
@@ -235,7 +235,7 @@ def _outside_interval(held, xi, bound):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-def]
-    """Return the same for two rows and the disc of radius ``bound``."""
+    """Return ‖h − prox(h − ξ)‖² for h = αΛ of two rows, the prox onto the disc of radius ``bound``."""
     x_1, x_2 = held_1 - xi_1, held_2 - xi_2
     squared = x_1 * x_1 + x_2 * x_2
     if squared == np.inf:
@@ -253,7 +253,7 @@ def outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-
 
 @njit(cache=True, error_model="numpy")
 def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[no-untyped-def]
-    """Return the same over ``count`` rows from ``first`` on, the prox onto the ball of radius ``bound``."""
+    """Return ‖h − prox(h − ξ)‖² for ``count`` rows from ``first`` on, the prox onto the ball of radius ``bound``."""
     squared, held_squared, square = 0.0, 0.0, 0.0
     for k in range(first, first + count):
         held, xi = a * impulses[k], velocity[k]

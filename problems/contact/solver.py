@@ -68,7 +68,7 @@ class Stop:
         max_seconds: largest wall time [s], without preparation.
 
     Raises:
-        SolverError: if a limit is not positive.
+        SolverError: if ``max_iterations`` is negative, or another attribute is not positive.
     """
 
     tolerance: float = 1e-6
@@ -111,7 +111,7 @@ class Solution:
 
 
 class Prepared(Protocol):
-    """A solver that is prepared for one problem.
+    """A solver prepared for one problem.
 
     A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
     impulses are in the array of the solution, and is called before the clock stops.
@@ -162,7 +162,7 @@ def shows_iterates(solver: Solver) -> bool:
 
 
 def threads_of(solver: Solver) -> int:
-    """Number of threads in which ``solver`` declares to compute."""
+    """Number of threads that ``solver`` declares."""
     return int(getattr(solver, "threads", 1))
 
 
@@ -172,5 +172,5 @@ def draws_randomly(solver: Solver) -> bool:
 
 
 def starts_from_last_answer(solver: Solver) -> bool:
-    """Whether a run starts ``solver`` from its answer to the step before, as ``Warm`` declares."""
+    """Whether a run starts ``solver`` from its solution of the previous step, as ``Warm`` declares."""
     return bool(getattr(solver, "starts_warm", False))

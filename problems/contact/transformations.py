@@ -38,10 +38,10 @@ class Transformed:
 
 
 def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
-    """Return the problem with its contacts in another order; ``order`` holds the old index at each new place.
+    """Return the problem with its contacts in another order; ``order`` contains the old index at each new position.
 
     Raises:
-        ProblemError: if ``order`` is no permutation of the contacts.
+        ProblemError: if ``order`` is not a permutation of the contacts.
     """
     contacts = np.asarray(order, dtype=np.int64)
     if not np.array_equal(np.sort(contacts), np.arange(problem.n_contacts)):
@@ -57,9 +57,9 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
 
 
 def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
-    """Return the problem with the first two axes of each friction law turned by an angle [rad], shape (n_laws,).
+    """Return the problem with the first two axes of each friction law rotated by an angle [rad], shape (n_laws,).
 
-    Those are the tangents of spatial friction, and the axes of rolling about two or three.
+    These are the tangents of spatial friction, and two of the axes of rolling about two or three axes.
     """
     turn = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
     back = sp.lil_array(sp.eye_array(problem.n_rows))
@@ -71,7 +71,7 @@ def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
 
 
 def duplicated(problem: ContactProblem, contact: int) -> Transformed:
-    """Return the problem with one contact duplicated, the copy at the end; the old Λ is the sum of both.
+    """Return the problem with a copy of one contact at the end; the old Λ is the sum of both.
 
     A fixed bound is split between the copies.
 
@@ -80,7 +80,7 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
     """
     layout, old = problem.layout, problem.laws
     if not layout.bounds_are_own:
-        raise ProblemError(f"{problem.name!r} has friction bounded by another contact; it cannot be duplicated.")
+        raise ProblemError(f"{problem.name!r} has friction bounded by another contact, so none can be duplicated.")
     laws = _laws_of_contacts(problem)[contact]
     fixed = old.fixed_bound.copy()
     fixed[laws] *= 0.5
@@ -92,7 +92,7 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
 
 
 def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> Transformed:
-    """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], its answer included.
+    """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], including its answer.
 
     G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
     angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
@@ -187,7 +187,7 @@ def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
 
 
 def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str) -> Transformed:
-    """Return the problem with G' = Tᵀ G T, c' = Tᵀ c; the velocity and the sums of its answer are carried over."""
+    """Return the problem with G' = Tᵀ G T, c' = Tᵀ c; its answer keeps only velocity and sums."""
     answer, forth = problem.answer, sp.csr_array(back.T)
     if answer is not None:
         answer = Answer(
@@ -218,7 +218,7 @@ def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str
 
 
 def _selection(problem: ContactProblem, rows: IntArray) -> sp.csr_array:
-    """Return T whose columns take ``rows`` of the old problem, one each."""
+    """Return T whose columns select ``rows`` of the old problem, one each."""
     return sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(problem.n_rows, len(rows)))
 
 

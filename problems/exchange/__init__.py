@@ -1,1 +1,1 @@
-"""Problems by name: the catalogue, files, and what plugins offer."""
+"""Problems by name: the catalogue, problem files and plugins."""

@@ -1,8 +1,8 @@
 """Problems and suites by name.
 
 A name is looked up among the hard cases, which are built on demand, then in the frozen library that is shipped
-with the package, then among those of plugins, then in the user's cache folder, where ``proxbench generate`` puts
-problems.
+with the package, then among the problems of plugins, then in the user's cache folder, where ``proxbench generate``
+stores problems.
 """
 
 import os
@@ -53,9 +53,9 @@ BODY_GROUPS: dict[str, list[str]] = {
     "linkages": ["four-bar", "chain-20", "chain-200", "ball-on-chain-1e4"],
     "trains": ["train-10", "train-10-1e4", "train-300"],
 }
-"""The problems of the suite ``bodies`` in groups of one kind, without the prefix ``bodies-``.
+"""The problems of the suite ``bodies`` by group, without the prefix ``bodies-``.
 
-Hard cases have no group of such a name."""
+Groups of hard cases have other names."""
 
 SEQUENCES = (
     "flow-30",
@@ -69,13 +69,13 @@ SEQUENCES = (
     "arch-13",
     "chain-20",
 )
-"""Sequences of consecutive steps of one motion each, without the prefix ``sequence-``."""
+"""Sequences, each of consecutive steps of one motion, without the prefix ``sequence-``."""
 
 SEQUENCES_SUITE = "sequences"
-"""The suite of these steps, in which each solver is measured from zero and warm."""
+"""The suite of the sequences; each solver is measured on it with cold and with warm starts."""
 
 SEQUENCE_STEPS = 6
-"""Steps of a sequence; the last five can start from an answer to the step before."""
+"""Number of steps per sequence; all but the first can start from the solution of the previous step."""
 
 _FUNNEL = [
     *(f"funnel-{size}{instant}" for size in FUNNEL_SIZES for instant in ("-early", "", "-late")),
@@ -151,12 +151,12 @@ def problem_names() -> list[str]:
 
 
 def plugin_problems() -> list[Offer]:
-    """Return what plugins offer as problems, the refused ones with their reason."""
+    """Return the problems that plugins offer, including rejected ones with the reason."""
     return offers("problem", SUITES["all"])
 
 
 def is_held(name: str) -> bool:
-    """Whether the package itself holds the problem, as a hard case or in the frozen library."""
+    """Whether the problem is part of the package, as a hard case or in the frozen library."""
     return name in HARD_CASES or _frozen(name) is not None
 
 
@@ -174,9 +174,9 @@ def is_path(name: str | Path) -> bool:
 def load(name: str | Path) -> ContactProblem:
     """Return one problem by name or from a file.
 
-    A file is of ``save_problem`` or ``proxbench generate``, an FCLIB file, or one of plain arrays, as
-    ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` writes it; see ``problems.exchange.formats``. A problem that was
-    saved without a name has that of its file.
+    The file may come from ``save_problem`` or ``proxbench generate``, be an FCLIB file, or contain plain arrays, as
+    from ``numpy.savez("mine.npz", G=G, c=c, mu=mu)``; see ``problems.exchange.formats``. A problem that was saved
+    without a name takes that of its file.
 
     Args:
         name: a name, or the path of a file: a ``Path``, or text that ends in .npz or .json, or in .hdf5 or .h5 for
@@ -185,7 +185,7 @@ def load(name: str | Path) -> ContactProblem:
     Raises:
         ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a file
             that is missing or damaged.
-        PluginError: if a plugin offers the name but does not make a problem.
+        PluginError: if a plugin offers the name but does not return a problem.
     """
     if is_path(name):
         return read_fclib(name) if is_fclib_name(str(name)) else _named(read_problem(Path(name)), Path(name))
@@ -202,12 +202,12 @@ def load(name: str | Path) -> ContactProblem:
     if _cached(name).is_file():
         return read_problem(_cached(name))
     if name in SUITES["all"]:
-        raise ProblemError(f"problem {name!r} is not generated yet; run: proxbench generate {name}")
+        raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {name}")
     raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
 
 
 def _named(problem: ContactProblem, file: Path) -> ContactProblem:
-    """Return a problem that was saved without a name under that of its file."""
+    """Return the problem, named after its file if it was saved without a name."""
     return problem.renamed(file.stem) if problem.name == UNNAMED else problem
 
 
@@ -225,7 +225,7 @@ def _offer(name: str) -> Offer | None:
 
 
 def _built(offer: Offer) -> ContactProblem:
-    """Return the problem of a plugin, under the name it is offered by."""
+    """Return the problem of a plugin, under the name of the offer."""
     head = f"problem {offer.name!r} of {offer.source}"
     make = offer.load()
     if not callable(make):
@@ -236,7 +236,7 @@ def _built(offer: Offer) -> ContactProblem:
     except (Exception, SystemExit) as error:
         raise PluginError(f"{head} cannot be built: {first_line(error)}.") from None
     if not isinstance(problem, ContactProblem):
-        raise PluginError(f"{head} makes a value of type {type(problem).__name__}; return a ContactProblem.")
+        raise PluginError(f"{head} returns a value of type {type(problem).__name__}; return a ContactProblem.")
     return problem.renamed(offer.name, plugin=offer.source)
 
 
@@ -245,12 +245,12 @@ def _is_plain(name: str) -> bool:
 
 
 def _cached(name: str) -> Path:
-    """Return where a generated problem lies; a name with path separators leads nowhere."""
+    """Return the path of a generated problem; a name with path separators has none that exists."""
     return cache_folder() / f"{name if _is_plain(name) else '-'}{SUFFIX}"
 
 
 def _frozen(name: str) -> Traversable | None:
-    """Return the library file of a problem; None if there is none. Names with path separators are never looked up."""
+    """Return the library file of a problem; None if there is none, or the name has path separators."""
     if not _is_plain(name):
         return None
     file = resources.files(library).joinpath(f"{name}{SUFFIX}")

@@ -1,4 +1,4 @@
-"""Families of problems, by which tables and samples group them."""
+"""Families of problems, which group them in tables and samples."""
 
 import hashlib
 import re
@@ -16,15 +16,15 @@ FAMILY = "family"
 
 
 Sampling = Literal["proportional", "even"]
-"""How the places of a sample are divided among families: by their sizes, or equally."""
+"""Division of a sample among families: by their sizes, or equally."""
 
 
 def family_of(problem: str | ContactProblem) -> str:
     """Return the family of a problem.
 
-    That of a problem is what its provenance says. Without it, and for a name: the group of a hard case or of a problem
-    of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), the sequence of a step, else what precedes the
-    first dash, or the options of a scene, in the name (``"funnel"``).
+    The provenance of a problem may name its family. Otherwise its name determines it: the group of a hard case or of a
+    problem of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), the sequence of a step, else the part
+    before the first dash or the options of a scene (``"funnel"``).
     """
     if not isinstance(problem, str):
         named = problem.provenance.get(FAMILY)
@@ -35,18 +35,18 @@ def family_of(problem: str | ContactProblem) -> str:
 def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
     """Return ``count`` of the problems in their order; all if there are no more.
 
-    In proportion, each family has its share rounded up or down (by largest remainders); evenly, all families have the
-    same number, but those that have fewer members. The members drawn are those whose names have the least SHA-256
-    together with ``seed``: the same on every machine, and almost the same when problems are added.
+    "proportional" rounds the share of each family up or down (by largest remainders). "even" takes the same number from
+    each family, and all members of smaller ones. The sample consists of the names with the smallest SHA-256 together
+    with ``seed``. It is the same on all machines, and changes little when problems are added.
 
     Args:
         families: the family of each problem, by name.
         count: size of the sample.
-        seed: which sample it is.
+        seed: selects one of many samples.
         sampling: "proportional" or "even".
 
     Raises:
-        ProblemError: if ``count`` is not positive, or ``sampling`` is another word.
+        ProblemError: if ``count`` is not positive, or ``sampling`` is unknown.
     """
     if sampling not in get_args(Sampling):
         raise ProblemError(f"`sampling` {sampling!r} is unknown{suggestion(str(sampling), get_args(Sampling))}")
@@ -72,7 +72,7 @@ def _grouped_families() -> Mapping[str, str]:
 
 
 def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return how many of ``count`` each family gets, by largest remainders; equal ones in the order of the families."""
+    """Return the share of each family in ``count``, by largest remainders; ties follow the order of the families."""
     total = sum(sizes.values())
     shares = {family: count * size // total for family, size in sizes.items()}
     rest = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
@@ -82,7 +82,7 @@ def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
 
 
 def _even_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return how many of ``count`` each family gets: one after another in turn, until a family has no more."""
+    """Return the share of each family in ``count``, dealt in turn to the families that have more members."""
     shares = dict.fromkeys(sizes, 0)
     while count:
         for family in [family for family, size in sizes.items() if shares[family] < size][:count]:

@@ -2,14 +2,14 @@
 
 A ``suite.toml`` may have::
 
-    name = "boxes"                          # else the name of the folder
-    order = ["easy-*", "Boxes/*"]           # first those that match the first pattern, and so on; the others by name
+    name = "boxes"                          # default: the name of the folder
+    order = ["easy-*", "Boxes/*"]           # by the first pattern that matches, then by name
     exclude = ["*-huge*"]
-    [groups]                                # families; else the folder in the folder, or the name up to its first dash
+    [groups]                                # families; default: subfolder, or name up to its first dash
     "box stacks" = ["Boxes/*", "Box_Stacks-*"]
 
-Patterns are shell patterns that match paths in the folder, with ``/`` between folders. A pattern without a match is an
-error. Listing opens only ``suite.toml``.
+Patterns are shell patterns for paths relative to the folder, with ``/`` between folders. A pattern without a match is
+an error. Listing opens only ``suite.toml``.
 """
 
 import os
@@ -38,8 +38,8 @@ class Member:
     """One problem of a folder.
 
     Attributes:
-        name: unique in its suite: that of the file, with its folders where several files have it.
-        path: the file, which ``load`` takes.
+        name: name of the file, preceded by its folders if several files share it.
+        path: the file, as ``load`` accepts it.
         family: its family.
     """
 
@@ -53,9 +53,9 @@ class FolderSuite:
     """The problems of a folder.
 
     Attributes:
-        name: of the suite.
+        name: name of the suite.
         members: its problems, in order.
-        broken: files that cannot be members, each with the reason, a sentence.
+        broken: files that cannot be members, each with a sentence that gives the reason.
     """
 
     name: str
@@ -72,10 +72,10 @@ class _Description:
 
 
 def list_folder(folder: Path | str) -> FolderSuite:
-    """Return the suite of a folder: all problem files (.npz, .hdf5, .h5) in it and its folders, hidden ones left out.
+    """Return the suite of a folder: all problem files in it and its subfolders, except hidden ones.
 
     Raises:
-        ProblemError: if there is no such folder or no problem in it, or ``suite.toml`` makes no sense.
+        ProblemError: if there is no such folder or no problem in it, or ``suite.toml`` is invalid.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -92,7 +92,7 @@ def list_folder(folder: Path | str) -> FolderSuite:
             raise ProblemError(f"{folder / DESCRIPTION}: the pattern {pattern!r} matches no problem file; correct it.")
     kept = [place for place in files if not _matches(place, described.exclude)]
     if not kept:
-        raise ProblemError(f"there is no problem in {folder}; problem files end in .npz, .hdf5 or .h5.")
+        raise ProblemError(f"there is no problem in {folder}; problem files end in .npz, .json, .hdf5 or .h5.")
     kept.sort(key=lambda place: (_first_match(place, described.order), place))
     names = _names(kept)
     members, broken, first = [], [], dict[str, str]()
@@ -107,7 +107,7 @@ def list_folder(folder: Path | str) -> FolderSuite:
 
 
 def _files_below(folder: Path) -> list[Path]:
-    """Return the files below a folder, without those of folders that vanish or cannot be read."""
+    """Return the files below a folder, except in folders that vanish or cannot be read."""
     return [Path(place, name) for place, _, names in os.walk(folder) for name in names]
 
 
@@ -116,11 +116,11 @@ def _read_description(folder: Path) -> _Description:
     if not file.is_file():
         return _Description(folder.resolve().name)
     if file.stat().st_size > MAX_DESCRIPTION_BYTES:
-        raise ProblemError(f"{file} has more than {MAX_DESCRIPTION_BYTES} bytes; a suite is described by a few lines.")
+        raise ProblemError(f"{file} has more than {MAX_DESCRIPTION_BYTES} bytes; shorten it.")
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ProblemError(f"{file} is no TOML: {' '.join(str(error).split())}.") from None
+        raise ProblemError(f"{file} is not valid TOML: {' '.join(str(error).split())}.") from None
     except OSError as error:
         raise ProblemError(f"cannot read {file}: {error.strerror}.") from None
     for key in content:
@@ -128,7 +128,7 @@ def _read_description(folder: Path) -> _Description:
             raise ProblemError(f"{file} has an unknown key {key!r}{suggestion(key, KEYS)}")
     name = content.get("name", folder.resolve().name)
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
-        raise ProblemError(f"{file}: name must be a text in one line.")
+        raise ProblemError(f"{file}: name must be a string without line breaks.")
     groups = content.get("groups", {})
     if not isinstance(groups, dict):
         raise ProblemError(f"{file}: groups must be a table of patterns by family.")
@@ -142,12 +142,12 @@ def _read_description(folder: Path) -> _Description:
 
 def _patterns(given: Any, file: Path, key: str) -> tuple[str, ...]:
     if not isinstance(given, list) or not all(isinstance(pattern, str) for pattern in given):
-        raise ProblemError(f"{file}: {key} must be a list of patterns, each a text.")
+        raise ProblemError(f"{file}: {key} must be a list of patterns, each a string.")
     return tuple(given)
 
 
 def _names(places: Sequence[str]) -> dict[str, str]:
-    """Return the stem of each file, with its folders where several files have that stem."""
+    """Return the stem of each file, preceded by its folders if several files share it."""
     stems = [Path(place).stem for place in places]
     several = {stem for stem in stems if stems.count(stem) > 1} if len(set(stems)) < len(stems) else set()
     return {
@@ -169,7 +169,7 @@ def _matches(place: str, patterns: Sequence[str]) -> bool:
 
 
 def _first_match(place: str, patterns: Sequence[str]) -> int:
-    """Return the index of the first pattern that matches, their number if none does."""
+    """Return the index of the first pattern that matches, or the number of patterns if none does."""
     return next((index for index, pattern in enumerate(patterns) if fnmatchcase(place, pattern)), len(patterns))
 
 

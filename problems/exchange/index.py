@@ -1,6 +1,6 @@
-"""Sizes and laws of the standard problems, stored beside the frozen library, so that listing them builds none.
+"""Sizes and laws of the standard problems, stored with the frozen library, so that listing does not build problems.
 
-``python -m proxbench.problems.exchange.index`` writes the file anew after a problem has been added or changed.
+``python -m proxbench.problems.exchange.index`` rewrites the file; run it after adding or changing a problem.
 """
 
 import json
@@ -26,7 +26,7 @@ class ProblemSummary:
         contacts: number of contacts.
         rows: number of rows.
         laws: the kinds of law that occur, in words.
-        form: "factors" or "Delassus", the form that the problem holds.
+        form: "factors" or "Delassus", the form in which the problem is stored.
     """
 
     contacts: int
@@ -49,7 +49,7 @@ def stored_summaries() -> Mapping[str, ProblemSummary]:
 
 
 def current_summaries() -> dict[str, ProblemSummary]:
-    """Return the same summaries from the problems themselves, building all of them."""
+    """Build all of these problems and return their summaries."""
     return {name: summary_of(load(name)) for name in SUITES["all"] if is_held(name)}
 
 

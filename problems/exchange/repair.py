@@ -1,7 +1,7 @@
-"""Matrices of files that are not quite symmetric or semidefinite, and the named ways to read them.
+"""Repair of matrices in files that are not quite symmetric or semidefinite.
 
-Public files store a mass matrix by one triangle alone, or matrices that lost their symmetry or their last eigenvalues
-to rounding. Each remedy has a name, is chosen by the reader, and is recorded in the provenance of the problem.
+Public files contain mass matrices with a single triangle, and matrices that lost their symmetry or their smallest
+eigenvalues to rounding. The reader chooses a remedy by name, and the provenance of the problem records it.
 """
 
 import shlex
@@ -17,29 +17,29 @@ from ..contact.matrices.symmetric import NEGATIVE_TOLERANCE, SYMMETRY_TOLERANCE
 from ..errors import IndefiniteError, ProblemError, suggestion
 
 Symmetry = Literal["mean", "lower", "upper", "keep", "refuse"]
-"""How a matrix A that is not symmetric is read: as (A + Aᵀ)/2, by its lower or upper triangle, unchanged, or not."""
+"""Remedies for an asymmetric matrix A: (A + Aᵀ)/2, its lower or upper triangle, A unchanged, or an error."""
 
 Indefinite = Literal["refuse", "project"]
-"""How a Delassus matrix with a negative eigenvalue is read: not, or as the nearest semidefinite matrix."""
+"""Remedies for a Delassus matrix with a negative eigenvalue: an error, or the nearest semidefinite matrix."""
 
 ASYMMETRY = "asymmetry"
-"""The entry of the provenance with max |A − Aᵀ| / max |A| of a matrix that was repaired or kept."""
+"""Entry of the provenance: max |A − Aᵀ| / max |A| of a matrix that was repaired or kept."""
 
 LARGEST_ASYMMETRY = 1e-2
-"""max |A − Aᵀ| / max |A| up to which "mean" applies; beyond it, the difference is no rounding."""
+"""max |A − Aᵀ| / max |A| up to which "mean" applies; beyond it, the difference is not rounding."""
 
 LARGEST_NEGATIVE = 1e-6
-"""Negative eigenvalue, relative to the largest one, up to which "project" applies."""
+"""Largest |negative eigenvalue|, relative to the largest one, to which "project" applies."""
 
 MOST_ROWS = 5000
-"""Rows up to which a matrix is projected; all its eigenvalues are computed."""
+"""Largest number of rows of a matrix to project, for which all eigenvalues are computed."""
 
 
 class AsymmetricError(ProblemError):
-    """A matrix misses symmetry by more than its remedy admits.
+    """A matrix is more asymmetric than its remedy allows.
 
     Attributes:
-        reason: what is wrong, a sentence without its period.
+        reason: what is wrong, a sentence without a period.
         remedy: the ``Symmetry`` that reads the matrix.
     """
 
@@ -53,7 +53,7 @@ class AsymmetricError(ProblemError):
 
 @contextmanager
 def named_in_errors(name: str, file_format: str) -> Iterator[None]:
-    """Put the name of a file before the text of a ``ProblemError``, and the command that repairs a matrix behind.
+    """Add the name of a file to a ``ProblemError``, and the command that repairs its matrix.
 
     Args:
         name: the path of the file.
@@ -72,14 +72,14 @@ def named_in_errors(name: str, file_format: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Repair:
-    """How matrices of a file are read that are not quite what they must be.
+    """Remedies for the matrices of a file.
 
     Attributes:
-        symmetry: of a Delassus matrix or a mass matrix that is not symmetric.
-        indefinite: of a Delassus matrix with a negative eigenvalue.
+        symmetry: remedy for an asymmetric Delassus or mass matrix.
+        indefinite: remedy for a Delassus matrix with a negative eigenvalue.
 
     Raises:
-        ProblemError: for a word that names no way to read a matrix.
+        ProblemError: if a remedy is unknown.
     """
 
     symmetry: Symmetry = "mean"
@@ -92,10 +92,10 @@ class Repair:
                 raise ProblemError(f"`{option}` {word!r} is unknown{suggestion(str(word), known)}")
 
     def delassus(self, matrix: sp.csr_array[Any], name: str = "G") -> tuple[sp.csr_array[Any], dict[str, Any], bool]:
-        """Return a Delassus matrix repaired, the entries of the provenance, and whether it is kept unsymmetric.
+        """Return a repaired Delassus matrix, the entries of the provenance, and whether it remains asymmetric.
 
         Raises:
-            ProblemError: if it is further off than the remedy admits.
+            ProblemError: if the remedy does not apply to it.
         """
         matrix, notes = symmetric(matrix, name, self.symmetry)
         return self.semidefinite(matrix, notes)
@@ -103,7 +103,7 @@ class Repair:
     def semidefinite(
         self, matrix: sp.csr_array[Any], notes: dict[str, Any]
     ) -> tuple[sp.csr_array[Any], dict[str, Any], bool]:
-        """Return the same as ``delassus`` for a matrix that was read as symmetric, with the ``notes`` about that."""
+        """Return the same as ``delassus`` for the result of ``symmetric``, a matrix and its ``notes``."""
         if notes and self.symmetry == "keep":
             return matrix, notes, True
         if self.indefinite == "project":
@@ -112,16 +112,16 @@ class Repair:
         return matrix, notes, False
 
     def mass(self, matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
-        """Return a mass matrix repaired, and the entries of the provenance.
+        """Return a repaired mass matrix, and the entries of the provenance.
 
         Raises:
-            ProblemError: if it is further off than the remedy admits, or is to be kept unsymmetric.
+            ProblemError: if the remedy does not apply to it, or is "keep".
         """
         if self.symmetry == "keep":
-            raise ProblemError("`symmetry` keep is for W; a mass matrix M must be symmetric.")
+            raise ProblemError("`symmetry` keep applies to W only; a mass matrix M must be symmetric.")
         matrix, notes = symmetric(matrix, "M", self.symmetry)
         if self.symmetry == "mean" and asymmetry(matrix):
-            matrix = sp.csr_array(0.5 * (matrix + matrix.T))  # rounding beside M may be large in one of its blocks
+            matrix = sp.csr_array(0.5 * (matrix + matrix.T))  # rounding relative to M may be large in one of its blocks
         return matrix, notes
 
 
@@ -133,23 +133,23 @@ def asymmetry(matrix: sp.csr_array[Any]) -> float:
 
 
 def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.csr_array[Any], dict[str, Any]]:
-    """Return a matrix read as symmetric, and the entries of the provenance that describe its repair.
+    """Return a symmetric matrix, unless it is kept, and the entries of the provenance that describe its repair.
 
     Args:
         matrix: A, square.
-        name: what messages call it.
-        how: the remedy. Asymmetry of rounding, 1e-12 of the largest entry, needs none.
+        name: its name in messages.
+        how: the remedy. Asymmetry within rounding, 1e-12 of the largest entry, needs none.
 
     Raises:
-        AsymmetricError: if the asymmetry is larger than the remedy admits.
+        AsymmetricError: if the asymmetry is larger than the remedy allows.
     """
     off = asymmetry(matrix)
-    if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # the latter is refused by the problem
+    if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # the problem rejects such numbers
         return matrix, {}
-    misses = f"{name} misses symmetry by {off:.1e} of its largest entry"
+    misses = f"{name} is asymmetric by {off:.1e} of its largest entry"
     if how == "refuse" or (how == "mean" and not off <= LARGEST_ASYMMETRY):
         raise _asymmetric(misses, matrix, off)
-    repaired, remedy = matrix, "is kept so"
+    repaired, remedy = matrix, "is kept unchanged"
     if how == "mean":
         repaired, remedy = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
     elif how in ("lower", "upper"):
@@ -163,13 +163,13 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     """Return the nearest positive semidefinite matrix in the Frobenius norm, and its entries of the provenance.
 
     With A = V diag(λ) Vᵀ it is V diag(max(λ, 0)) Vᵀ (Higham 1988, *Linear Algebra Appl.* 103, 103–118). A matrix
-    without negative eigenvalues beyond rounding is returned as it is.
+    without negative eigenvalues beyond rounding is returned unchanged.
 
     Raises:
-        ProblemError: if the matrix is too large, or an eigenvalue is too far below zero to be an error of rounding.
+        ProblemError: if the matrix is too large, or an eigenvalue is too far below zero for a rounding error.
     """
     if matrix.shape[0] > MOST_ROWS:
-        raise ProblemError(f"G has {matrix.shape[0]} rows, and `indefinite` project takes up to {MOST_ROWS}.")
+        raise ProblemError(f"G has {matrix.shape[0]} rows, but `indefinite` project supports at most {MOST_ROWS}.")
     if not matrix.shape[0]:
         return matrix, {}
     values, vectors = np.linalg.eigh(matrix.toarray().astype(np.float64))
@@ -178,8 +178,8 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
         return matrix, {}
     if least < -LARGEST_NEGATIVE:
         raise ProblemError(
-            f"G has the eigenvalue {values[0]:.3g} beside {values[-1]:.3g}, and `indefinite` project replaces those "
-            f"up to {LARGEST_NEGATIVE:g} of the largest one."
+            f"G has the eigenvalue {values[0]:.3g}, the largest is {values[-1]:.3g}, and `indefinite` project replaces "
+            f"negative ones up to {LARGEST_NEGATIVE:g} of the largest one."
         )
     kept = vectors[:, values > 0.0] * np.sqrt(values[values > 0.0])
     remedy = "negative eigenvalues of G are replaced by 0"

@@ -1,7 +1,7 @@
 """Sequences: consecutive steps of one motion, each a contact problem.
 
 A step names the one before it (``BEFORE`` in its provenance) and its contacts (``ContactProblem.keys``). A warm start
-takes the impulses of the step before, contact by contact, as steppers do: zero for a contact that is new.
+takes the impulses of the step before, contact by contact, as steppers do, and zero for a new contact.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ BEFORE = "before"
 """Entry of the provenance of a step: the name of the step before it in its sequence."""
 
 STEP = "step"
-"""Entry of the provenance of a step: its number, which exceeds that of the step before by one."""
+"""Entry of the provenance of a step: its number, one more than that of the step before."""
 
 START_DIGITS = 16
 """Number of hexadecimal digits of the digest of a start."""
@@ -33,7 +33,7 @@ def continued_impulses(before: ContactProblem, impulses: FloatArray, problem: Co
         problem: the next step.
 
     Returns:
-        Λ [N s], shape (problem.n_rows,): that of the contact with the same key and as many rows, zero elsewhere.
+        Λ [N s], shape (problem.n_rows,): that of the contact with the same key and number of rows, zero elsewhere.
     """
     return np.append(impulses, 0.0)[_continued_rows(before, problem)]  # -1 takes the zero
 
@@ -73,8 +73,8 @@ class Predecessors:
     """The steps of a sequence that precede a problem.
 
     Attributes:
-        steps: from the first on; none for a problem that follows no step.
-        missing: why there are none, a sentence about the problem.
+        steps: the steps from the first on; empty for a problem that follows no step.
+        missing: why there are none, as a sentence about the problem.
     """
 
     steps: tuple[ContactProblem, ...] = ()
@@ -89,7 +89,7 @@ def predecessors(problem: ContactProblem, find: Callable[[str], ContactProblem |
 
     Args:
         problem: the problem.
-        find: returns a problem by its name; None if there is none.
+        find: returns a problem by name, or None.
     """
     steps, step = list[ContactProblem](), problem
     while name := step.provenance.get(BEFORE):

@@ -1,4 +1,4 @@
-"""Impulses that a file stores as the solution of its problem: judged, and known as an answer only where they pass."""
+"""Impulses that a file stores as the solution: judged, and a known answer only if they pass."""
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
@@ -6,10 +6,10 @@ from ..contact.judge import judge
 from ..contact.problem import ContactProblem
 
 CONFIRMED = 1e-4
-"""Judged residual up to which stored impulses are taken for a solution."""
+"""Largest judged residual of stored impulses that count as a solution."""
 
 RESIDUAL = "stored_solution_residual"
-"""The entry of the provenance with the judged residual of the stored impulses."""
+"""Entry of the provenance: the judged residual of the stored impulses."""
 
 
 def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:

@@ -1,4 +1,4 @@
-"""What a file of a problem holds, in numbers that say how hard the problem is: size, rank, friction, conditioning."""
+"""Numbers that describe the difficulty of a problem file: size, rank, friction, conditioning."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,33 +21,33 @@ from .repair import ASYMMETRY, Repair
 from .stored_solution import RESIDUAL
 
 RANK_TOLERANCE = 1e-9
-"""Eigenvalues of the scaled G below this part of the largest one are taken for zero."""
+"""Eigenvalues of the scaled G below this fraction of the largest one count as zero."""
 
 MOST_RANK_ROWS = 8000
-"""Rows up to which the rank is estimated; the factors of larger matrices can fill."""
+"""Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
 
 _WAYS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
-"""Repairs in the order in which they are tried, so that a file is described however asymmetric its matrix is."""
+"""Repairs in the order of trials, so that any asymmetric matrix can be described."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """One file.
+    """The description of one file.
 
     Attributes:
         file: its path.
-        title: what it calls its problem.
-        form: "G" or "factors", which of the two the problem holds.
+        title: the title of its problem.
+        form: "G" or "factors", the form in which the problem is stored.
         contacts: number of contacts.
         joints: number of bilateral rows.
         rows: number of rows.
-        dofs: degrees of freedom; ``None`` where the problem holds G only.
-        rank: estimated rank of G; ``None`` where that is not affordable.
-        friction: least and largest μ, 0 without friction.
-        rolling_friction: least and largest μ_r [m]; ``None`` without rolling friction.
-        asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 where that is rounding.
+        dofs: degrees of freedom; ``None`` if the problem has G only.
+        rank: estimated rank of G; ``None`` if it is too expensive.
+        friction: smallest and largest μ, 0 without friction.
+        rolling_friction: smallest and largest μ_r [m]; ``None`` without rolling friction.
+        asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 within rounding.
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
-        guesses: how many guesses are stored.
+        guesses: number of stored guesses.
         solution: judged residual of the stored impulses; ``None`` if none were written.
     """
 
@@ -68,10 +68,10 @@ class Survey:
 
 
 def survey(path: Path) -> Survey:
-    """Return what a file holds.
+    """Return the description of a file.
 
     Raises:
-        ProblemError: if the file holds no problem; asymmetry of whatever size is no reason.
+        ProblemError: if the file contains no problem; any asymmetry is allowed.
     """
     problem = _read(path)
     laws, provenance = problem.laws, problem.provenance
@@ -96,7 +96,7 @@ def survey(path: Path) -> Survey:
 
 
 def _read(path: Path) -> ContactProblem:
-    """Return the problem of a file with the first repair that admits it."""
+    """Return the problem of a file, read with the first repair that applies."""
     for way in _WAYS[:-1]:
         try:
             return _read_so(path, way)
@@ -116,7 +116,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 
 def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUFFIXES)) -> Iterator[Path]:
-    """Yield the file, or all files with one of the endings in a folder and its folders, in the order of their names.
+    """Yield the file, or all files with one of the suffixes in a folder and its subfolders, sorted by name.
 
     Raises:
         ProblemError: if there are none.
@@ -131,10 +131,10 @@ def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUF
 
 
 def estimated_rank(problem: ContactProblem) -> int | None:
-    """Return how many eigenvalues of the scaled D^-½ G D^-½, D its diagonal, exceed ``RANK_TOLERANCE`` of the largest.
+    """Return the number of eigenvalues of D^-½ G D^-½, D the diagonal of G, above ``RANK_TOLERANCE`` of the largest.
 
-    By Sylvester's law of inertia they are as many as the positive pivots of G − σI, factorised sparse and without
-    exchanges; ``None`` where that fails. G is made symmetric before.
+    By Sylvester's law of inertia, it is the number of positive pivots in a sparse factorisation of G − σI without row
+    exchanges; ``None`` if that fails. G is symmetrised first.
     """
     delassus, diagonal = problem.delassus(), problem.delassus_diagonal
     moved = np.flatnonzero(diagonal > 0.0)
@@ -155,9 +155,9 @@ def estimated_rank(problem: ContactProblem) -> int | None:
 
 
 def block_conditioning(problem: ContactProblem) -> FloatArray:
-    """Return the condition number of the diagonal block of G of each contact, shape (n_contacts,); inf for singular.
+    """Return the condition number of the diagonal block of G of each contact, inf if singular.
 
-    Rows of rolling friction count in the judge's unit, which is a velocity; joints are left out.
+    Rows of rolling friction are converted to velocities as in the judge. Joints are left out.
     """
     blocks, layout = problem.delassus_blocks(), problem.layout
     lengths = layout.pad(row_lengths(problem))

@@ -12,10 +12,10 @@ from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 
 GRAVITY = 9.81
-"""[m/s²]"""
+"""Acceleration of gravity [m/s²]."""
 
 TIME_STEP = 1e-3
-"""[s]"""
+"""Time step [s]."""
 
 WEIGHT = GRAVITY * TIME_STEP
 """Impulse that bears one kilogramme for one step [N s], and velocity after one step of free fall [m/s]."""

@@ -101,7 +101,7 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
 def braced(family: Family, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` with a load that normal impulses λ > 0 bear: ξ = 0 at any friction.
 
-    c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0, see ``supports``; Λ itself is unique only if W has full rank
+    c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0 (see ``supports``); Λ itself is unique only if W has full rank
     and no body can be wedged. The states of the family are ignored.
     """
     rng = np.random.default_rng(seed)

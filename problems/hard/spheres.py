@@ -73,7 +73,7 @@ def scattered(n: int) -> ContactProblem:
 def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
     """Return ``n`` blocks (or spheres) at rest on separate inclines, with friction from 0.05 to 10.
 
-    The inclines are 1e-9 rad below, at and above their critical angle in turn, see ``incline``.
+    The inclines are 1e-9 rad below, at and above their critical angle in turn; see ``incline``.
     """
     return _on_inclines(np.geomspace(0.05, 10.0, n), np.resize([-1e-9, 0.0, 1e-9], n), compliance)
 
@@ -163,7 +163,7 @@ def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes
     is_spatial = problem.layout.width == 3 and problem.layout.is_dense and problem.layout.bounds_are_own
     if factors is None or factors.free_motion is None or factors.n_dofs % 6 or not is_spatial or axes not in (2, 3):
         raise ProblemError(
-            f"{problem.name!r} cannot be given rolling friction: it takes spatial contacts of balls in factor form "
+            f"{problem.name!r} cannot have rolling friction: this requires spatial contacts of balls in factor form "
             "with their free motion, and 2 or 3 axes."
         )
     n = problem.n_contacts

@@ -93,7 +93,7 @@ def _scaled(plain: ContactProblem, dim: int, sensitivity: float) -> ContactProbl
 
 
 def cradle(n: int, restitution: float) -> ContactProblem:
-    """Return Newton's cradle: ``n`` touching balls of 1 kg, the first of which arrives at 1 m/s, as one coupled impact.
+    """Return Newton's cradle: ``n`` touching balls of 1 kg, the first arriving at 1 m/s, as one coupled impact.
 
     With c = (1 + e) γ_B and ξ = γ_E + e γ_B = 0 at every contact, the other balls leave at (1 + e)/n and the first at
     (1 + e)/n − e, hence Λ_k = (n − k)(1 + e)/n for the contact behind ball k.

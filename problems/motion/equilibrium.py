@@ -1,23 +1,23 @@
-"""Equilibrium at rest: is there any Λ within the laws that balances the forces, h + W Λ = 0?
+"""Equilibrium at rest: a test for a Λ within the laws that balances the forces, h + W Λ = 0.
 
-Gauss's principle of least constraint answers it: of all Λ, find the one that leaves the least acceleration,
+By Gauss's principle of least constraint, find the Λ with the least acceleration,
 
     minimise ‖h + W Λ‖_{M⁻¹}  over  Λ ∈ K,      K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact, Λ free in joints.
 
-The bodies can stand iff the minimum is 0. Otherwise the acceleration that is left, u = M⁻¹ (h + W Λ), is a mechanism
-and proves that no Λ balances: the loads do work on it, hᵀu > 0, and contacts and joints take none, Wᵀu ∈ K*, or not
-enough where friction has a fixed bound. Limit analysis calls it the collapse mechanism of the associated model.
+The bodies can stand iff the minimum is 0. Otherwise the remaining acceleration u = M⁻¹ (h + W Λ) is a mechanism
+and proves that no Λ balances: the loads do work on it, hᵀu > 0, and contacts and joints absorb none, Wᵀu ∈ K*, or not
+enough if friction has a fixed bound. Limit analysis calls it the collapse mechanism of the associated model.
 
-Rest asks no more of Λ than to lie in K, so "cannot stand" is exact for Coulomb friction. "Can stand" says that rest is
+Rest requires only that Λ lies in K, so "cannot stand" is exact for Coulomb friction. "Can stand" means that rest is
 one motion that the laws allow. It may be unstable; and unless the mechanism consists of hinges, it may not be the only
-one, since a sliding contact of the associated model opens, and one of Coulomb's does not.
+one, since a sliding contact opens in the associated model, but not with Coulomb's law.
 
-How far they are from collapse under a further push M b is a second program,
+A second program computes the largest additional push M b before collapse,
 
     maximise s  over  Λ ∈ K and s,  subject to  h + s M b + W Λ = 0.
 
-Both are second-order cone programs, solved by Clarabel in units of energy: no answer depends on the units of mass and
-length. Impulses are those of one second, so that Λ holds forces in newtons.
+Both are second-order cone programs, solved by Clarabel in units of energy: no result depends on the units of mass and
+length. Impulses are those of one second, so that Λ contains forces in newtons.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ from .state import State
 from .stepping.midpoint import step_problem
 
 TOLERANCE = 1e-7
-"""Largest acceleration, over that without contacts, at which forces count as balanced."""
+"""Largest acceleration, relative to that without contacts, at which forces count as balanced."""
 
 SOLVER_ACCURACY = 1e-10
 """Tolerance of the cone programs, relative to the loads."""
@@ -66,10 +66,10 @@ class HasMargin(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """The answer to whether bodies can stand.
+    """The result of a test whether bodies can stand.
 
     Attributes:
-        imbalance: ‖h + W Λ‖ over ‖h‖ in the norm of M⁻¹: the least acceleration over that without contacts, 0 for
+        imbalance: ‖h + W Λ‖/‖h‖ in the norm of M⁻¹: the least acceleration relative to that without contacts, 0 for
             bodies that can stand, 1 for bodies that fall freely.
         forces: Λ [N], shape (n_rows,); redundant contacts share the load in one of many ways.
         mechanism: u = M⁻¹ (h + W Λ) [m/s²], shape (n_dofs,), the acceleration from rest of the associated model; zero
@@ -88,10 +88,10 @@ class Equilibrium:
 
 @dataclass(frozen=True, eq=False)
 class Collapse:
-    """The largest push that bodies at rest bear.
+    """The largest push that bodies at rest withstand.
 
     Attributes:
-        factor: s, the push over the loads; 0 for bodies that cannot stand without it, inf if no push moves them.
+        factor: s, the push relative to the loads; 0 for bodies that cannot stand without it, inf if no push moves them.
         forces: Λ [N] under this push, shape (n_rows,); NaN if it is infinite.
         mechanism: velocity u of the collapse, up to a factor, shape (n_dofs,); NaN if the push is infinite.
     """
@@ -102,7 +102,7 @@ class Collapse:
 
 
 def problem_at_rest(system: System, state: State, margin: float = 0.0) -> ContactProblem:
-    """Return the contact problem of one second from rest, whose impulses [N s] are the forces [N] of the rest.
+    """Return the contact problem of one second from rest, whose impulses [N s] are the forces [N] at rest.
 
     Args:
         system: the bodies.
@@ -110,13 +110,13 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
         margin: gap [m] below which contacts count as closed.
 
     Raises:
-        ProblemError: if the margin is negative, or the system has none.
+        ProblemError: if the margin is negative, or the system does not support one.
     """
     if not 0.0 <= margin < np.inf:
-        raise ProblemError(f"`margin` must be a length that is not negative, got {margin}.")
+        raise ProblemError(f"`margin` must be a length of at least 0, got {margin}.")
     if margin > 0.0:
         if not isinstance(system, HasMargin):
-            raise ProblemError(f"{type(system).__name__} finds contacts without a margin; leave out `margin`.")
+            raise ProblemError(f"{type(system).__name__} does not support a margin; omit `margin`.")
         system = system.with_margin(margin)
     rest = np.zeros_like(state.velocity)
     assembly = system.assemble(state.position, rest, 1.0)
@@ -127,7 +127,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
 
 
 def find_equilibrium(problem: ContactProblem) -> Equilibrium:
-    """Return whether forces within the laws balance the loads, with the forces or the mechanism that proves it.
+    """Return whether forces within the laws balance the loads, with the forces or the mechanism that proves this.
 
     Args:
         problem: one step from rest with its factors and free motion, as ``problem_at_rest`` returns it.
@@ -139,10 +139,10 @@ def find_equilibrium(problem: ContactProblem) -> Equilibrium:
 
 
 def largest_push(problem: ContactProblem, direction: FloatArray) -> Collapse:
-    """Return the largest push that bodies at rest bear in addition to their loads.
+    """Return the largest push that bodies at rest withstand in addition to their loads.
 
-    A push is a field of forces M b, for instance a share of the weight turned sideways; tilting the ground or
-    accelerating it acts alike. Its size is relative to the loads, both in the norm of M⁻¹.
+    A push is a field of forces M b, for example a fraction of the weight in a horizontal direction; tilting or
+    accelerating the ground has the same effect. Its size is relative to the loads, both in the norm of M⁻¹.
 
     Args:
         problem: see ``find_equilibrium``.
@@ -160,7 +160,7 @@ def largest_push(problem: ContactProblem, direction: FloatArray) -> Collapse:
         return Collapse(0.0, standing.forces, standing.mechanism)
     push = scaled.unrooted(b)
     push /= np.linalg.norm(push)
-    # what is left of the loads is taken off, so that s = 0 is feasible to the last digit
+    # the unbalanced loads are subtracted, so that s = 0 is exactly feasible
     left = scaled.unbalanced(standing.forces)
     balance = sp.hstack([-scaled.directions, -sp.csc_array(push[:, None])])
     solution = scaled.solve(np.append(np.zeros(n_rows), -1.0), balance, scaled.load - left, clarabel.ZeroConeT(n_dofs))
@@ -197,13 +197,13 @@ def least_friction(problem: ContactProblem) -> float:
 
 
 def bisect(holds: Callable[[float], bool], low: float, high: float, accuracy: float) -> float:
-    """Return where a condition begins to hold, the upper end of a bracket as narrow as ``accuracy``.
+    """Return the point where a condition begins to hold, the upper end of a bracket of width ``accuracy``.
 
     Args:
         holds: the condition, false at ``low`` and true at ``high``.
         low: lower end of the bracket.
         high: upper end of the bracket.
-        accuracy: its width at the end.
+        accuracy: its final width.
     """
     while high - low > accuracy:
         middle = 0.5 * (low + high)
@@ -219,12 +219,12 @@ def with_friction(problem: ContactProblem, friction: float) -> ContactProblem:
 
 
 def _slides(laws: Laws) -> Any:
-    """Return which laws are Coulomb friction of a contact, shape (n_laws,)."""
+    """Return whether each law is the Coulomb friction of a contact, shape (n_laws,)."""
     return laws.is_friction & ~laws.is_rolling & (laws.partner >= 0)
 
 
 class _ScaledProblem:
-    """A problem at rest in units of energy: y = Λ over their units, and forces divided by √m.
+    """A problem at rest in units of energy: y = Λ in units of forces, and forces divided by √m.
 
     Attributes:
         problem: the problem.
@@ -237,7 +237,7 @@ class _ScaledProblem:
     def __init__(self, problem: ContactProblem) -> None:
         if problem.factors is None or problem.factors.free_motion is None:
             raise ProblemError(
-                f"{problem.name!r} lacks the factors W and M⁻¹ or the free motion; an equilibrium needs them."
+                f"{problem.name!r} lacks the factors W and M⁻¹ or the free motion, which an equilibrium needs."
             )
         self.problem, self._factors = problem, problem.factors
         load = self.unrooted(problem.factors.free_motion)
@@ -262,11 +262,11 @@ class _ScaledProblem:
         return self._factors.inverse_mass.root_times(-dual)
 
     def forces(self, y: FloatArray) -> FloatArray:
-        """Return Λ [N] of y, brought into the laws where it is off by the accuracy of the solver."""
+        """Return Λ [N] of y, projected onto the laws to correct errors of the solver."""
         return project(self.problem.laws, self.unit * y)
 
     def unbalanced(self, forces: FloatArray) -> FloatArray:
-        """Return what is left of the loads, Sᵀ (h + W Λ) / size, shape (n_dofs,)."""
+        """Return the unbalanced loads, Sᵀ (h + W Λ) / size, shape (n_dofs,)."""
         left: FloatArray = self.load + self.directions @ (forces / self.unit)
         return left
 
@@ -340,4 +340,4 @@ _UNBOUNDED = {clarabel.SolverStatus.DualInfeasible, clarabel.SolverStatus.Almost
 
 def _require_solved(solution: Any) -> None:
     if solution.status not in _SOLVED:
-        raise ProblemError(f"the cone program of the equilibrium ended without an answer ({solution.status}).")
+        raise ProblemError(f"the cone program of the equilibrium failed ({solution.status}).")

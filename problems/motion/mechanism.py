@@ -1,4 +1,4 @@
-"""What moves in a mechanism: which bodies hinge, slide or part, found from the velocities of their contacts."""
+"""Description of a mechanism: the bodies that hinge, slide or separate, from the velocities of their contacts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from ..contact.matrices.pieces import Pieces
 from ..contact.problem import ContactProblem
 
 REST_SHARE = 1e-3
-"""Contacts slower than this, over the velocities of their bodies, count as at rest."""
+"""Contacts slower than this, relative to the velocities of their bodies, count as at rest."""
 
 MAX_LISTED = 8
-"""Pairs of bodies that a sentence lists."""
+"""Largest number of pairs of bodies that a sentence lists."""
 
 FIXED = -1
 """The number of a body that does not move."""
@@ -34,8 +34,8 @@ class PairMotion:
     """Two bodies in contact that move relative to each other.
 
     Attributes:
-        bodies: their numbers, ascending; the first is ``FIXED`` where only one of them can move.
-        motion: a hinge where some of their contacts open and others hold.
+        bodies: their numbers, ascending; the first is ``FIXED`` if only one of them can move.
+        motion: a hinge if some of their contacts open and others stay at rest.
     """
 
     bodies: tuple[int, int]
@@ -45,7 +45,7 @@ class PairMotion:
 def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which contacts slide and which open under u, shape (n_contacts,) each; joints do neither.
 
-    A contact slides that opens no faster than friction of the associated model makes it, γ_N ≤ μ ‖γ_T‖.
+    A contact slides if it opens no faster than by friction of the associated model, γ_N ≤ μ ‖γ_T‖.
     """
     layout = problem.layout
     assert problem.factors is not None
@@ -78,7 +78,7 @@ def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMoti
 
 
 def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
-    """Return the motion of a pair from (slides, opens) of each of its contacts, None if all of them hold."""
+    """Return the motion of a pair from (slides, opens) of each of its contacts, None if all of them are at rest."""
     if any(slides for slides, _ in contacts):
         return Motion.SLIDES
     opening = sum(opens for _, opens in contacts)
@@ -88,7 +88,7 @@ def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
 
 
 def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
-    """Return how bodies move under u, in words: ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
+    """Return the motion of bodies under u in words: ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
     pairs = pair_motions(problem, velocity)
     parts = [f"{motion} at {_listed(names)}" for motion in Motion if (names := _names(pairs, motion))]
     if parts:

@@ -9,7 +9,7 @@ from ..arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A system at one instant, with the impulses of the step that led there, to start the next solve from.
+    """A system at one instant, with the impulses of the last step, from which the next solve starts.
 
     Attributes:
         time: t [s].

@@ -1,8 +1,8 @@
 """Fallback: several solvers in sequence, until one solves the problem.
 
-A problem can be hard for one method and easy for another, and hard from one start and easy from another: the impulses
-of the last time step may lead to a plateau that zero avoids, and one relaxation may oscillate about a solution that
-another reaches. The first part starts from the given impulses, then all parts start from zero.
+A problem can be hard for one method or start, and easy for another: the impulses of the last time step may lead to a
+plateau that a start at zero avoids, and one relaxation may oscillate about a solution that another reaches. The first
+part starts from the given impulses, then all parts start from zero.
 """
 
 from collections.abc import Iterator
@@ -32,16 +32,16 @@ from .sequence import SolverRun, SolverSequence
 from .sweeping import FAST_MOMENTUM, FAST_RELAXATION
 
 WARM_ITERATIONS = 500
-"""In flow both starts are equally good; in a pile at rest the impulses of the last step are nearly the solution, or
-lead nowhere."""
+"""In flow both starts are equally good; in a pile at rest the impulses of the last step either are nearly the solution,
+or do not lead to it."""
 
 ITERATIONS = 2000
-"""Enough for sweeps on most problems that they solve at all."""
+"""Sufficient for sweeps on most problems that they solve."""
 
 MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
-"""Relaxation and momentum of the parts of ``MomentumFallback``. Moderate momentum is the fastest way to the usual
-accuracy on hundreds of contacts and more; long momentum solves most of the rare steps of a settling pile on which it
-reaches a plateau."""
+"""Relaxation and momentum of the parts of ``MomentumFallback``. Moderate momentum is fastest to the usual
+accuracy on hundreds of contacts and more; high momentum solves most of the rare steps of a settling pile on which
+moderate momentum reaches a plateau."""
 
 
 @dataclass(frozen=True, init=False)
@@ -52,9 +52,9 @@ class Fallback(Method):
     all parts by the judge's residual. The message lists the parts that ran and the outcome of each.
 
     Attributes:
-        parts: the solvers, all of one model; parts that do not support a problem are left out.
+        parts: the solvers, all of the same model; parts that do not support a problem are skipped.
         warm_iterations: iteration limit of the first part from the start; this run is omitted without a start.
-        iterations: iteration limit of each run from zero; the last part has no limit of its own.
+        iterations: iteration limit of each run from zero; the last part has no separate limit.
 
     Raises:
         SolverError: without parts, for parts of different models, or for an option out of range.
@@ -70,8 +70,8 @@ class Fallback(Method):
         other = next((part for part in parts if part.model != parts[0].model), None)
         if other is not None:
             raise SolverError(
-                f"the parts of a Fallback must solve one model; {parts[0].name} solves {parts[0].model}, "
-                f"{other.name} {other.model}."
+                f"the parts of a Fallback must solve the same model; {parts[0].name} solves {parts[0].model}, "
+                f"and {other.name} {other.model}."
             )
         for option, value in (("warm_iterations", warm_iterations), ("iterations", iterations)):
             check_option(option, value, type(value) is int and value >= 1, "a whole number, 1 or more")
@@ -127,7 +127,7 @@ class PreparedFallback:
     prepared: dict[str, Prepared] = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Run the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts those of all."""
+        """Run the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts all parts."""
         model, problem = self.fallback.model, self.problem
         residual = Residual(problem) if model == Model.COULOMB else ModelResidual(problem, model)
         observe = observe if self.fallback.has_iterates else None
@@ -153,8 +153,8 @@ class PreparedFallback:
 class MomentumFallback(Fallback):
     """A preset of ``Fallback``: SORprox over the factors with momentum 0.8, 0.97, 0.985 and 0.985, then ``Robust``.
 
-    ``Robust`` is the only part for problems that hold G alone. The default of ``proxbench simulate`` for scenes with
-    many contacts.
+    ``Robust`` is the only part for problems without factors. This is the default of ``proxbench simulate`` for scenes
+    with many contacts.
     """
 
     def __init__(self) -> None:

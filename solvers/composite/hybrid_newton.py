@@ -1,11 +1,11 @@
-"""HybridNewton: sweeps, and Newton's method on the projection equations where they are slow.
+"""HybridNewton: sweeps, and Newton's method on the projection equations if they are slow.
 
-Sweeps identify quickly which contacts are open, stick and slip, but settle the impulses slowly where masses differ or
+Sweeps identify quickly which contacts are open, stick and slip, but find the impulses slowly if masses differ or
 many contacts are coupled; Newton's method does the reverse. Sweeps therefore come first, and Newton's method is tried
 when they are slow. Its result is kept only if the judge's residual has fallen.
 
-Newton's method converges only from nearby, and sweeps at high friction may never come near a solution. Where sweeps
-lead nowhere, Newton's method starts from other predictors (``restarts``), from the best iterate and from the first.
+Newton's method converges only from nearby, and sweeps at high friction may never come near a solution. If sweeps
+stall, Newton's method starts from other predictors (``restarts``), from the best iterate and from the first.
 
 No decision depends on the tolerance: a solve to a tighter tolerance begins with the same iterates, and its result is no
 worse. No decision depends on the speed of the machine, except near the deadline, where no Newton step starts that would
@@ -34,8 +34,8 @@ SWEEPS_BEFORE = 200
 """Sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
 
 SLOW = 500
-"""Newton's method is tried where sweeps take more than this number per digit: a few of its steps cost as much as a few
-thousand sweeps, on ten contacts as on a thousand."""
+"""Newton's method is tried if sweeps take more than this number per digit: a few of its steps cost as much as a few
+thousand sweeps, on ten contacts and on a thousand."""
 
 SETTINGS = (SHARP, DAMPED, *THOROUGH)
 """Newton settings of successive attempts between sweeps."""
@@ -54,7 +54,7 @@ class HybridNewton(Method):
     One iteration is a sweep or a Newton step.
 
     Attributes:
-        relaxation: ω of the sweeps, see ``SafeguardedSORprox``.
+        relaxation: ω of the sweeps; see ``SafeguardedSORprox``.
 
     Raises:
         SolverError: for an option out of range.
@@ -82,7 +82,7 @@ class PreparedHybrid:
     equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Sweep, and try Newton's method where that is slow; see ``Prepared.solve``."""
+        """Sweep, and try Newton's method if that is slow; see ``Prepared.solve``."""
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
@@ -120,7 +120,7 @@ class PreparedHybrid:
         return SafeguardedIterates(DelassusIterates(self.sweep, impulses))
 
     def _is_stuck(self, outcome: Outcome | None, monitor: Monitor) -> bool:
-        """Whether sweeps lead nowhere, and rounding does not explain the best residual."""
+        """Whether sweeps do not progress, and rounding does not explain the best residual."""
         is_stuck = monitor.lacks_progress if outcome is None else outcome.status in STUCK_STATUSES
         if not is_stuck:
             return False
@@ -129,7 +129,7 @@ class PreparedHybrid:
 
 
 class ConvergenceRate:
-    """How fast sweeps converge; ``sweeps`` counts those recorded."""
+    """The convergence rate of sweeps; ``sweeps`` is the number recorded."""
 
     def __init__(self) -> None:
         self.sweeps = 0

@@ -1,21 +1,21 @@
 """InteriorNewton: interior points identify contact states, sweeps and Newton's method refine impulses.
 
 An interior point method identifies from any start, in a few dozen factorisations, which contacts open, stick and slip.
-Its last digits are slow where a solution is not strictly complementary, and its path may turn. Sweeps with momentum
+Its last digits are slow if a solution is not strictly complementary, and its path may turn. Sweeps with momentum
 usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods alternate:
 
-    InteriorPoint      fast where the path leads straight down
+    InteriorPoint      fast if τ can decrease steadily
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, as long as each cone program gains a digit, if they are cheap: bodies at rest
+    ClarabelCoulomb    from zero, as long as each cone program gains a digit, if programs are cheap: bodies at rest
     CentralPath        from the beginning of the path, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
-    HybridNewton       from the best impulses: sweeps that rearrange contacts one by one where no path helps
+    HybridNewton       from the best impulses: sweeps that change contact states one by one if no path helps
 
 The last four run five times, with growing iteration limits for the path and the sweeps. The path continues where it
-stopped. Where it has ended, and in the fourth round, it restarts with series of another order, which pass where the
-first ones cycle. Once no path is left, ``ProximalPoint`` starts from the best impulses. No method delays the others for
-long, and the runs do not depend on the speed of the machine.
+stopped. If it has ended, and in the fourth round, it restarts with series of another order, which may continue where
+the first ones cycle. When no path is left, ``ProximalPoint`` starts from the best impulses. No method delays the others
+for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ PATH_ROUNDS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
 """Order and iteration limit of ``CentralPath`` in each round."""
 
 HYBRID_LIMITS = (500, 1000, 2000, 2000)
-"""Iteration limits of ``HybridNewton`` in the rounds before the last, which has none of its own."""
+"""Iteration limits of ``HybridNewton`` in all rounds but the last, which has no separate limit."""
 
 REDUNDANCY = 2
 """Rows per degree of freedom above which interior points may factorise over bodies."""
@@ -57,7 +57,7 @@ REDUNDANCY = 2
 class InteriorNewton(Method):
     """Interior points, their path through its turns, sweeps and Newton's method, one after the other.
 
-    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies where
+    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies if
     several contacts of the same two bodies over-determine their motion, otherwise over contacts.
     """
 
@@ -109,12 +109,12 @@ def count_operations(sequence: SolverSequence) -> float:
 def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
     """Return De Saxcé's fixed point in the form of the faster sweeps.
 
-    None where the problem has no cone program, or where one takes more work than ``MAX_STEPS`` interior point steps
-    with so many operations.
+    None if the problem has no cone program, or if one takes more work than ``MAX_STEPS`` interior point steps, with
+    ``operations`` per factorisation.
     """
     if program_seconds(operations) > MAX_STEPS * step_seconds(problem, operations):
         return None
-    from ..conic.clarabel_coulomb import ClarabelCoulomb  # 20 ms that few solves wait for
+    from ..conic.clarabel_coulomb import ClarabelCoulomb  # import takes 20 ms
     from ..conic.fixed_point import FastFixedPoint
 
     forms: list[Literal["delassus", "factors"]] = ["delassus"]
@@ -125,10 +125,10 @@ def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
 
 
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
-    """Return the form of interior points: "factors" where contacts of the same two bodies over-determine their motion.
+    """Return the form of interior points: "factors" if contacts of the same two bodies over-determine their motion.
 
     Several contacts of a pair of bodies, or of a body and the ground, are then redundant, and G has a dense block for
-    every two of them. Elsewhere a step over bodies ends at a larger residual, because contact velocities are
+    every two of them. Otherwise a step over bodies ends at a larger residual, because contact velocities are
     differences of body velocities, and saves little.
     """
     if problem.factors is None or problem.n_rows <= REDUNDANCY * problem.factors.n_dofs:
@@ -167,7 +167,7 @@ def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[Solver
             if path.has_ended:
                 del paths[path.method.order]
             yield sequence.plan(sweeps, end, MAX_SWEEPS)
-        # swept impulses may be better than the end of the path, and identify the states less well
+        # swept impulses may have a lower residual than the end of the path, but identify the states less well
         yield sequence.plan(ProximalPoint(), end, MAX_PROXIMAL_STEPS)
         yield sequence.plan(HybridNewton(), sequence.best_impulses, hybrid_limit)
         end = sequence.best_impulses  # without a path, the same start would repeat the same steps

@@ -21,16 +21,16 @@ from ..newton.linearised import Equations
 from ..newton.steps import LINE_SEARCH, THOROUGH, NewtonMethod, NewtonSettings
 
 REFINEMENT = NewtonSettings(damping=1e-12, max_steps=4, patience=1)
-"""Settings on identified states: each step has to lower the residual, and to halve it before another one follows."""
+"""Settings on identified states: each step must reduce the residual, and halve it if another one is to follow."""
 
 SUCCESS = 0.1
 """After a refinement to below this fraction of the residual the next iterate is refined too."""
 
 MAX_WAIT = 8
-"""Most iterations between a failed refinement and the next one."""
+"""Largest number of iterations between a failed refinement and the next one."""
 
 FIRST_SEARCH = 4
-"""Iterations of a phase before the first Newton search; each further search waits for twice as many."""
+"""Iterations of a phase before the first Newton search; the number doubles before each further search."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Refined(Method):
 
 
 class Refinement(Correction):
-    """Newton steps from the iterates of one solve: less and less often after failures, and always at the end."""
+    """Newton steps from the iterates of one solve, less often after failures, and always at the end of a phase."""
 
     def __init__(self, problem: ContactProblem, residual: Residual, clock: Clock, tolerance: float) -> None:
         super().__init__(clock, tolerance)
@@ -100,7 +100,7 @@ class Refinement(Correction):
     def _refine(
         self, attempts: tuple[NewtonSettings, ...], impulses: FloatArray, residual: float
     ) -> tuple[FloatArray, float]:
-        if self._newton is None:  # the equations assemble G, which is useless without a refinement
+        if self._newton is None:  # created late, because the equations assemble G
             self._newton = NewtonMethod(Equations(self._problem, self._residual), self.clock, self.tolerance)
         best, lowest = impulses, residual
         for settings in attempts:

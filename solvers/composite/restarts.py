@@ -12,8 +12,8 @@ Their budget of counted work (``newton.work``) is the larger of
 
     WORK_SHARE × the work of the solve so far      and      MIN_WORK, at most LIMIT_SHARE × the time limit,
 
-and they run again only after the work has doubled. A budget of counted work gives the same iterates on every machine.
-The clock is the hard limit.
+and restarts are repeated only after the work has doubled. A budget of counted work gives the same iterates on every
+machine. The clock is the hard limit.
 """
 
 from dataclasses import dataclass
@@ -36,15 +36,15 @@ MIN_WORK = 5.0
 """Nominal seconds that restarts may use even after little work: over a thousand Newton steps on a few contacts."""
 
 LIMIT_SHARE = 0.5
-"""Bound of the minimal work, relative to the time limit."""
+"""Largest minimal work, relative to the time limit."""
 
 MAX_SWEEPS = 128
-"""Sweeps of one predictor from one start."""
+"""Largest number of sweeps of one predictor from one start."""
 
 
 @dataclass
 class Predictor:
-    """A source of iterates: ``done`` sweeps; ``attempted`` is their number at the last Newton attempt, −1 if none."""
+    """A source of iterates after ``done`` sweeps; ``attempted`` is ``done`` at the last Newton attempt, or −1."""
 
     iterates: Iterates
     done: int = 0

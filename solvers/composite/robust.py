@@ -1,19 +1,20 @@
-"""Robust: sweeps while they are fast, and more expensive methods where they are not.
+"""Robust: sweeps while they are fast, then more expensive methods.
 
-Sweeps solve most problems of flowing contacts in less time than one factorisation. Where sweeps are slow, Newton's
-method often succeeds once they have identified which contacts stick and slip. Interior points solve what is left, such
-as redundant piles and stacks.
+Sweeps solve most problems of flowing contacts in less time than one factorisation. If sweeps are slow, Newton's
+method often succeeds once they have identified which contacts stick and slip. Interior points solve the other problems,
+such as redundant piles and stacks.
 
-    sweeps              while every window of them gains a digit
+    sweeps              while each window of sweeps gains a digit
     accelerated sweeps  for a tenth of a window, and while each gains a digit
     Newton steps        a few from the last swept impulses
     InteriorNewton      interior points, their path, Newton's method and sweeps
 
 A window costs at most about half of an interior point method (``windows``), on piles of balls about a fifth. The time
-lost in slow sweeps is therefore small compared with what follows. Anderson acceleration often gains in a few sweeps
-what momentum does not gain in a whole window. Newton steps on few rows cost no more than a hundred sweeps, and with
-joints they pass impulses on that sweeps pass one joint at a time. In both cases they are tried after a first short
-window, and the sweeps continue if they fail. No decision depends on the tolerance, nor on the clock except its limits.
+lost in slow sweeps is therefore small compared with what follows. Anderson acceleration often gains more in a few
+sweeps than momentum in a whole window. Newton steps on few rows cost no more than a hundred sweeps. With joints,
+they transmit impulses along chains, which sweeps do one joint at a time. In both cases they are tried after a first
+short window, and the sweeps continue if they fail. No decision depends on the tolerance, nor on the clock except its
+limits.
 """
 
 from dataclasses import dataclass, field, replace
@@ -41,7 +42,7 @@ from .sweeping import can_accelerate, select_sweeps, sweeps_between_checks
 from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
-"""The sweeps that continue where others are slow; their window is the other window divided by this number."""
+"""The sweeps that follow slow ones, and the ratio of the windows."""
 
 NEWTON_SETTINGS = replace(LINE_SEARCH, max_steps=8)
 """Newton steps from the last swept impulses, which identify the states even before the residual has fallen."""
@@ -52,7 +53,7 @@ FINAL_STATUSES = (Status.SOLVED, Status.ITERATION_LIMIT, Status.TIME_LIMIT)
 
 @dataclass(frozen=True)
 class Robust(Method):
-    """The solver to try first: fast where sweeps converge quickly, and reliable where they do not.
+    """The solver to try first: fast if sweeps converge quickly, and reliable otherwise.
 
     The message of a solution lists the parts that ran and the outcome of each. One iteration is one of the part that
     runs.

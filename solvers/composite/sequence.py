@@ -1,4 +1,4 @@
-"""Solvers that run one after the other on one problem, within the limits of one solve; the best impulses are kept."""
+"""Sequences of solvers on one problem, within the limits of one solve, which keep the best impulses."""
 
 from dataclasses import dataclass, field
 
@@ -16,8 +16,8 @@ class SolverRun:
     """One run of a solver in a sequence.
 
     Attributes:
-        name: what messages call the run.
-        prepared: the solver made ready.
+        name: name of the run in messages.
+        prepared: the prepared solver.
         start: the first Λ [N s], shape (n_rows,), or None for zero.
         max_iterations: its iteration limit.
     """
@@ -38,7 +38,7 @@ class SolverSequence:
         prepared: prepared solvers by name; those of later runs are added.
         stop: the limits of the whole sequence.
         observe: receives the iterates of all runs, numbered consecutively.
-        clock: the time left.
+        clock: clock of the whole sequence.
         iterations: number of iterations so far.
         history: the name and outcome of each run.
         best_impulses: the best Λ so far [N s], shape (n_rows,).

@@ -1,4 +1,4 @@
-"""Warm: a solver that runs start from its own answer to the step before."""
+"""Warm: a solver that a run starts from its own solution of the previous step."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from ...problems.contact.solver import Prepared, Solver, draws_randomly, shows_i
 
 @dataclass(frozen=True)
 class Warm:
-    """A solver under a name that tells its start: ``Warm(SORprox)``.
+    """A solver with a warm start, which its name shows: ``Warm(SORprox)``.
 
-    ``proxbench run`` solves the steps of a sequence that precede a problem with the solver itself, off the clock, and
-    starts each solve of the problem from the last answer. Under its own name a solver starts from zero. A problem
-    without a step before it is reported as unsupported there. Anywhere else the two are the same.
+    ``proxbench run`` solves the steps of a sequence that precede a problem with the solver itself, outside the measured
+    time, and starts each solve of the problem from the last solution. Under its own name a solver starts from zero. A
+    problem without a previous step is reported as unsupported. Outside ``proxbench run``, the two are the same.
 
     Attributes:
         solver: the solver.
@@ -22,7 +22,7 @@ class Warm:
     solver: Solver
 
     starts_warm = True
-    """Whether a run starts the solver from its answer to the step before."""
+    """Whether a run starts the solver from its solution of the previous step."""
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-"""Windows: how long sweeps that gain less than a digit may continue before interior points follow.
+"""Windows: limits of sweeps that gain less than a digit, after which interior points follow.
 
 With m blocks (contacts and joints), the work s of a sweep and w of a step of the interior point method that would
 follow, a window has
@@ -6,10 +6,10 @@ follow, a window has
     n = min(400 + 3 m, 20 w / s)      sweeps, at least 400.
 
 The first term was measured on piles of balls, where the cost of a factorisation grows faster than m. The second one
-limits the work of a window to that of 20 steps. It decides where bodies form chains, whose factorisation is cheap, and
-where sweeps are slow, as with joints. Both s and w are counted (``work``), and no length depends on the clock. To count
-the operations of a factorisation takes as long as about 400 sweeps. It is therefore done after the first 400 sweeps, if
-these have gained less than a digit and w could decide without these operations.
+limits the work of a window to that of 20 steps. It is the smaller one if bodies form chains, whose factorisation is
+cheap, and if sweeps are slow, as with joints. Both s and w are counted (``work``), and no length depends on the clock.
+Counting the operations of a factorisation takes as long as about 400 sweeps. It is therefore done only after 400 sweeps
+that gained less than a digit, and only if the second term could be the smaller one.
 """
 
 from collections.abc import Callable
@@ -26,11 +26,11 @@ WINDOW, WINDOW_PER_CONTACT = 400, 3
 """Sweeps in a window: a constant, and an addition for each block."""
 
 SHORT_WINDOW = 90
-"""Sweeps in the first window where Newton systems are dense or there are joints."""
+"""Sweeps in the first window if Newton systems are dense or there are joints."""
 
 
 class Window:
-    """Tells whether sweeps gain a digit per window of ``length`` sweeps, the first beginning at sweep ``begin``.
+    """A check whether sweeps gain a digit per window of ``length`` sweeps, the first starting at sweep ``begin``.
 
     ``longest``, if given, returns another limit of the length; it is called once, after ``WINDOW`` slow sweeps.
     """
@@ -59,7 +59,7 @@ def window_lengths(problem: ContactProblem) -> list[int]:
 
 
 def longest_window(sequence: SolverSequence) -> int:
-    """Return the sweeps that take as much work as ``MAX_STEPS`` interior point steps.
+    """Return the number of sweeps with the work of ``MAX_STEPS`` interior point steps.
 
     The interior point method is prepared only if the result may be shorter than the window of ``window_lengths``.
     """

@@ -7,16 +7,16 @@ For m blocks (contacts and joints) with k rows, blocks padded to equal size, and
     cone program           20 f / 3 GHz
 
 A cone program takes about 20 steps with a factorisation by scalars instead of blocks. Decisions that compare such
-numbers are the same on every machine and under every load.
+numbers are the same on all machines and under any load.
 """
 
 from ...problems.contact.problem import ContactProblem
 
 MAX_STEPS = 20
-"""Interior point steps whose work a window of sweeps or a cone program may take to gain a digit."""
+"""Limit of the work of a window of sweeps, or of a cone program, in interior point steps."""
 
 SWEPT_ROW, SWEPT_ROW_OF_ANY_LAW = 1e-8, 5e-8
-"""Seconds to sweep a row of contacts alone, and one where there are joints or rolling friction."""
+"""Seconds to sweep a row of contacts alone, and a row with joints or rolling friction."""
 
 STEP, STEPPED_BLOCK, OPERATION = 3e-4, 5e-6, 1 / 15e9
 """Seconds of an interior point step: constant, for each block, and for each operation of its factorisation."""
@@ -32,10 +32,10 @@ def sweep_seconds(problem: ContactProblem) -> float:
 
 
 def step_seconds(problem: ContactProblem, operations: float) -> float:
-    """Return the nominal seconds of an interior point step whose factorisation takes so many operations."""
+    """Return the nominal seconds of an interior point step whose factorisation takes ``operations``."""
     return STEP + STEPPED_BLOCK * problem.layout.n_blocks + OPERATION * operations
 
 
 def program_seconds(operations: float) -> float:
-    """Return the nominal seconds of a cone program if a factorisation takes so many operations."""
+    """Return the nominal seconds of a cone program if a factorisation takes ``operations``."""
     return PROGRAM_OPERATION * operations

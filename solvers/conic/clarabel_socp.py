@@ -6,8 +6,8 @@ is an interior point method (Goulart & Chen 2024).
 
 The tolerance of a conic solver is not a residual: it is tightened until the judge's residual of the convex model
 reaches the tolerance of the solve. Once a tolerance is too tight for the solver's factorisations, all other tolerances
-are tried, and then all of them with more careful linear algebra, because it is a matter of luck how close a solver
-comes. A failing solve to a tighter tolerance has thus run everything that a looser one runs, and is no worse.
+are tried, and then all of them with more careful linear algebra, because the attainable residual is not predictable.
+A failing solve to a tighter tolerance thus includes all runs of a looser one, and is no worse.
 """
 
 from collections.abc import Iterator
@@ -109,7 +109,7 @@ class PreparedConvex:
 
 
 class _Accuracies:
-    """The tolerances to try: decreasing ones until the conic solver fails, then all others, then all with care."""
+    """The tolerances to try: decreasing ones until the conic solver fails, then the others, then all carefully."""
 
     def __init__(self, tolerance: float) -> None:
         fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]

@@ -1,18 +1,18 @@
 """Coulomb friction by De Saxcé's fixed point over cone programs (De Saxcé & Feng 1998; Acary & Cadoux 2013).
 
-Coulomb's law is the associated law for the velocity whose normal part is raised by s = μ‖ξ_T‖ (and by μ_r‖ξ_R‖ more
-where there is rolling friction),
+Coulomb's law is the associated law for the velocity whose normal part is raised by s = μ‖ξ_T‖ (plus μ_r‖ξ_R‖ with
+rolling friction),
 
     −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact.
 
 Each outer iteration solves one cone program with c_N + s and computes s from the resulting velocity: s ← F(s). The
-plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. Where the
-residual rises far above its best value the acceleration restarts.
+plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. If the
+residual rises far above its best value, the acceleration restarts.
 
-F exists where the cone program has a solution, that is on D = {s : some velocity WᵀM⁻¹… + c + s e_N lies in K*}, a
+F exists if the cone program has a solution, that is, on D = {s : some velocity WᵀM⁻¹… + c + s e_N lies in K*}, a
 convex set that contains every s' ≥ s with s. If 0 ∈ D a fixed point exists (Acary, Cadoux, Lemaréchal & Malick 2011),
 and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even in D it need not be a
-contraction. Where the iteration fails a proximal iteration follows (nonsmooth proximal point algorithm, Acary, Brémond
+contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point algorithm, Acary, Brémond
 & Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
@@ -72,7 +72,7 @@ class Phase:
 
     Attributes:
         weight: ε, 0 for De Saxcé's iteration.
-        patience: the phase ends after so many iterations without progress.
+        patience: the phase ends after this many iterations without progress.
         progress: a residual below this fraction of the best one is progress.
     """
 
@@ -101,7 +101,7 @@ class Correction:
         self.clock, self.tolerance = clock, tolerance
 
     def begin_phase(self) -> None:
-        """Note that the iteration starts, or restarts in another way."""
+        """Note that the iteration starts, or restarts in a new phase."""
 
     def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
         """Return better impulses [N s], shape (n_rows,), and their residual, or the given ones.
@@ -130,8 +130,8 @@ class FixedPointMethod(Method, ABC):
 class FastFixedPoint(Method):
     """A fixed point as long as each cone program gains a digit, under the name of the method.
 
-    Where bodies stay at rest s = 0 is the solution, and the first program finds it; the more slowly contacts slip, the
-    faster is the iteration. Where it is slow, other methods are faster.
+    If bodies stay at rest, s = 0 is the solution, and the first program finds it; the more slowly contacts slip, the
+    faster is the iteration. If it is slow, other methods are faster.
     """
 
     method: FixedPointMethod
@@ -159,7 +159,7 @@ class PreparedFixedPoint:
         residual: its residual.
         program: its cone program.
         memory: number of pairs of the Anderson acceleration.
-        correction: makes the correction of each solve.
+        correction: creates the correction of each solve.
         phases: the phases of each solve.
     """
 
@@ -228,7 +228,7 @@ class _Outer:
         self.correction = self.prepared.correction(self.clock, self.stop.tolerance)
 
     def run(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> Outcome | None:
-        """Iterate from s and Λ; return the outcome if the solve is over, None if only the phase is over."""
+        """Iterate from s and Λ; return the outcome if the solve is over, or None if only the phase is."""
         problem, program, memory = self.prepared.problem, self.prepared.program, self.prepared.memory
         alpha, weight = _alpha(problem), np.zeros(problem.n_rows)
         if phase.weight > 0.0:

@@ -35,7 +35,7 @@ MAX_ITERATIONS = 200
 """Limit of interior point iterations of one run; Clarabel needs 10 to 30, or makes no progress."""
 
 MAX_REFINEMENTS = 50
-"""Most refinements of one linear solve in a careful run, as long as each halves the error."""
+"""Largest number of refinements of one linear solve in a careful run, as long as each halves the error."""
 
 REFINEMENT_TOLERANCE = 1e-15
 """The error at which refinements end."""
@@ -91,17 +91,17 @@ def unsupported_reason(problem: ContactProblem, form: Form) -> str | None:
     if problem.factors is None:
         return "the problem holds G only, and this form needs the factors W and M⁻¹"
     if problem.layout.rolling:
-        return "it has rolling friction, whose dual is no second-order cone; use form='delassus'"
+        return "it has rolling friction, whose dual is not a second-order cone; use form='delassus'"
     if (problem.laws.fixed_bound > 0.0).any():
         law = int(np.argmax(problem.laws.fixed_bound > 0.0))
-        return f"friction law {law} has a fixed bound, whose dual is no cone; use form='delassus'"
+        return f"friction law {law} has a fixed bound, whose dual is not a cone; use form='delassus'"
     return None
 
 
 def largest_curvatures(problem: ContactProblem) -> FloatArray:
-    """Return α of each block [1/kg], its largest diagonal entry of G or, if that is zero, that of all; (n_blocks,).
+    """Return α of each block [1/kg], its largest diagonal entry of G, or of all blocks if that is zero; (n_blocks,).
 
-    Rolling rows are scaled by the lengths ℓ of their laws (``residual``), here and in all units.
+    Rolling rows are scaled by the lengths ℓ of their laws (``residual``), here and in ``Scaling``.
     """
     diagonal = problem.delassus_diagonal
     if problem.layout.rolling:

@@ -5,13 +5,13 @@ is a curve along which τ may increase before it decreases again. At such a turn
 no solution to converge to, and stagnates. The path is therefore followed by arc length, for which turns are regular:
 
     1. On the manifold r∘û = τ e (``smoothing``) Newton's method reduces R_p below κτ, in the plane normal to the path.
-    2. One factorisation gives tangent and power series (``power_series``). Their range ends where the last order has
-       grown to ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
+    2. One factorisation gives tangent and power series (``power_series``). Their range ends where the last order
+       reaches ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
     3. The steps repeat from there, until the residual reaches the tolerance.
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
-The angle to the previous tangent would lead back where the path bends sharply. Where the solution is strictly
+The angle to the previous tangent would lead backwards at sharp bends of the path. Where the solution is strictly
 complementary the path is analytic at τ = 0 and converges fast; elsewhere the residual decreases like √τ.
 """
 
@@ -67,7 +67,7 @@ class CentralPath(InteriorMethod):
         path.follow()
 
     def path(self, prepared: PreparedRuns, progress: Progress) -> FollowedPath:
-        """Return the path; its first point is not known yet."""
+        """Return the path, without its first point."""
         return FollowedPath(prepared.scaled, prepared.system, self.order, progress)
 
 

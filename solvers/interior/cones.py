@@ -5,13 +5,14 @@ second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = 
 
     NORMAL   r_N û_N = τ
     CONE     r ∘ û = τ e,                     û_N = ξ_N + s,  s = ‖û_T‖ (De Saxcé)
-    DISC     (b, r_T) ∘ (s, û_T) = τ e        with a bound b that stays and a slack s
+    DISC     (b, r_T) ∘ (s, û_T) = τ e        with a fixed bound b and a slack s
     BOTH     as NORMAL and DISC               with b = a + μ r_N
     JOINT    û_N = 0                          for r_N of any sign
 
-at τ → 0, inside the cones before. There is at most one second-order cone, the pair (p, q) of ``write_pairs``; on it
-dq = x₀ − D₀ dp is what linearising p ∘ q = τ e gives, and eliminating dû from all of them leaves (Ĝ + D) dr.
-Every determinant is a product, (x₀ − ‖x̄‖)(x₀ + ‖x̄‖): a difference of squares would lose it near the boundary.
+at τ → 0; for τ > 0, iterates are inside the cones. There is at most one second-order cone, the pair (p, q) of
+``write_pairs``; on it dq = x₀ − D₀ dp is what linearising p ∘ q = τ e gives, and eliminating dû from all of them leaves
+(Ĝ + D) dr. Every determinant is a product, (x₀ − ‖x̄‖)(x₀ + ‖x̄‖), because a difference of squares would cancel near
+the boundary.
 """
 
 import numpy as np
@@ -185,7 +186,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-untyped-def]
-    """Return the longest step within the boundaries of all cones."""
+    """Return the longest step that stays inside all cones."""
     least = np.inf
     for i in range(len(kind)):
         t = np.inf

@@ -15,13 +15,13 @@ from .scaled_problem import ScaledProblem
 from .smoothing import on_manifold
 
 STARTS = (0.1, 1.0, 10.0, 100.0)
-"""Values of τ at which a point of the path is searched, one after the other."""
+"""Values of τ at which a point of the path is searched, in this order."""
 
 WARM_SHARE, MIN_WARM_TAU = 0.1, 1e-6
 """From a given Λ the first search is at τ = share × its residual, at least the minimum."""
 
 CLOSE, LOOSE = 0.1, 1.0
-"""R_p relative to τ that a correction must reach, and that the end of a series may have."""
+"""Largest R_p relative to τ after a correction, and at the end of a series."""
 
 ROUNDING = 1e-14
 """Rounding of R_p, relative to the largest scaled impulse or 1."""
@@ -39,10 +39,10 @@ MAX_RANGE = 3.0
 """Largest range of a series, relative to √(2n)."""
 
 MAX_SHORTENINGS, SHORTENING = 20, 0.6
-"""How often a range is shortened, and the factor."""
+"""Largest number of shortenings of a range, and their factor."""
 
 MAX_RETRIES, RETRY_SHARE = 6, 0.3
-"""How often a series is retried after a failed correction of its end, and the factor of its length."""
+"""Largest number of retries of a series after a failed correction of its end, and the factor of its length."""
 
 MIN_TAU_RATIO = 1e-3
 """Smallest ratio of τ at the end of a series to τ at its beginning."""
@@ -67,7 +67,7 @@ class Point:
         self._rounding = ROUNDING * max(1.0, largest)
 
     def is_within(self, share: float) -> bool:
-        """Whether R_p is at most this share of τ, up to rounding."""
+        """Whether R_p is at most ``share`` times τ, up to rounding."""
         return self.is_finite and self.distance <= share * self.tau + self._rounding
 
 
@@ -118,7 +118,7 @@ class FollowedPath:
         """Follow one series, and correct its end."""
         point = self._point
         if point.tau > MAX_TAU:
-            self._progress.end(Status.DIVERGED, f"the path leads away from the answer, best residual {self._reached}")
+            self._progress.end(Status.DIVERGED, f"the path leads away from the solution, best residual {self._reached}")
             return
         if point.tau < MIN_TAU:
             self._progress.end(Status.STALLED, f"the path ends at tau = 0, best residual {self._reached}")

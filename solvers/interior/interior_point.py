@@ -1,6 +1,6 @@
 """InteriorPoint: Newton's method inside the friction cones, with De Saxcé's term as an unknown.
 
-With u = ξ + μ‖ξ_T‖ e_N of every contact Coulomb's law is K_μ ∋ Λ ⟂ u ∈ K_μ* (De Saxcé & Feng 1998). In the units of
+With u = ξ + μ‖ξ_T‖ e_N for each contact, Coulomb's law is K_μ ∋ Λ ⟂ u ∈ K_μ* (De Saxcé & Feng 1998). In the units of
 ``scaled_problem`` both cones are the second-order cone, and with s = ‖û_T‖ as an unknown of its own
 
     R_p = û − Ĝr − ĉ − s e_N = 0,      R_s = s − ‖û_T‖ = 0,      r ∘ û = τ e,      τ → 0
@@ -11,7 +11,7 @@ path of a convex cone program. Both parts of a step share one factorisation of �
     affine      towards τ = 0, with the step length α_a that the cones allow and τ_a at its end
     combined    towards στ, σ = σ₀ min(1, (τ_a/τ)^β), β = max(1, 3α_a²), with Mehrotra's second-order term if σ < ¼
 
-Where ‖R_s‖ > ‖r∘û‖ there is a single step towards σ₀τ. All contacts have the same step length.
+If ‖R_s‖ > ‖r∘û‖, there is a single step towards σ₀τ. All contacts have the same step length.
 """
 
 from dataclasses import dataclass
@@ -38,10 +38,10 @@ SECOND_ORDER = 0.25
 """Mehrotra's second-order term is used below this σ."""
 
 BASE_FRACTION, FURTHER_FRACTION = 0.9, 0.09
-"""Fraction of the distance to the boundary that a step goes: the first, plus the second times the last length."""
+"""A step goes this fraction of the distance to the boundary: the first, plus the second times the last length."""
 
 REFINED_RESIDUAL = 1e-5
-"""Residual below which directions are refined; above it the digits of a factorisation are enough."""
+"""Residual below which directions are refined; above it the accuracy of a factorisation suffices."""
 
 WARM_SHARE, MIN_WARM_TAU, MAX_WARM_TAU = 0.1, 1e-8, 0.5
 """A warm start begins at τ = share × its residual, within these limits."""

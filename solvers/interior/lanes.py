@@ -20,7 +20,7 @@ class Lanes:
 
     Attributes:
         width: lanes of a cone, w, 3 or 4.
-        block: block of each cone, the first cones of all blocks in their order and then the second ones, shape (m,).
+        block: block of each cone, first cones of all blocks in order, then second cones, shape (m,).
     """
 
     width: int = 3
@@ -30,7 +30,7 @@ class Lanes:
         self.block: IntArray = np.arange(layout.n_blocks)
 
     def from_block(self, blocks: FloatArray) -> FloatArray:
-        """Return impulses of cones, shape (m, w), from those of blocks; both cones get Λ_N."""
+        """Return impulses of cones, shape (m, w), from those of blocks; both cones receive Λ_N."""
         if blocks.shape[1] == self.width:
             return blocks
         lanes = np.zeros((len(blocks), self.width))
@@ -38,7 +38,7 @@ class Lanes:
         return lanes
 
     def once_from_block(self, blocks: FloatArray) -> FloatArray:
-        """Return velocities of cones, shape (m, w), from those of blocks; the first cone gets all of ξ_N."""
+        """Return velocities of cones, shape (m, w), from those of blocks; the first cone receives all of ξ_N."""
         return self.from_block(blocks)
 
     def to_block(self, cones: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ class Direction:
     tau: float
 
     def plus(self, weight: float, other: "Direction") -> "Direction":
-        """Return this direction and ``weight`` times another."""
+        """Return this direction plus ``weight`` times another."""
         return Direction(
             self.r + weight * other.r,
             self.u + weight * other.u,
@@ -82,7 +82,7 @@ def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-u
 
 @njit(cache=True, error_model="numpy")
 def write_right(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
-    """Write L(p)⁻¹ of the heads, and the right side over lanes, De Saxcé's term eliminated."""
+    """Write L(p)⁻¹ of the heads, and the right side over lanes, without De Saxcé's term."""
     width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0

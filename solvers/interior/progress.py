@@ -23,7 +23,7 @@ PATIENCE = 20
 """Steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends when this last share of them has brought no gain."""
+"""A run of at least this many steps ends if the last steps, this share of them, brought no gain."""
 
 LARGE = 1e6
 """Larger scaled impulses may be growing without bound."""
@@ -65,7 +65,7 @@ class Progress:
         self._check_limits()
 
     def factorise(self, factorise: Callable[[], bool]) -> bool:
-        """Factorise if a step like the last one meets the deadline; return False if that fails or the solve is over."""
+        """Factorise if a step as long as the last one meets the deadline; return False if not, or if it fails."""
         if SLACK * self._step_seconds > self._clock.remaining:
             self.end(Status.TIME_LIMIT, f"{self._summary()}; the next step would miss the deadline")
             return False
@@ -111,7 +111,7 @@ class Progress:
         return True
 
     def check_gain(self) -> None:
-        """End a run most of whose steps brought no gain; steps that change only the last bits never end otherwise."""
+        """End a run if most steps brought no gain; steps that change only the last bits would not end otherwise."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
         if steps >= MIN_STEPS and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
             self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")

@@ -2,9 +2,9 @@
 
     û = V ξ + s e_N,      Λ = S r,      û = Ĝ r + ĉ + s e_N,      Ĝ = V G S,  ĉ = V c
 
-V = κ k diag(1, μ, μ) and S = k/(κρ) diag(1, μ, μ) of each contact turn its friction cone {‖Λ_T‖ ≤ μΛ_N} and the dual
-one into the second-order cone; μ_r does that for rolling friction. κ is one over the largest free velocity of its
-component, ρ the mean of α, the largest diagonal entry of G of each contact apart from rolling, and k = √(ρ/α). The
+V = κ k diag(1, μ, μ) and S = k/(κρ) diag(1, μ, μ) of each contact transform its friction cone {‖Λ_T‖ ≤ μΛ_N} and the
+dual one into the second-order cone; rolling friction has μ_r instead of μ. κ is one over the largest free velocity of
+its component, ρ the mean of α, the largest diagonal entry of G of each contact apart from rolling, and k = √(ρ/α). The
 beginning of the path then depends neither on units nor on masses. Both factors contain k, so Ĝ is symmetric if G is,
 and r∘û does not depend on k.
 """
@@ -26,7 +26,7 @@ class ScaledProblem:
 
     Attributes:
         lanes: positions of the lanes of the cones in the blocks of the problem.
-        kind: of each cone, shape (m,).
+        kind: kind of each cone, shape (m,).
         uses: which lanes are unknowns, shape (m, w).
         is_cone: which cones have De Saxcé's term, shape (m,).
         friction: μ of bounds that depend on the cone's own r_N, in scaled units, shape (m,), otherwise 0.

@@ -30,12 +30,12 @@ def rounded_positive_part(x, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
-    """Return r in [0, b) with r + τr/(b² − r²) = length, and the rest b − r, neither by cancellation."""
+    """Return r in [0, b) with r + τr/(b² − r²) = length, and the rest b − r, without cancellation."""
     half = 0.5 * bound
     if half * (1.0 + tau / (half * 1.5 * bound)) < length:
         rest = _rest_in_disc(length, bound, tau)
         return bound - rest, rest
-    # convex and rising in r: Newton's method comes down to the root from above
+    # convex and increasing in r, so Newton's method converges to the root from above
     radius = min(half, length / (1.0 + tau / (bound * bound)))
     for _ in range(MAX_STEPS):
         within = (bound - radius) * (bound + radius)
@@ -72,7 +72,7 @@ def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-untyped-def]
-    """Write r, û and s of v, with r∘û = τ e in every cone; s is ‖û_T‖ where the term of De Saxcé has it."""
+    """Write r, û and s of v, with r∘û = τ e in every cone; s is ‖û_T‖ in De Saxcé's term."""
     for i in range(len(kind)):
         r[i] = 0.0
         u[i] = 0.0

@@ -1,1 +1,1 @@
-"""What iterative methods share: the loop, stopping, momentum and Anderson acceleration."""
+"""Common parts of iterative methods: the loop, stopping, momentum and Anderson acceleration."""

@@ -8,10 +8,10 @@ For a linear g and m as large as the dimension this is GMRES and ends after that
 
 ``AndersonSweeps`` applies it to sweeps, once per window of several sweeps (Pratapa, Suryanarayana & Pask 2016): g maps
 Λ to the impulses Λ' after the window, the norm is that of √α Λ, and γ solves the normal equations. While contact states
-do not change sweeps are a linear map, which the acceleration solves as GMRES would; across a change of states it may
-mislead. An extrapolated start whose window moves Λ clearly further than the window before is therefore undone: the
-sweeps continue from where they were, and the differences are dropped. Without progress of the residual windows become
-longer, and finally there is no extrapolation. Observers see swept Λ, which satisfies the bounds of its laws.
+do not change, sweeps are a linear map, which the acceleration solves as GMRES does; across a change of states it may
+fail. An extrapolated start whose window moves Λ clearly further than the window before is therefore undone: the
+sweeps continue from their last Λ, and the differences are dropped. Without progress of the residual, windows become
+longer, and finally extrapolation stops. Observers see swept Λ, which satisfies the bounds of its laws.
 """
 
 from typing import Protocol
@@ -46,7 +46,7 @@ class Anderson:
         self._changes: list[FloatArray] = []
 
     def next(self, point: FloatArray, image: FloatArray) -> FloatArray:
-        """Return the next x from the present x and g(x)."""
+        """Return the next x from the current x and g(x)."""
         self._images = [*self._images, image][-self.memory - 1 :]
         self._changes = [*self._changes, image - point][-self.memory - 1 :]
         if len(self._images) < 2:

@@ -78,12 +78,12 @@ class AcceleratedIterates(Iterates, Protocol):
 
 @dataclass(frozen=True)
 class PreparedIteration:
-    """A projected iteration made ready for one problem.
+    """A projected iteration prepared for one problem.
 
     Attributes:
         problem: the problem.
         residual: its residual.
-        begin: makes the iterates from the first Λ, shape (n_rows,).
+        begin: creates the iterates from the first Λ, shape (n_rows,).
     """
 
     problem: ContactProblem
@@ -105,11 +105,11 @@ class PreparedIteration:
 
 @dataclass
 class IterationDriver:
-    """Runs and counts the iterations of one solve, and shows each iterate to the observer, if any.
+    """Driver that runs and counts the iterations of one solve, and shows each iterate to the observer, if any.
 
     Attributes:
-        iterates: the present iterates.
-        begin: makes iterates of the same kind from another Λ, shape (n_rows,).
+        iterates: the current iterates.
+        begin: creates iterates of the same kind from another Λ, shape (n_rows,).
         monitor: decides when to stop.
         observe: the observer, or None.
         iteration: number of iterations so far.
@@ -132,7 +132,7 @@ class IterationDriver:
             self.record(self.iterates.impulses())
 
     def run_to_next_check(self, min_sweeps: int = 1) -> int:
-        """Sweep until the residual is due, at least ``min_sweeps`` within the limit; return the number of sweeps."""
+        """Sweep until the next check of the residual, at least ``min_sweeps`` within the limit; return their number."""
         left = self.monitor.stop.max_iterations - self.iteration
         count = min(left, max(min_sweeps, sweeps_to_next_check(self.iteration)))
         self.run(count)
@@ -152,7 +152,7 @@ class IterationDriver:
 
 
 class Check(NamedTuple):
-    """The present Λ, shape (n_rows,), its residual, and the outcome if the sweeps are over."""
+    """The current Λ, shape (n_rows,), its residual, and the outcome if the sweeps are over."""
 
     impulses: FloatArray
     residual: float
@@ -160,9 +160,9 @@ class Check(NamedTuple):
 
 
 def check_convergence(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Check:
-    """Measure the residual of the present Λ and decide whether the sweeps are over.
+    """Measure the residual of the current Λ and decide whether the sweeps are over.
 
-    Without progress the acceleration is reduced; without acceleration two more sweeps are compared with the present Λ.
+    Without progress the acceleration is reduced; without acceleration two more sweeps are compared with the current Λ.
     """
     monitor, iterates = driver.monitor, driver.iterates
     impulses, found = impulses_and_residual(iterates, residual)
@@ -189,7 +189,7 @@ def infeasible_solution(problem: ContactProblem) -> Solution:
 
 
 def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
-    """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros where a start is useless.
+    """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros if a start is useless.
 
     Raises:
         ProblemError: if ``start`` has the wrong shape.
@@ -198,16 +198,16 @@ def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatAr
     first = zeros if start is None else np.array(start, dtype=np.float64)
     if first.shape != zeros.shape:
         raise ProblemError(f"start must have shape {zeros.shape}, one entry per row; got {first.shape}.")
-    # c = 0 has the solution Λ = 0; relative to it any other start is infinitely wrong
+    # c = 0 has the solution Λ = 0, and any other start has an infinite relative error
     return zeros if residual.infeasible or residual.scale == 0.0 else first
 
 
 def confirm_residual(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, found: float, tolerance: float
 ) -> float:
-    """Return ``found``, a residual within the tolerance, or the judge's residual where rounding may matter.
+    """Return ``found``, a residual within the tolerance, or the judge's residual if rounding may matter.
 
-    ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio where heavy bodies rest on light ones. An
+    ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio if heavy bodies rest on light ones. An
     iteration adds these terms in another order than the judge.
     """
     if residual.rounding(impulses) <= tolerance:
@@ -219,11 +219,11 @@ def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: It
     """Return the outcome if rounding alone keeps the best residual above the tolerance, else None.
 
     Near the rounding limit the residual of the iteration does not identify the best Λ: the iteration may stay at a Λ
-    that it finds good and leave one that the judge finds right. The iteration is therefore restarted from its best Λ,
-    and the judge's arithmetic measures the new iterates. If they are no better, the old iterates continue.
+    with a low residual of its own and leave one that the judge accepts. The iteration is therefore restarted from its
+    best Λ, and the judge's arithmetic measures the new iterates. If they are no better, the old iterates continue.
     """
     monitor, tolerance = driver.monitor, driver.monitor.stop.tolerance
-    # test the iteration's own residual first, because that is free
+    # test the residual of the iteration first, because it is free
     if monitor.best_impulses is None or not _is_rounding(residual, monitor.best_impulses, monitor):
         return None
     monitor.begin_rounding_test(driver.iteration, residual.judged(problem, monitor.best_impulses))
@@ -251,7 +251,7 @@ def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool
 def iterate(
     problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]], model: Model = Model.COULOMB
 ) -> PreparedIteration:
-    """Return an iteration made ready for ``problem`` from a generator, all that a simple method needs to provide.
+    """Prepare an iteration for ``problem`` from a generator, which is all that a simple method needs to provide.
 
     The result handles tolerance, limits, observers, infeasible problems, cycles, divergence and stalls.
 

@@ -1,4 +1,4 @@
-"""What built-in solvers share apart from their methods: names, and the checks of problems and options."""
+"""Common parts of built-in solvers: names, and the checks of problems and options."""
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
@@ -9,7 +9,7 @@ from ...problems.names import described
 class Method:
     """Base class of built-in solvers, which are frozen dataclasses of their options; see ``problems.contact.solver``.
 
-    By default a method solves Coulomb friction, shows its iterates and accepts every problem.
+    By default a method solves Coulomb friction, shows its iterates and accepts all problems.
     """
 
     @property
@@ -39,7 +39,7 @@ class Method:
 
 
 def unsupported_laws(problem: ContactProblem) -> str | None:
-    """Return which laws ``problem`` has apart from contacts and sliding friction, as a reason to decline, or None."""
+    """Return the laws of ``problem`` other than contacts and sliding friction, as a reason to decline, or None."""
     if problem.laws.is_bilateral.any():
         return "it has joints (bilateral laws), and this method supports only contacts with sliding friction"
     if problem.laws.is_rolling.any():

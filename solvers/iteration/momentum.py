@@ -2,7 +2,7 @@
 
     y = Λ^ν + β (Λ^ν − Λ^(ν−1)),      Λ^(ν+1) = sweep(y)
 
-(Polyak's heavy ball on Gauss–Seidel sweeps). Observers see Λ, which a sweep has just projected, never y. Where the
+(Polyak's heavy ball on Gauss–Seidel sweeps). Observers see Λ, which a sweep has just projected, never y. If the
 direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep has no momentum, as in the restarts of
 O'Donoghue & Candès (Found. Comput. Math. 15, 2015): a change of the active set then costs one sweep and does not
 overshoot. Without progress of the residual β is halved. All other state of a sweep is linear in Λ and moves with it.
@@ -14,7 +14,7 @@ overshoot. Without progress of the residual β is halved. All other state of a s
 On a convex problem of strength m and curvature L the best β is (√L − √m)/(√L + √m), which is unknown. β_k grows towards
 1; once it exceeds the best β the iterates turn back and t restarts at 1, so β stays near the best value on average.
 Sweeps are not gradient steps: on redundant joints the changes may grow without turning back. Therefore t also restarts
-where a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
+if a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
 """
 
 from typing import Protocol
@@ -81,7 +81,7 @@ class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
 
 
 class RestartedMomentum(MomentumIterates):
-    """Sweeps with Nesterov's sequence of β, restarted where the iterates turn back."""
+    """Sweeps with Nesterov's sequence of β, restarted when the iterates turn back."""
 
     def __init__(self, iterates: LinearIterates) -> None:
         super().__init__(iterates, NESTEROV_BOUND)

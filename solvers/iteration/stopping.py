@@ -1,10 +1,10 @@
-"""When a projected iteration stops, and why.
+"""Stopping criteria of projected iterations.
 
 The judge's residual is measured every few sweeps. A residual that no longer falls does not end a solve: it may stay
 constant for a million sweeps, while an impulse travels through a stack, and then fall. A solve therefore continues to
-its limits unless it is hopeless: Λ no longer changes, or the residual consists of rounding (STALLED); iterate ν equals
-iterate ν−2 to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); the residual explodes or
-is not a number (DIVERGED).
+its limits unless it cannot succeed: Λ no longer changes, or the residual consists of rounding (STALLED); iterate ν
+equals iterate ν−2 to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); the residual
+explodes or is not a number (DIVERGED).
 """
 
 import bisect
@@ -34,7 +34,7 @@ MARK = 0.99
 """A residual below this fraction of the last recorded one is recorded together with its sweep."""
 
 CLEARLY_BETTER = 0.5
-"""A residual below this fraction of another is clearly better, even where both consist of rounding."""
+"""A residual below this fraction of another is clearly better, even if both consist of rounding."""
 
 CYCLE_PATIENCE = 20
 """Checks without progress before iterates are compared. Two consecutive comparisons must agree: an iteration may have
@@ -45,14 +45,14 @@ ROUNDING = 16 * np.finfo(np.float64).eps
 
 
 class Outcome(NamedTuple):
-    """How a solve ended, and the reason in words."""
+    """The status of a solve, and the reason in words."""
 
     status: Status
     reason: str
 
 
 class Clock:
-    """The time left to a solve; it does not run while an observer looks at an iterate.
+    """The time left to a solve; it does not run during calls of an observer.
 
     Args:
         seconds: time limit [s].
@@ -101,7 +101,7 @@ def sweeps_to_next_check(iteration: int) -> int:
 
 @dataclass
 class Monitor:
-    """Follows the residual of one solve and decides when to stop.
+    """Monitor of the residual of one solve, which decides when to stop.
 
     Attributes:
         stop: the limits.
@@ -145,7 +145,7 @@ class Monitor:
 
     @property
     def lacks_progress(self) -> bool:
-        """Whether the last three quarters of the sweeps reduced the residual little."""
+        """Whether the last three quarters of the sweeps barely reduced the residual."""
         if self._iteration < MIN_PLATEAU_SWEEPS:
             return False
         return self.best_residual > PLATEAU_PROGRESS * self._best_at(self._iteration // 4)

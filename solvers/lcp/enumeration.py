@@ -1,4 +1,4 @@
-"""Enumeration of contact states: every solution of a tiny planar problem, as a reference for other methods.
+"""Enumeration of contact states: all solutions of a tiny planar problem, as a reference for other methods.
 
 A unilateral law is open (Λ_N = 0) or closed (ξ_N = 0), a planar friction law sticks (ξ_T = 0) or slips at one of its
 bounds (Λ_T = ±(a + μ Λ_N), or 0 at an open contact). Each combination is a linear system; the judge checks whether its
@@ -21,7 +21,7 @@ from ..iteration.method import Method, unsupported_laws
 from ..iteration.stopping import Clock
 
 MAX_CONTACTS = 6
-"""Largest number of contacts that takes about a second."""
+"""Largest number of contacts; it takes about a second."""
 
 SINGULAR = 1e-12
 """Ratio of singular values below which a system is singular, and its solution of least norm is used."""

@@ -76,7 +76,7 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
 
     Args:
         problem: the contact problem.
-        residual: its residual, which holds α of each law.
+        residual: its residual, which has α of each law.
         sides: k of the pyramids; planar friction is exact for any k.
     """
     laws, scale, speed = problem.laws, _scales(problem, residual), residual.scale or 1.0
@@ -135,7 +135,7 @@ class _Conditions:
         self.constant[speed] = self._bound[law]
 
     def _unknowns(self, is_meant: NDArray[np.bool_]) -> tuple[IntArray, IntArray, IntArray]:
-        """Return the laws that are meant, their first rows and their first unknowns."""
+        """Return the selected laws, their first rows and their first unknowns."""
         law = np.flatnonzero(is_meant)
         return law, self._laws.first_row[law], self._first[law]
 
@@ -153,7 +153,7 @@ def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:
 
 
 def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:
-    """Return s = 1/√α of each row, with α of its contact, or the largest α where a contact has α = 0."""
+    """Return s = 1/√α of each row, with α of its contact, or the largest α if a contact has α = 0."""
     layout = problem.layout
     with_none = np.append(residual.alpha, 0.0)
     alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])

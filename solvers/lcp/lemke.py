@@ -1,6 +1,6 @@
 """Lemke's method on the linear complementarity problem of contact: exact planar friction, spatial friction pyramids.
 
-Where contacts affect each other only within groups the matrix is block diagonal, and each block is solved separately:
+If contacts affect each other only within groups, the matrix is block diagonal, and each block is solved separately:
 the work grows with the cube of the largest group, not of the problem.
 """
 
@@ -26,7 +26,7 @@ MAX_GROUP_SIZE = 6000
 """Largest number of unknowns of a group; larger tableaus need more than 300 MB and hours of pivoting."""
 
 PIVOTS_BETWEEN_CHECKS = 20
-"""Pivots between two checks of the clock."""
+"""Number of pivots between two checks of the clock."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Lemke(Method):
 
 def _groups(matrix: sp.csr_array) -> list[IntArray]:
     """Return the indices of each connected group of unknowns."""
-    from scipy.sparse.csgraph import connected_components  # 0.1 s that few solves wait for
+    from scipy.sparse.csgraph import connected_components  # import takes 0.1 s
 
     count, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
@@ -130,7 +130,7 @@ class PreparedLemke:
 
 
 def _advance(tableau: Tableau, max_pivots: int, clock: Clock) -> Status | None:
-    """Pivot to the end, to ``max_pivots`` or to the deadline; return the limit that was reached, if any."""
+    """Pivot to the end, to ``max_pivots`` or to the deadline; return the limit reached, if any."""
     while tableau.ending is Ending.UNFINISHED:
         if tableau.pivots >= max_pivots:
             return Status.ITERATION_LIMIT

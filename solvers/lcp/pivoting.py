@@ -4,8 +4,8 @@
 
 From z₀ so large that w ≥ 0, the complement of the variable that has just left enters the basis at each pivot, until z₀
 leaves. The leaving variable is the lexicographic minimum of the rows [β, B⁻¹] over the entering column, so that
-degenerate problems cannot cycle. The tableau holds the columns of the nonbasic variables; the columns of B⁻¹ are those
-of w, which are either stored or unit vectors.
+degenerate problems cannot cycle. The tableau contains the columns of the nonbasic variables; the columns of B⁻¹ are
+those of w, which are either stored or unit vectors.
 """
 
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ class Tableau:
         self.pivots += done
 
     def solution(self) -> FloatArray:
-        """Return z of the present basis, recomputed from M and q to remove the rounding of the pivots."""
+        """Return z of the current basis, recomputed from M and q to remove the rounding of the pivots."""
         n = len(self.vector)
         unknowns = np.zeros(n)
         closed = np.sort(self._basic[(self._basic >= n) & (self._basic < 2 * n)]) - n
@@ -135,7 +135,7 @@ def _pivot(count, rows, values, basic, nonbasic, entering, smallest):  # type: i
     for done in range(count):
         column = -1 - place[entering]
         if entering == 2 * n and done == 0 and basic.max() < n:
-            row = n - 1 - np.argmin(values[::-1])  # the last of equal ones: the lexicographic minimum of [q, I]
+            row = n - 1 - np.argmin(values[::-1])  # the last of equal entries, the lexicographic minimum of [q, I]
         else:
             row = _leaving_row(rows, values, basic, place, column, tied, smallest)
         if row < 0:

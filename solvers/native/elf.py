@@ -9,9 +9,9 @@ _LOADED = 1
 
 
 def elf_length(file: Path) -> int:
-    """Return the number of bytes that the loaded segments of a 64-bit ELF file reach to; 0 for other files.
+    """Return the end of the loaded segments of a 64-bit ELF file in bytes; 0 for other files.
 
-    It is one byte more than the file has if the file ends within its header or its table of segments.
+    If the file ends within its header or its table of segments, it is the file size plus one.
     """
     with file.open("rb") as stream:
         header = stream.read(_HEADER_LENGTH)

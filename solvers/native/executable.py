@@ -1,7 +1,7 @@
 """Executable: a solver in a program that reads problems from its standard input and answers on its standard output.
 
-The program stays alive from one solve to the next; ``messages`` has the protocol. It is for what has no C interface: a
-call costs two messages through pipes.
+The program stays alive from one solve to the next; ``messages`` defines the protocol. It is for solvers without
+a C interface; a call costs two messages through pipes.
 """
 
 import os
@@ -46,16 +46,16 @@ from .problem_arrays import ProblemArrays
 from .structures import INTERFACE
 
 MAX_COUNT = 2**62
-"""Largest limit of iterations that is passed on; larger ones are no limits."""
+"""Largest iteration limit that is passed on; larger limits are reduced to it."""
 
 _ALL_THREADS = 2
-"""Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
+"""Low bits of the clock identifier of a process (clock_getcpuclockid(3))."""
 
 START_SECONDS = 30.0
-"""Wall time in which a program must begin to describe itself after its start [s]."""
+"""Wall time within which a program must start to describe itself [s]."""
 
 END_SECONDS = 1.0
-"""Wall time in which a program whose output has ended may end itself [s]."""
+"""Wall time for a program to exit after closing its output [s]."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ class Executable(NativeSolver):
     Attributes:
         path: the program, absolute or relative to the working folder.
         options: its arguments, split as a shell splits them.
-        facts: what it says about itself.
+        facts: its description of itself.
         program: the running program.
 
     Raises:
-        SolverError: if the file is missing or cannot be started, ends, does not answer, or answers in another version
-            of the interface.
+        SolverError: if the file is missing or cannot be started, exits, does not answer, or has another version of the
+            interface.
     """
 
     program: "Program" = field(init=False, repr=False, compare=False)
@@ -80,7 +80,7 @@ class Executable(NativeSolver):
 
     def _describe(self) -> SolverFacts:
         if not os.access(self.file, os.X_OK):
-            raise SolverError(f"{self.kind} {self.path} may not be executed; run chmod +x {self.path}.")
+            raise SolverError(f"{self.kind} {self.path} is not executable; run chmod +x {self.path}.")
         program = Program([str(self.file), *shlex.split(self.options)], f"{self.kind} {self.path}")
         object.__setattr__(self, "program", program)
         return program.facts
@@ -91,17 +91,17 @@ class Executable(NativeSolver):
         return PreparedProgram(self.program, problem)
 
     def processor_seconds(self) -> float:
-        """Return the processor time of the program [s]; 0 where the system does not count it."""
+        """Return the processor time of the program [s]; 0 if the system does not count it."""
         return self.program.processor_seconds()
 
 
 class Program:
-    """A running program. A process that was forked with it starts one of its own.
+    """A running program. A forked process starts its own one.
 
     Attributes:
-        source: what messages call it.
-        facts: what it says about itself.
-        prepared: an object that stands for the problem that it has prepared last.
+        source: its name in messages.
+        facts: its description of itself.
+        prepared: an object that identifies the problem that it prepared last.
     """
 
     def __init__(self, command: list[str], source: str) -> None:
@@ -110,7 +110,7 @@ class Program:
         self.facts = self._start()
 
     def processor_seconds(self) -> float:
-        """Return its processor time so far [s]; 0 where the system does not count it."""
+        """Return its processor time so far [s]; 0 if the system does not count it."""
         try:
             return time.clock_gettime(~self._child.pid << 3 | _ALL_THREADS)
         except OSError:  # it has ended, or the system is not Linux
@@ -122,7 +122,7 @@ class Program:
         self._owner = 0
 
     def ensure_own(self) -> None:
-        """Start the program again where it was discarded, and in a process that was forked with it."""
+        """Start the program again if it was discarded, or in a forked process."""
         if self._owner != os.getpid():
             self.facts = self._start()
 
@@ -140,23 +140,23 @@ class Program:
             raise self._ended() from None
 
     def receive(self, kinds: tuple[int, ...], n_rows: int) -> Message:
-        """Return the next message, on a problem of ``n_rows``.
+        """Return the next message about a problem of ``n_rows``.
 
         Raises:
             SolverError: if the program has ended.
-            BrokenInterfaceError: if it sends something else.
+            BrokenInterfaceError: if it sends another kind of message.
         """
         head = self._read(HEAD.size)
         length, kind, code = HEAD.unpack(head)
         if kind not in kinds or length > max_body(n_rows):
             raise BrokenInterfaceError(
-                f"{self.source} sent {head!r}, which begins no answer; write answers to standard output as "
-                "messages of the protocol, and all else to standard error"
+                f"{self.source} sent {head!r}, which does not begin an answer; write answers to standard output "
+                "as messages of the protocol, and all else to standard error"
             )
         return Message(kind, code, self._read(length))
 
     def _start(self) -> SolverFacts:
-        """Start the program; return what it says about itself."""
+        """Start the program, and return its description of itself."""
         try:
             child = subprocess.Popen(self._command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except OSError as error:
@@ -201,7 +201,7 @@ class Program:
 
 
 class PreparedProgram:
-    """A program's solver made ready for one problem."""
+    """The solver of a program, prepared for one problem."""
 
     def __init__(self, program: Program, problem: ContactProblem) -> None:
         self._program, self._n_rows, self._token = program, problem.n_rows, object()
@@ -209,11 +209,11 @@ class PreparedProgram:
         self._prepare()
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve in the program; see ``Prepared.solve``. The message of a solution names the seconds by its own clock.
+        """Solve in the program; see ``Prepared.solve``. Its message defaults to the program's own time.
 
         Raises:
             SolverError: if the program has ended.
-            BrokenInterfaceError: if it sends something that is no answer.
+            BrokenInterfaceError: if it sends something that is not an answer.
         """
         program, n_rows = self._program, self._n_rows
         program.ensure_own()
@@ -228,7 +228,7 @@ class PreparedProgram:
         program.send(SOLVE, 0, LIMITS.pack(*limits, observe is not None), first.tobytes())
         try:
             answer = self._answer(observe)
-        except BaseException:  # what the program sends next belongs to this solve
+        except BaseException:  # its next messages would belong to this solve
             program.discard()
             raise
         status = status_of(program.source, answer.code)

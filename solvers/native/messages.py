@@ -1,4 +1,4 @@
-"""The messages between Proxbench and an executable: how they are packed, and what answers must look like.
+"""The messages between Proxbench and an executable: their packing, and checks of answers.
 
 A message is a head of 16 bytes, the length of the body (uint64), its kind (uint32) and a code (int32), and the body.
 Numbers are in the byte order of the machine, doubles and int64 at multiples of 8 bytes from the beginning of the body.
@@ -16,7 +16,7 @@ Numbers are in the byte order of the machine, doubles and int64 at multiples of 
                             pb_status
     4 iterate               iteration (int64), impulses [n_rows]; after each iteration, only while it is observed
 
-The seconds are by the clock of the executable; results go by the clock of Proxbench, and show them beside it.
+Seconds are those of the clock of the executable; results use the clock of Proxbench, and also show these.
 """
 
 import struct
@@ -29,7 +29,7 @@ from .native_solver import BrokenInterfaceError, SolverFacts, check_interface
 from .structures import text_of
 
 DESCRIBE, PREPARE, SOLVE, ITERATE = 1, 2, 3, 4
-"""What messages are."""
+"""Kinds of messages."""
 
 HEAD = struct.Struct("=QIi")
 """Length of the body, kind and code."""
@@ -38,7 +38,7 @@ LIMITS = struct.Struct("=ddqII")
 """Tolerance, seconds, iterations, threads, and whether iterates are shown; the start follows."""
 
 MAX_TEXT = 4096
-"""Bytes of text that a message may have."""
+"""Largest number of bytes of text in a message."""
 
 _DESCRIPTION = struct.Struct("=6i")
 _SECONDS = struct.Struct("=d")
@@ -57,7 +57,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Answer:
-    """The end of a solve: status, iterations, seconds by the executable's clock, impulses [N s], and what it says."""
+    """The end of a solve: status, iterations, seconds by the executable's clock, impulses [N s], and text."""
 
     code: int
     iterations: int
@@ -67,15 +67,15 @@ class Answer:
 
 
 def max_body(n_rows: int) -> int:
-    """Return the largest body that an executable may send on a problem of ``n_rows`` [bytes]."""
+    """Return the largest body that an executable may send about a problem of ``n_rows`` [bytes]."""
     return _COUNTS.size + 8 * n_rows + MAX_TEXT
 
 
 def read_description(source: str, message: Message) -> SolverFacts:
-    """Return what an executable says about itself.
+    """Return an executable's description of itself.
 
     Raises:
-        SolverError: if the message is no description, or the interface is of another version.
+        SolverError: if the message is not a description, or the interface has another version.
     """
     if len(message.body) < _DESCRIPTION.size:
         raise BrokenInterfaceError(
@@ -91,14 +91,14 @@ def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
     """Return the status, the seconds and the text of an executable that has prepared a problem."""
     if len(message.body) < _SECONDS.size:
         raise BrokenInterfaceError(
-            f"{source} sent {len(message.body)} bytes where it prepared; send seconds and a text"
+            f"{source} sent {len(message.body)} bytes as the answer to prepare; send seconds and a text"
         )
     (seconds,) = _SECONDS.unpack_from(message.body)
     return message.code, seconds, text_of(message.body[_SECONDS.size :])
 
 
 def read_answer(source: str, message: Message) -> Answer:
-    """Return the end of a solve, with as many impulses as the executable says that there are.
+    """Return the end of a solve, with the declared number of impulses.
 
     Raises:
         BrokenInterfaceError: if the message is shorter than that.

@@ -1,4 +1,4 @@
-"""What shared libraries and executables have in common: name, model and supported problems, from their description."""
+"""Base of shared libraries and executables: name, model and supported problems, from their description."""
 
 import os
 from abc import ABC, abstractmethod
@@ -26,7 +26,7 @@ from .structures import (
 )
 
 MAX_NAME_LENGTH = 80
-"""Characters of a name or a version that are kept."""
+"""Number of characters to which a name or a version is truncated."""
 
 
 class BrokenInterfaceError(SolverError):
@@ -35,13 +35,13 @@ class BrokenInterfaceError(SolverError):
 
 @dataclass(frozen=True)
 class SolverFacts:
-    """What a solver says about itself, checked.
+    """The checked description of a solver.
 
     Attributes:
-        name, version: of the solver, as its author calls it.
-        model: what it solves.
-        forms: arrays that it asks for, bits of ``pb_form``.
-        laws: what it supports, bits of ``pb_laws``.
+        name, version: name and version by its author.
+        model: the model that it solves.
+        forms: arrays that it requests, bits of ``pb_form``.
+        laws: laws that it supports, bits of ``pb_laws``.
         flags: bits of ``pb_flags``.
     """
 
@@ -66,30 +66,30 @@ class SolverFacts:
         try:
             kind = Model.pyramid(sides) if MODELS[model] == "pyramid" else Model.from_text(MODELS[model])
         except ProblemError as error:
-            raise SolverError(f"{source} describes no valid model: {error}") from None
+            raise SolverError(f"{source} describes an invalid model: {error}") from None
         return SolverFacts(name[:MAX_NAME_LENGTH], version[:MAX_NAME_LENGTH], kind, *masks)
 
 
 def check_interface(source: str, version: int) -> None:
-    """Raise ``SolverError`` unless ``source`` has this version of the interface."""
+    """Raise ``SolverError`` unless ``source`` has the version ``INTERFACE`` of the interface."""
     if version != INTERFACE:
         raise SolverError(
-            f"{source} has version {version} of the interface, and this Proxbench needs version {INTERFACE}; "
-            "build it again with the present proxbench.h."
+            f"{source} has version {version} of the interface, but this Proxbench needs version {INTERFACE}; "
+            "build it again with the current proxbench.h."
         )
 
 
 @dataclass(frozen=True)
 class NativeSolver(ABC):
-    """A solver in another language, which is loaded or started when the object is made.
+    """A solver in another language, which is loaded or started when the object is created.
 
     Attributes:
         path: its file, absolute or relative to the working folder.
         options: text for the solver.
-        facts: what it says about itself.
+        facts: its description of itself.
 
     Raises:
-        SolverError: if the file is missing, or is no solver of this version of the interface.
+        SolverError: if the file is missing, or is not a solver with this version of the interface.
     """
 
     path: str = ""
@@ -97,7 +97,7 @@ class NativeSolver(ABC):
     facts: SolverFacts = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[str]
-    """What messages call such a file."""
+    """Name of such a file in messages."""
 
     example: ClassVar[str]
 
@@ -111,7 +111,7 @@ class NativeSolver(ABC):
 
     @abstractmethod
     def _describe(self) -> SolverFacts:
-        """Load or start the solver; return what it says about itself."""
+        """Load or start the solver, and return its description."""
 
     @property
     def file(self) -> Path:
@@ -120,7 +120,7 @@ class NativeSolver(ABC):
 
     @property
     def source(self) -> str:
-        """Kind and place of the file, with name and version of the solver, for stored runs."""
+        """Kind and path of the file, with name and version of the solver, for stored runs."""
         about = f"{self.facts.name} {self.facts.version}".strip()
         return f"{self.kind} {self.file}{about and f' ({about})'}"
 
@@ -165,7 +165,7 @@ class NativeSolver(ABC):
 
 
 def laws_of(problem: ContactProblem) -> int:
-    """Return what a solver of ``problem`` must support, as bits of ``pb_laws``."""
+    """Return the laws that a solver of ``problem`` must support, as bits of ``pb_laws``."""
     laws = problem.laws
     slides = laws.is_friction & ~laws.is_rolling
     has = (
@@ -184,7 +184,7 @@ def status_of(source: str, code: int) -> Status:
     """Return the status of a code.
 
     Raises:
-        BrokenInterfaceError: if there is none.
+        BrokenInterfaceError: if the code is not valid.
     """
     if not 0 <= code < len(STATUSES):
         raise BrokenInterfaceError(f"{source} returned status {code}; return one of pb_status.")
@@ -192,7 +192,7 @@ def status_of(source: str, code: int) -> Status:
 
 
 def granted_threads() -> int:
-    """Return the number of threads that a solver may use: that of OMP_NUM_THREADS, which is 1 in every measurement."""
+    """Return the number of threads that a solver may use: OMP_NUM_THREADS, which is 1 in all measurements."""
     granted = os.environ.get("OMP_NUM_THREADS", "")
     return int(granted) if granted.isdecimal() and int(granted) else os.cpu_count() or 1
 

@@ -1,7 +1,7 @@
 """A contact problem as the plain arrays of ``pb_problem``, copied into one piece of memory.
 
-What a solver writes to these arrays changes nothing of the problem. Executables receive the same memory, with offsets
-in place of addresses.
+Writing to these arrays does not change the problem. Executables receive the same memory, with offsets instead of
+addresses.
 """
 
 import ctypes
@@ -16,7 +16,7 @@ from ...problems.contact.residual import Residual
 from .structures import ARRAYS, BLOCKS, DENSE, FACTORS, SCALES, SPARSE, Problem, addressed
 
 ALIGNMENT = 64
-"""Bytes that the address of each array is a multiple of."""
+"""Alignment of the address of each array in bytes."""
 
 MAX_WEIGHT = 1e300
 """Weight of laws of a problem at rest, where any violation is infinite relative to the free velocity [s/m]."""
@@ -33,7 +33,7 @@ class ProblemArrays:
 
     @staticmethod
     def of(problem: ContactProblem, forms: int) -> "ProblemArrays":
-        """Copy the arrays of the wanted forms, of which ``FACTORS`` is left out if the problem holds G only."""
+        """Copy the arrays of the wanted forms, without ``FACTORS`` if the problem has G only."""
         structure: Problem = addressed(Problem)
         if problem.factors is None:
             forms &= ~FACTORS
@@ -45,7 +45,7 @@ class ProblemArrays:
         return ProblemArrays(structure, _copy(arrays, structure))
 
     def message(self) -> bytes:
-        """Return ``pb_problem`` with offsets from its own beginning in place of addresses, and the arrays behind it."""
+        """Return ``pb_problem`` with offsets from its own beginning instead of addresses, followed by the arrays."""
         sent = Problem.from_buffer_copy(self.structure)
         size = ctypes.sizeof(Problem)
         for name in ARRAYS:
@@ -114,11 +114,11 @@ def _factors(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
 
 
 _COLLECTORS = {SCALES: _scales, DENSE: _dense, SPARSE: _sparse, BLOCKS: _blocks, FACTORS: _factors}
-"""What returns the arrays of each form by name, and notes the sizes that belong to it."""
+"""Functions that return the arrays of each form by name, and store its sizes in the structure."""
 
 
 def _copy(arrays: dict[str, Any], structure: Problem) -> NDArray[np.uint8]:
-    """Copy arrays into one piece of memory, and note their addresses."""
+    """Copy arrays into one piece of memory, and store their addresses."""
     places, end = [], 0
     for name, source in arrays.items():
         kind = _TYPES[ARRAYS[name]]

@@ -1,4 +1,4 @@
-"""The structures and constants of ``proxbench.h``, as ctypes sees them."""
+"""The structures and constants of ``proxbench.h`` for ctypes."""
 
 import ctypes
 from ctypes import c_char_p, c_double, c_int32, c_int64, c_uint32, c_void_p
@@ -34,7 +34,7 @@ LAWS = (
 """Meanings of the bits of ``pb_laws``."""
 
 FUNCTIONS = ("proxbench_describe", "proxbench_prepare", "proxbench_solve", "proxbench_free")
-"""What a shared library exports."""
+"""Functions that a shared library exports."""
 
 OBSERVER = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_void_p)
 """Type of ``observe`` of a request."""
@@ -73,7 +73,7 @@ ARRAYS = {
 
 
 class Description(ctypes.Structure):
-    """``pb_description``: what a solver says about itself."""
+    """``pb_description``: the description of a solver."""
 
     _fields_ = (
         ("interface_version", c_uint32),
@@ -116,7 +116,7 @@ class Request(ctypes.Structure):
 
 
 class Result(ctypes.Structure):
-    """``pb_result``: where the impulses go, and what is said about them."""
+    """``pb_result``: the impulses, iterations and message of a solve."""
 
     _fields_ = (
         ("size", c_uint32),
@@ -133,10 +133,10 @@ def include_folder() -> Path:
 
 
 def text_of(given: bytes | None, length: int = 200) -> str:
-    """Return text of a solver, at most ``length`` characters of it."""
+    """Return text of a solver, truncated to ``length`` characters."""
     return (given or b"").decode(errors="replace")[:length]
 
 
 def addressed(kind: Any) -> Any:
-    """Return a structure of a kind with its size noted, as all that are passed to a solver have it."""
+    """Return a structure of a kind with its size set, as required by solvers."""
     return kind(size=ctypes.sizeof(kind))

@@ -39,7 +39,7 @@ EXPONENT = 3.0
 """Growth of the time with the entries: 1.5 for a dense matrix and for planar grids, 2 and more for spatial ones."""
 
 FIRST_PART = 500
-"""Rows of the first part that is factorised to measure the time."""
+"""Number of rows of the first part that is factorised to measure the time."""
 
 SMALL_ENTRIES, SMALL_SECONDS = 10_000, 5e-3
 """Entries and seconds of a small system, assumed before the first measurement."""
@@ -92,7 +92,7 @@ class LinearSolver:
 
     def _meets_deadline(self, matrix: sp.csr_array) -> bool:
         """Whether a factorisation is expected to meet the deadline; factorises parts first if that is uncertain."""
-        from scipy.sparse.csgraph import reverse_cuthill_mckee  # 0.1 s that no factorisation is to be charged for
+        from scipy.sparse.csgraph import reverse_cuthill_mckee  # import takes 0.1 s, which is not measured
 
         order = None
         while self._predict(matrix.nnz) > self._clock.remaining:
@@ -114,7 +114,7 @@ class LinearSolver:
         return float(SLACK * self._seconds * max(1.0, entries / self._entries) ** EXPONENT)
 
     def _record(self, matrix: sp.csr_array, seconds: float) -> None:
-        """Record a measured time, unless a larger system is known that took longer."""
+        """Record a measured time, unless a larger system has taken longer."""
         entries = max(matrix.nnz, SMALL_ENTRIES)
         if entries >= self._entries or seconds >= self._seconds:
             self._entries, self._seconds = entries, seconds
@@ -123,7 +123,7 @@ class LinearSolver:
 
 def factorise(matrix: sp.csr_array) -> "SuperLU | None":
     """Return the triangular factors of a square matrix, or None if it is exactly singular."""
-    from scipy.sparse.linalg import splu  # 0.1 s that few solves wait for
+    from scipy.sparse.linalg import splu  # import takes 0.1 s
 
     try:
         return splu(

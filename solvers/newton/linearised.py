@@ -11,10 +11,10 @@ formulation for frictional contact problems prone to Newton like solution method
     idle    b = 0           Λ_T = 0
 
 Rolling friction has the states of sliding friction, with its own rows and bound. A bilateral law is always closed.
-Open and idle rows leave the system. For the other rows the step δ satisfies ξ + Gδ = 0 where the law is closed or
+Open and idle rows are not in the system. For the other rows the step δ satisfies ξ + Gδ = 0 if the law is closed or
 sticks, and, times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
 
-    P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            where it slips.
+    P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            if it slips.
 
 Small systems are assembled densely: sparse systems of the same size take ten times as long.
 """
@@ -32,7 +32,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
 MAX_DENSE_ROWS = 150
-"""Rows up to which systems are dense: a dense factorisation is then cheaper than the overhead of a sparse one."""
+"""Largest number of rows of a dense system, whose factorisation is cheaper than the overhead of a sparse one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ FIRST_WEIGHT, MIN_WEIGHT, MAX_WEIGHT = 1e-2, 1e-12, 1e4
 """The first ρ, and its limits."""
 
 EASY_STEPS, MAX_STEPS = 6, 20
-"""Newton steps up to which an inner solve is easy, and after which it has failed."""
+"""Largest number of Newton steps of an easy inner solve, and of any inner solve."""
 
 DECREASE, INCREASE = 10.0, 10.0
 """Divisor of ρ after an easy inner solve, and its factor after a failed one."""

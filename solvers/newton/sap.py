@@ -69,7 +69,7 @@ class SAP(Method):
 
 
 class _Springs:
-    """ℓ and its derivatives for the present R and x̄.
+    """ℓ and its derivatives for the current R and x̄.
 
     Attributes:
         compliance: R.

@@ -3,7 +3,7 @@
 The steps are those of ``steps`` with a line search, in three phases with the dampings 10⁻¹², 10⁻⁶ and 10⁻³. Each phase
 begins at the best iterate so far and ends when its steps find no better one; the last phase continues to the limits,
 unless its iterates repeat or diverge. Newton's method converges only from nearby. Far from a solution it may cycle
-through states for ever, so it is most useful as a part of a ``Fallback``.
+through states indefinitely, so it is most useful as a part of a ``Fallback``.
 """
 
 from dataclasses import dataclass, field, replace
@@ -134,5 +134,5 @@ class CycleDetector:
 
 
 def _equal(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two impulses are equal to rounding."""
+    """Whether two vectors of impulses are equal up to rounding."""
     return bool((np.abs(one - other) <= ROUNDING * np.maximum(np.abs(one), np.abs(other))).all())

@@ -1,8 +1,8 @@
-"""Newton steps on the projection equations, as long as they help.
+"""Newton steps on the projection equations, as long as they reduce the residual.
 
 Each step solves the linearised equations, scaled and damped (``linear_solver``).
 
-Where contacts over-determine the motion of bodies the Jacobian is rank-deficient. Damping makes the step a proximal one
+If contacts over-determine the motion of bodies, the Jacobian is rank-deficient. Damping makes the step a proximal one
 and leaves the solution unchanged, because it weighs δ and not Λ, and δ vanishes at a solution (Levenberg 1944;
 Marquardt 1963; for equations with non-isolated solutions: Yamashita & Fukushima 2001). Little damping gives Newton's
 quadratic convergence; more keeps undetermined impulses bounded.
@@ -12,8 +12,8 @@ t = 1, ½, …, 1/64 with
 
     ρ(Λ + tδ) < (1 − 10⁻⁴ t) ρ(Λ),      ρ the judge's residual,
 
-breaks it (De Luca, Facchinei & Kanzow 1996). ρ has kinks where no t may satisfy this; the shortest step is taken there,
-and the best Λ of all is returned. Neither full nor shortened steps are better everywhere, so solvers alternate.
+breaks the cycle (De Luca, Facchinei & Kanzow 1996). ρ has kinks where no t may satisfy this; the shortest step is taken
+there, and the best Λ of all is returned. Neither full nor shortened steps are better everywhere, so solvers alternate.
 """
 
 from collections.abc import Callable
@@ -41,14 +41,14 @@ MIN_STEP = 1.0 / 64.0
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """How far and how carefully Newton's method proceeds.
+    """Settings of a run of Newton's method.
 
     Attributes:
         damping: weight of δ in the equations, relative to α.
         max_steps: largest number of steps.
         min_step: shortest fraction of a step in the line search; 1 means full steps.
         gain: the run ends when a new best residual is more than this fraction of the residual before it.
-        patience: the run ends after so many steps without a new best residual.
+        patience: the run ends after this many steps without a new best residual.
     """
 
     damping: float
@@ -69,10 +69,10 @@ THOROUGH = tuple(
     for damping in (1e-12, 1e-6, 1e-3)
     for min_step in (1.0, MIN_STEP)
 )
-"""Settings for problems on which nothing else helps."""
+"""Settings for problems on which the others fail."""
 
 LINE_SEARCH = THOROUGH[1]
-"""The one of them that helps most often."""
+"""The most successful one of them."""
 
 
 class NewtonMethod:
@@ -124,7 +124,7 @@ class NewtonMethod:
         return point, present
 
     def _full_step(self, impulses: FloatArray, damping: float) -> FloatArray | None:
-        """Return Λ after a full step, or None where the system is singular or would take too long."""
+        """Return Λ after a full step, or None if the system is singular or would take too long."""
         system = self._equations.linearise(impulses)
         if len(system.active) == 0:
             return system.base
@@ -141,7 +141,7 @@ class NewtonRunner:
 
     Attributes:
         driver: runs the sweeps of the solve.
-        work: of sweeps and Newton steps; whoever sweeps adds to it.
+        work: work of sweeps and Newton steps; code that sweeps must add to it.
     """
 
     def __init__(self, equations: Equations, driver: IterationDriver) -> None:

@@ -1,4 +1,4 @@
-"""Whether the library of an outside solver is installed, asked without importing it."""
+"""Check that the library of an outside solver is installed, without importing it."""
 
 from importlib import metadata
 from importlib.util import find_spec
@@ -7,13 +7,13 @@ from ...problems.contact.solver import SolverError
 
 
 def check_installed(solver: str, library: str, extra: str, tried: str = "") -> None:
-    """Raise ``SolverError`` unless a library is installed, in a version that was tried.
+    """Raise ``SolverError`` unless a library is installed in a tested version.
 
     Args:
         solver: the solver that needs it.
-        library: its module, and its distribution where ``tried`` is given.
+        library: its module, and its distribution if ``tried`` is given.
         extra: the extra of Proxbench that installs it.
-        tried: how versions begin that the solver was tried with; any version if empty.
+        tried: beginning of the tested versions; any version if empty.
     """
     remedy = f'run pip install ".[{extra}]" in a clone of proxbench'
     if find_spec(library) is None:

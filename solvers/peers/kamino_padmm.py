@@ -15,16 +15,16 @@ from .rounds import Call, PreparedRounds, Round
 class KaminoPADMM(Method):
     """Proximal ADMM on Coulomb friction in De Saxcé's form, of Kamino in Newton (Tsounis, Grandia & Bächer 2025).
 
-    It runs on the processor, in single precision, so residuals end at about 1e-6. It factorises dense G with a penalty
-    on the diagonal. Its own criterion is the largest primal, dual and complementarity residual. The options have
-    Kamino's defaults.
+    It runs on the processor, in single precision, so the smallest residuals are about 1e-6. It factorises dense G with
+    a penalty on the diagonal. Its own criterion is the largest primal, dual and complementarity residual. The options
+    have Kamino's defaults.
 
     Attributes:
         acceleration: whether steps are accelerated as in fast ADMM (Goldstein et al. 2014).
         penalty: ρ, which stays constant; the scaled G has a diagonal of about 1.
 
     Raises:
-        SolverError: if Newton is not installed or of an untried version, or an option is out of range.
+        SolverError: if Newton is not installed or its version is not supported, or an option is out of range.
     """
 
     acceleration: bool = True
@@ -48,7 +48,7 @@ class KaminoPADMM(Method):
 
 
 class PreparedPADMM(PreparedRounds):
-    """Proximal ADMM made ready for one problem."""
+    """Proximal ADMM prepared for one problem."""
 
     first_iterations, growth = 100, 10.0
 

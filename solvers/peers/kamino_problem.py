@@ -6,7 +6,7 @@ bilateral, with fixed bounds, unilateral, and T1, T2, N of contacts, in this ord
 problem (``Scaling``): G has a diagonal of about 1 and c is at most 1, so that Kamino's absolute tolerances mean the
 same on every problem.
 
-These parts of Kamino are private, so only the version that they were tried with is accepted.
+These parts of Kamino are private, so only the tested version is accepted.
 """
 
 import sys
@@ -23,10 +23,10 @@ from ...problems.contact.problem import ContactProblem
 from ..conic.programs import Scaling
 
 TRIED = "1.8"
-"""The versions of Newton that this module was tried with begin like this."""
+"""Beginning of the tested versions of Newton."""
 
 MAX_ROWS = 3000
-"""Rows beyond which a factorisation, which cannot be interrupted, takes many seconds."""
+"""Largest number of rows; beyond it a factorisation, which cannot be interrupted, takes many seconds."""
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:
@@ -39,7 +39,7 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
         kinds = ", ".join(sorted(laws.counts()))
         return (
             "Kamino supports spatial contacts, unilateral and bilateral laws and planar friction with a fixed bound, "
-            f"and the laws are {kinds}"
+            f"but the laws are {kinds}"
         )
     if problem.n_rows > MAX_ROWS:
         return f"it has {problem.n_rows} rows, and the dense factors of more than {MAX_ROWS} take too long"
@@ -49,7 +49,7 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
 
 
 def _rows_of(laws: Laws) -> tuple[IntArray, list[int]]:
-    """Return the row of the problem for each row of Kamino, and how many laws its four groups have."""
+    """Return the row of the problem for each row of Kamino, and the number of laws in its four groups."""
     slides = laws.kind == LawKind.SPATIAL_FRICTION
     is_alone = laws.is_unilateral.copy()
     is_alone[laws.partner[slides]] = False
@@ -94,8 +94,8 @@ class DualSolver:
 
         Args:
             impulses: Λ, shape (n_rows,).
-            tolerance: of Kamino's residuals, in scaled units.
-            iterations: their largest number.
+            tolerance: tolerance of Kamino's residuals, in scaled units.
+            iterations: largest number of iterations.
 
         Returns:
             The new Λ, the number of iterations, and whether Kamino's residuals meet the tolerance.
@@ -115,7 +115,7 @@ class DualSolver:
         return found, int(status["iterations"]), bool(status["converged"])
 
     def _make_dual(self, bounds: FloatArray, friction: FloatArray) -> Any:
-        """Return what the solver reads of Kamino's ``DualProblem``."""
+        """Return the parts of Kamino's ``DualProblem`` that the solver reads."""
         core, n_rows = _kamino("linalg.core"), len(self._order)
         operator = core.DenseLinearOperatorData()
         operator.info, operator.mat = core.DenseSquareMultiLinearInfo(), self._floats(self._matrix)
@@ -169,11 +169,11 @@ class DualSolver:
 
 
 def _import_warp() -> Any:
-    """Import Warp and Newton without a word, and without the viewer, whose library would reserve a gigabyte."""
+    """Import Warp and Newton without output, and without the viewer, whose library would reserve a gigabyte."""
     warp = import_module("warp")
     warp.config.log_level = warp.LOG_ERROR
     if "rerun" not in sys.modules:
-        sys.modules["rerun"] = None  # type: ignore[assignment]  # Newton takes it for not installed
+        sys.modules["rerun"] = None  # type: ignore[assignment]  # makes it appear not installed
         try:
             import_module("newton")
         finally:

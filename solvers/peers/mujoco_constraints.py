@@ -17,16 +17,16 @@ Algorithm = Literal["Newton", "CG", "PGS"]
 FIRST_TOLERANCE, TIGHTENING = 1e-2, 1e-3
 """MuJoCo's tolerance of the cost in the first round, and its factor from one round that meets it to the next.
 
-They do not depend on the tolerance of the solve, so that a tighter one passes through the same iterates.
+They do not depend on the tolerance of the solve, so that a tighter one has the same iterates.
 """
 
 
 @dataclass(frozen=True)
 class MuJoCo(Method):
-    """The solvers of MuJoCo for its constraints, called alone: ``mj_fwdConstraint`` (Todorov 2014).
+    """The solvers of MuJoCo for its constraints, called separately: ``mj_fwdConstraint`` (Todorov 2014).
 
     They minimise ½ Λᵀ (G + R) Λ + Λᵀ c over the friction cones, with R = (1 − d)/d α for the largest diagonal entry α
-    of a contact. MuJoCo's own d is 0.9 to 0.95, and rises to 0.99 and more where a model asks for hard contacts. This
+    of a contact. MuJoCo's default d is 0.9 to 0.95, and 0.99 and more in models with hard contacts. This
     is the convex model with compliance: the smaller R, the harder the contacts, and the slower the solvers.
 
     Attributes:
@@ -58,13 +58,13 @@ class MuJoCo(Method):
         return unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedMuJoCo":
-        """Build a model with as many coordinates and rows, and fill in the numbers of the problem."""
+        """Build a model with the same numbers of coordinates and rows, and fill in the problem."""
         self.check_supports(problem)
         return PreparedMuJoCo(problem, self)
 
 
 class PreparedMuJoCo(PreparedRounds):
-    """MuJoCo's constraint stage made ready for one problem."""
+    """MuJoCo's constraint stage prepared for one problem."""
 
     first_iterations, growth = 100, 10.0
 

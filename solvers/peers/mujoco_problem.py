@@ -3,7 +3,7 @@
 A model is built that has the right number of coordinates and constraint rows: a slide joint of mass 1 for each
 coordinate, an equality for each bilateral law, friction loss for each friction with a fixed bound, and a sphere in a
 plane for each contact. Its kinematics are not used. In the coordinates S⁻¹ u, with M⁻¹ = S Sᵀ, the mass matrix is the
-identity, so that J = (Sᵀ W)ᵀ makes J Jᵀ = G. With accelerations in place of velocities, q̈_smooth = 0 and a_ref = −c,
+identity, so that J = (Sᵀ W)ᵀ makes J Jᵀ = G. With accelerations instead of velocities, q̈_smooth = 0 and a_ref = −c,
 the forces of MuJoCo are the impulses. The data are scaled: G has a diagonal of about 1, and c is at most 1.
 """
 
@@ -19,25 +19,25 @@ from ...problems.contact.residual import convex_obstacle
 from ...problems.contact.solver import SolverError
 
 TRIED = "4"
-"""The versions of MuJoCo that this module was tried with begin like this."""
+"""Beginning of the tested versions of MuJoCo."""
 
 MAX_ENTRIES = 4_000_000
-"""Entries of J, which is dense, and of the matrices of coordinates and rows."""
+"""Largest number of entries of the dense J, and of the matrices of coordinates and of rows."""
 
 MIN_FRICTION = 1e-5
-"""MuJoCo's least friction coefficient."""
+"""MuJoCo's smallest friction coefficient."""
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:
     """Return why MuJoCo's rows cannot represent ``problem``, or None."""
     laws = problem.laws
     if laws.is_rolling.any():
-        return "MuJoCo has one bound for sliding and rolling friction, and this problem has two"
+        return "MuJoCo has one bound for sliding and rolling friction, but this problem has two"
     bounded = laws.is_friction & (laws.partner < 0)
     if (bounded & (laws.kind != LawKind.PLANAR_FRICTION)).any():
-        return "MuJoCo bounds single rows of friction, and this problem has discs with a fixed bound"
+        return "MuJoCo bounds single rows of friction, but this problem has discs with a fixed bound"
     if (laws.fixed_bound[laws.partner >= 0] > 0.0).any():
-        return "it has contacts whose friction has a fixed bound too, and MuJoCo has no such cone"
+        return "it has contacts whose friction also has a fixed bound, and MuJoCo has no such cone"
     obstacle = convex_obstacle(problem)
     if obstacle:
         return obstacle
@@ -76,7 +76,7 @@ class ConstraintStage:
         )
         self._data = self._mujoco.MjData(self._model)
         self._model.opt.solver = getattr(self._mujoco.mjtSolver, f"mjSOL_{algorithm.upper()}")
-        if algorithm == "PGS":  # its start would be the forces that accelerations cause, which stiffness magnifies
+        if algorithm == "PGS":  # it would start from the forces of the accelerations, which stiffness magnifies
             self._model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_WARMSTART
         self._rows = self._rows_of(laws, bilateral, bounded, normal, follower)
         self._fill(problem, directions / np.sqrt(mass), impedance, friction, bounds)
@@ -102,7 +102,7 @@ class ConstraintStage:
         for stage in (module.mj_fwdPosition, module.mj_fwdVelocity, module.mj_fwdActuation, module.mj_fwdAcceleration):
             stage(model, data)
         if data.nefc != len(rows):
-            raise SolverError(f"MuJoCo makes {data.nefc} rows for {len(rows)} rows of {problem.name!r}.")
+            raise SolverError(f"MuJoCo created {data.nefc} rows for {len(rows)} rows of {problem.name!r}.")
         columns = np.concatenate([directions, np.zeros((len(directions), 1))], axis=1)[:, rows]
         jacobian = np.zeros((len(rows), model.nv))
         jacobian[:, : len(directions)] = columns.T
@@ -148,7 +148,7 @@ def _directions(problem: ContactProblem) -> FloatArray:
 
 
 def _model_text(n_dofs: int, n_equalities: int, n_bounded: int, has_friction: list[bool], n_rows: int) -> str:
-    """Return a model with so many coordinates and constraint rows."""
+    """Return the XML text of a model with these numbers of coordinates and constraint rows."""
     megabytes = 64 + 8 * 6 * (n_dofs + n_rows) ** 2 // 2**20
     spheres = "".join(
         f'<geom size="0.1" pos="{index} 0 0.05" condim="{3 if slides else 1}" priority="1" conaffinity="0"/>'

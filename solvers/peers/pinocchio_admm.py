@@ -11,7 +11,7 @@ from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_r
 from .rounds import Call, PreparedRounds, Round
 
 TOLERANCE_RATIO = 0.5
-"""Its first tolerance relative to that of the solve; in scaled units both measure nearly the same."""
+"""Its first tolerance relative to that of the solve; in scaled units both are nearly the same measure."""
 
 STEP_SECONDS = 1e-9
 """Time of a Lanczos step per row of G and per earlier step, against which it is orthogonalised [s]."""
@@ -77,7 +77,7 @@ def lanczos_steps(wanted: int, n_rows: int, max_seconds: float) -> int:
 
 
 class PreparedADMM(PreparedRounds):
-    """ADMM made ready for one problem."""
+    """ADMM prepared for one problem."""
 
     first_iterations, growth = 100, 10.0
 
@@ -86,7 +86,7 @@ class PreparedADMM(PreparedRounds):
         self._options, self._contacts = options, Contacts.of(problem)
 
     def begin(self, max_seconds: float) -> Call:
-        """Return the solver; its penalty and its iterates carry over from one round to the next."""
+        """Return the solver; its penalty and its iterates persist from one round to the next."""
         pin, contacts, options = pinocchio(), self._contacts, self._options
         solver, settings, result = pin.ADMMConstraintSolver(), pin.ADMMSolverSettings(), pin.ADMMSolverResult()
         settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0

@@ -14,7 +14,7 @@ UNREACHABLE = 1e-300
 """A tolerance that its own criterion never meets; on spheres it reports convergence after the first sweep."""
 
 MAX_CONTACTS = 2500
-"""Contacts beyond which the dense matrix and its factor take more than a gigabyte."""
+"""Largest number of contacts; beyond it the dense matrix and its factor take more than a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class PinocchioPGS(Method):
 
 
 class PreparedPGS(PreparedRounds):
-    """The sweeps made ready for one problem."""
+    """The sweeps prepared for one problem."""
 
     first_iterations, growth = 4, 1.25
 

@@ -42,7 +42,7 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
     equal = Laws.contacts(laws.friction_coefficient[1::2], 3, n_contacts) if 2 * n_contacts == laws.n_laws else None
     if equal is None or not np.array_equal(laws.kind, equal.kind) or not np.array_equal(laws.partner, equal.partner):
         kinds = ", ".join(sorted(laws.counts()))
-        return f"Pinocchio supports only contacts with spatial Coulomb friction, and the laws are {kinds}"
+        return f"Pinocchio supports only contacts with spatial Coulomb friction, but the laws are {kinds}"
     if laws.fixed_bound.any():
         return "it has fixed friction bounds, which Pinocchio does not support"
     if problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).max() > 0:

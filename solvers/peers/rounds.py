@@ -44,7 +44,7 @@ Call = Callable[[FloatArray, float, int], Round]
 
 
 class PreparedRounds(ABC):
-    """An outside solver, made ready for one problem, that works in rounds.
+    """An outside solver that is prepared for one problem and works in rounds.
 
     Attributes:
         problem: the problem.

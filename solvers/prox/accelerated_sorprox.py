@@ -1,4 +1,4 @@
-"""SORprox over the Delassus matrix with ω = 1 and an acceleration: two methods that differ in this ingredient alone.
+"""SORprox over the Delassus matrix with ω = 1 and an acceleration: two methods that differ only in the acceleration.
 
     NesterovSORprox     momentum by Nesterov's sequence, with restarts      (``iteration.momentum``)
     AndersonSORprox     Anderson acceleration every three sweeps            (``iteration.anderson``)
@@ -53,7 +53,7 @@ class AndersonSORprox(_AcceleratedSORprox):
     """SORprox over the Delassus matrix with Anderson acceleration every three sweeps.
 
     Attributes:
-        memory: number of differences between windows that are kept, 0 for no acceleration.
+        memory: number of differences between windows to keep, 0 for no acceleration.
 
     Raises:
         SolverError: for an option out of range.

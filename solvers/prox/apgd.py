@@ -5,7 +5,7 @@ Nesterov's method for ½ΛᵀGΛ + cᵀΛ over the product K of friction cones,
     Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k).
 
 The step t is halved while the function lies above its quadratic bound, and grows by a tenth after each iteration. The
-method restarts with β = 0 where the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).
+method restarts with β = 0 if the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ from ..iteration.method import Method, unsupported_laws
 from ..sweeps.cone import ConeProblem
 
 SHRINK, GROW = 0.5, 1.1
-"""Factor of t where the bound fails, and after each iteration."""
+"""Factor of t if the bound fails, and after each iteration."""
 
 MAX_STEP = 100.0
 """Largest t relative to 1/λ_max(G): impulses that move nothing must not grow until rounding dominates."""

@@ -20,7 +20,7 @@ from .parallel.team import check_threads
 class ColouredSORprox(Method):
     """Projected Gauss–Seidel over the factors, colour by colour, for contacts of one or two bodies.
 
-    The result has the same bits for any number of threads.
+    The result is identical for any number of threads.
 
     Attributes:
         relaxation: ω, as in ``SORprox``.

@@ -1,7 +1,7 @@
-"""NSGS: nonsmooth Gauss–Seidel (Jean & Moreau), which solves one contact after the other; see ``sweeps.blocks``.
+"""NSGS: nonsmooth Gauss–Seidel (Jean & Moreau), which solves one contact at a time; see ``sweeps.blocks``.
 
-Normal and tangential direction of a contact always agree. Methods that visit single laws may cycle at high friction
-because they do not.
+Normal and tangential impulses of a contact are always consistent. Methods that visit single laws lack this, and may
+cycle at high friction.
 """
 
 from dataclasses import dataclass

@@ -4,9 +4,9 @@
 
 De Saxcé's shift s = μ‖z_T‖ is updated in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
 & Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2 with L the largest eigenvalue and m the proximal η; it changes by
-(L/m)^±0.05 where primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ tenfold. Each ρ costs a factorisation.
+(L/m)^±0.05 if primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ tenfold. Each ρ costs a factorisation.
 
-Anderson acceleration acts on w = x + z/ρ, on which one iteration is a map; it restarts where ρ changes or where w moves
+Anderson acceleration acts on w = x + z/ρ, on which one iteration is a map; it restarts if ρ changes or w moves
 further than before.
 """
 
@@ -33,13 +33,13 @@ EXPONENT, UPDATE, TENFOLD = 0.2, 0.05, 10.0
 """Exponents of the first ρ and of its changes, and the ratio of residuals that triggers a change."""
 
 INTERVAL = 10
-"""Iterations between comparisons of the residuals: a change of ρ costs as much as some dozens of iterations."""
+"""Iterations between comparisons of the residuals: a change of ρ costs as much as several dozen iterations."""
 
 MAX_PENALTY = 1e3
 """Largest ρ relative to L."""
 
 GROWTH = 2.0
-"""The acceleration restarts where w moves this many times as far as before."""
+"""The acceleration restarts if w moves this many times as far as before."""
 
 
 @dataclass(frozen=True)

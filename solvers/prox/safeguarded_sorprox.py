@@ -1,4 +1,4 @@
-"""SafeguardedSORprox: SORprox that reduces the over-relaxation of single contacts where they oscillate."""
+"""SafeguardedSORprox: SORprox that reduces the over-relaxation of contacts that oscillate."""
 
 from dataclasses import dataclass
 

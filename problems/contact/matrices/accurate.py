@@ -13,7 +13,7 @@ G = Wᵀ M⁻¹ W chains three such products. Each takes the pair of numbers and
 
     |ξ̂ − ξ|  ≤  u|ξ| + h,   h ≤ (N ε)² (|Wᵀ| |M⁻¹| |W| |Λ| + |c|),
 
-with N at least the terms of the longest rows of Wᵀ, M⁻¹ and W together, and |G| |Λ| for a G that is given. The first
+with N at least the terms of the longest rows of Wᵀ, M⁻¹ and W together, and |G| |Λ| for a given G. The first
 part is the rounding of the result itself, which cannot turn a velocity into zero; h is returned. In plain arithmetic
 (N ε)² is replaced by N u.
 """
@@ -32,7 +32,7 @@ SMALL, LEAST = 2.0**-960, 2.0**-1020
 """Products below the first value lose less than the second value by underflow."""
 
 SPARE_TERMS = 8
-"""Terms counted in addition to those of rows."""
+"""Number of terms counted in addition to those of the rows."""
 
 
 def accurate_over_matrix(
@@ -47,7 +47,7 @@ def accurate_over_matrix(
 def accurate_over_factors(
     directions: sp.csc_array[Any], inverse_mass: sp.csr_array[Any], free_velocity: FloatArray, impulses: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the same for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
+    """Return ξ and its rounding error bound for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
     velocity, rounding = np.empty((2, len(free_velocity)))
     given = directions.indptr, directions.indices, directions.data
     inverse = inverse_mass.indptr, inverse_mass.indices, inverse_mass.data
@@ -64,7 +64,7 @@ def _fused_product(a: float, b: float, c: float) -> float:
 
 
 def _fused_intrinsic(typing_context, a, b, c):  # type: ignore[no-untyped-def]
-    """Return the same as one machine instruction."""
+    """Return a b + c as one machine instruction."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.fma(*arguments)
@@ -115,7 +115,7 @@ def write_accurate_over_matrix(indptr, indices, data, free_velocity, impulses, v
 def write_accurate_over_factors(  # type: ignore[no-untyped-def]
     indptr, indices, data, mass_indptr, mass_indices, mass_data, free_velocity, impulses, velocity, rounding
 ):
-    """Write the same for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
+    """Write ξ and its rounding error bound for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
     one, n_dofs, n_rows = uint64(1), len(mass_indptr) - 1, len(free_velocity)
     moved, in_column, in_mass = np.zeros((n_dofs, 4)), 0, 0  # both numbers, the sizes in the second, the underflow
     for row in range(uint64(n_rows)):

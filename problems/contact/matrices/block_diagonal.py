@@ -16,7 +16,7 @@ BLOCK_SYMMETRY = 1e-12
 """Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that counts as rounding."""
 
 MAX_ENTRIES = 20_000_000
-"""Largest number of entries of the inverse of a mass matrix, 160 MB of numbers."""
+"""Largest number of entries of the inverse of a mass matrix, 160 MB of doubles."""
 
 
 def block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
@@ -60,7 +60,7 @@ def block_sizes(mass: sp.csr_array[Any]) -> IntArray:
 
 
 def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:
-    """Yield the blocks of a block diagonal matrix, the connected components of its pattern, for one size at a time.
+    """Yield the blocks of a block diagonal matrix, the connected components of its pattern, one size at a time.
 
     Yields:
         Degrees of freedom, ascending, shape (n_blocks, size), and blocks, shape (n_blocks, size, size).

@@ -110,7 +110,7 @@ class InverseMass:
         return InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
 
     def root_blocks(self, length: int) -> FloatArray | None:
-        """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them, None if it has other entries."""
+        """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them; None if it has other entries."""
         if length not in self._root_blocks:
             self._root_blocks[length] = self._cut_root(length)
         return self._root_blocks[length]
@@ -232,7 +232,7 @@ class Factors:
 
 @lru_cache(maxsize=16)
 def _diagonal_pattern(n_dofs: int) -> sp.csr_array[Any]:
-    """Return a diagonal matrix, whose indices are reused."""
+    """Return an identity matrix whose index arrays are reused."""
     index = np.arange(n_dofs + 1, dtype=np.int32)
     matrix = sp.csr_array((np.ones(n_dofs), index[:-1], index), shape=(n_dofs, n_dofs))
     matrix.has_canonical_format = True
@@ -256,7 +256,7 @@ def _count_products(root_indptr, root_indices, root_data, indptr, indices, data)
 @partial(interpretable, count=_count_products)
 @njit(cache=True)
 def _scale(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
-    """Return entries, rows, which ascend, and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""
+    """Return entries, ascending rows and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""
     n_dofs, n_columns = len(root_indptr) - 1, len(indptr) - 1
     room = 0
     for p in range(len(indices)):

@@ -116,7 +116,7 @@ def _check_sparse(matrix: Any, name: str) -> None:
                 if len(indices) and not 0 <= indices.min() <= indices.max() < length:
                     raise ValueError(f"an index is not within 0 to {length - 1}")
     except ValueError as error:
-        raise ProblemError(f"{name} is no valid sparse matrix: {error}.") from None
+        raise ProblemError(f"{name} is not a valid sparse matrix: {error}.") from None
 
 
 @interpretable
@@ -152,7 +152,7 @@ def _compressed_rows(dense: NDArray[np.float64]) -> sp.csr_array[Any]:
 
 @lru_cache(maxsize=64)
 def _empty_matrix(n_rows: int, n_columns: int) -> sp.csr_array[Any]:
-    """Return a matrix of zeros, a template for others of its shape."""
+    """Return a matrix of zeros, the template for matrices of its shape."""
     matrix = sp.csr_array((n_rows, n_columns))
     matrix.has_canonical_format = True
     return matrix

@@ -19,7 +19,7 @@ SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that counts as rounding."""
 
 SINGLE_SYMMETRY_TOLERANCE = 1e-5
-"""The same for a matrix given in single precision, which is then made symmetric."""
+"""The limit for a matrix given in single precision, which is then symmetrised."""
 
 NEGATIVE_TOLERANCE = 1e-9
 """Most negative eigenvalue of G relative to the largest that counts as rounding."""
@@ -31,7 +31,7 @@ DENSE_ROWS = 64
 """Largest number of rows for which all eigenvalues are computed instead."""
 
 EXHAUSTED = 1e-12
-"""Lanczos' method ends if the norm of a new vector is below this part of the largest Ritz value."""
+"""Lanczos' method ends if the norm of a new vector is below this fraction of the largest Ritz value."""
 
 
 def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
@@ -71,7 +71,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
 
 
 def _is_sound_sparse(matrix: sp.csr_array[Any], tolerance: float) -> bool:
-    """Whether no diagonal entry is negative, G is symmetric, and no 2×2 minor is negative, all to the tolerances."""
+    """Whether no diagonal entry is negative, G is symmetric, and no 2×2 minor is negative, within tolerances."""
     diagonal = diagonal_of(matrix)
     if not len(diagonal) or diagonal.min() < 0.0:
         return not len(diagonal)
@@ -91,30 +91,31 @@ def _check_symmetry(matrix: sp.csr_array[Any], tolerance: float) -> None:
     if difference > tolerance * np.abs(matrix.data).max(initial=0.0):
         raise ProblemError(
             f"G[{row}, {column}] = {matrix[row, column]} but G[{column}, {row}] = {matrix[column, row]}: "
-            "G must be symmetric (allow_asymmetric=True admits public data that is not)."
+            "G must be symmetric (pass allow_asymmetric=True for public data that is not)."
         )
 
 
 def _check_minors(matrix: sp.csr_array[Any], tolerance: float) -> None:
-    """Raise ``ProblemError`` if a 2×2 minor g_ii g_jj − g_ij² shows that G, symmetric, is indefinite."""
+    """Raise ``ProblemError`` if a 2×2 minor g_ii g_jj − g_ij² shows that a symmetric G is indefinite."""
     diagonal = diagonal_of(matrix)
     excess, row, column = _largest_excess(matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal))
     if excess > tolerance * diagonal.max(initial=0.0):
         root = np.sqrt(diagonal[row]) * np.sqrt(diagonal[column])
         raise IndefiniteError(
-            f"G[{row}, {column}] = {matrix[row, column]} exceeds the root of G[{row}, {row}] G[{column}, {column}], "
-            f"{root}: G must be positive semidefinite."
+            f"G[{row}, {column}] = {matrix[row, column]} exceeds the square root of G[{row}, {row}] G[{column}, "
+            f"{column}], {root}: G must be positive semidefinite."
         )
 
 
 def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
-    """Raise ``ProblemError`` if eigenvalues, or Ritz values, of G, ascending, are negative beyond rounding.
+    """Raise ``ProblemError`` if ascending eigenvalues or Ritz values of G are negative beyond rounding.
 
     A Ritz value bounds the smallest eigenvalue from above, so an indefinite matrix may pass.
     """
     if len(values) and values[0] < -tolerance * values[-1]:
         raise IndefiniteError(
-            f"G has an eigenvalue of {values[0]:.3g} or less beside {values[-1]:.3g}: G must be positive semidefinite."
+            f"G has an eigenvalue of {values[0]:.3g} or less; the largest is {values[-1]:.3g}. "
+            "G must be positive semidefinite."
         )
 
 
@@ -129,7 +130,7 @@ def _ritz_values(matrix: sp.csr_array[Any]) -> FloatArray:
 
 
 def _is_sound(matrix: FloatArray, negative: float) -> bool:
-    """Whether G, dense, is symmetric, its diagonal not negative, and none of its 2×2 minors, to the tolerances."""
+    """Whether a dense G is symmetric, without negative diagonal entries or 2×2 minors, within tolerances."""
     diagonal = matrix.diagonal()
     if (diagonal < 0.0).any():
         return False
@@ -142,9 +143,9 @@ def _is_sound(matrix: FloatArray, negative: float) -> bool:
 
 
 def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:
-    """Whether G, dense, with ``shift`` times its largest diagonal entry on the diagonal has a Cholesky factor.
+    """Whether a dense G has a Cholesky factor if ``shift`` times its largest diagonal entry is added to its diagonal.
 
-    If it has, no eigenvalue of G is below −``shift`` times its largest diagonal entry, except by rounding.
+    If so, no eigenvalue of G is below −``shift`` times its largest diagonal entry, except by rounding.
     """
     shifted = matrix.copy()
     shifted.reshape(-1)[:: len(matrix) + 1] += shift * matrix.diagonal().max(initial=0.0)
@@ -192,7 +193,7 @@ def _has_sound_pairs(indptr, indices, data, root, most, symmetry, negative):  # 
     """Whether each entry below the diagonal has an equal one above it, and neither exceeds √g_ii √g_jj.
 
     ``ahead`` is the next entry of each row to the right of the diagonal. A false result may be due to stored zeros; the
-    caller examines it.
+    caller must check it.
     """
     n_below, n_above, largest, difference, excess = 0, 0, most, 0.0, 0.0
     ahead = indptr[:-1].copy()

@@ -1,1 +1,1 @@
-"""FCLIB files, in which the field exchanges frictional contact problems: read, written and looked over."""
+"""Reading and writing of FCLIB files, the exchange format for frictional contact problems."""

@@ -1,8 +1,8 @@
-"""HDF5 files from anywhere: plain data sets of one file, and nothing that leads out of it or is larger than it.
+"""Reading of HDF5 files from untrusted sources: plain data sets, without links to other files.
 
 HDF5 allows links to other files, data kept in other files, virtual data sets, filters loaded at run time, and sizes
-that have no data behind them. None of it is needed for FCLIB, whose library writes contiguous arrays. So an array is
-read only if all its bytes stand in the file itself; what is read is never larger than the file.
+that have no data behind them. FCLIB needs none of these, because its library writes contiguous arrays. So an array is
+read only if all its bytes are in the file itself, and never takes more memory than the size of the file.
 """
 
 from collections.abc import Iterator
@@ -17,16 +17,16 @@ from ...arrays import FloatArray
 from ..files.archive import DAMAGES
 
 LARGEST_FILE = 2**30
-"""Bytes that a file may have."""
+"""Largest size of a file in bytes."""
 
 LONGEST_TEXT = 10_000
-"""Characters of a text that are kept."""
+"""Number of characters to which texts are truncated."""
 
 REPACK = "write it again with: h5repack -l CONTI -f NONE"
 
 
 class ContainerError(ValueError):
-    """A file that is no HDF5 file, or not one to be read; the text says why."""
+    """A file is not an HDF5 file, or has unsupported content; the text gives the reason."""
 
 
 @contextmanager
@@ -34,25 +34,25 @@ def opened(path: Path) -> Iterator["Group"]:
     """Open an HDF5 file for reading; yield its root.
 
     Raises:
-        ContainerError: if it is none, damaged, too large, or holds what is not read.
+        ContainerError: if it is not an HDF5 file, damaged, too large, or has unsupported content.
         FileNotFoundError: if there is no such file.
     """
-    import h5py  # 0.1 s that only those who read such files wait for
+    import h5py  # import takes 0.1 s
 
     if not path.exists():
         raise FileNotFoundError(path)
     if not path.is_file():
-        raise ContainerError("it is no regular file")
+        raise ContainerError("it is not a regular file")
     size = path.stat().st_size
     if size > LARGEST_FILE:
-        raise ContainerError(f"its {size / 2**20:.0f} MB are more than the {LARGEST_FILE / 2**20:.0f} MB that are read")
+        raise ContainerError(f"its {size / 2**20:.0f} MB exceed the limit of {LARGEST_FILE / 2**20:.0f} MB")
     try:
         with h5py.File(path, "r") as file:
             yield Group(h5py, file.id, size, "")
     except (ContainerError, FileNotFoundError):
         raise
     except (OSError, EOFError, MemoryError, *DAMAGES) as error:
-        raise ContainerError(f"it is no HDF5 file, or a damaged one ({type(error).__name__})") from None
+        raise ContainerError(f"it is not an HDF5 file, or is damaged ({type(error).__name__})") from None
 
 
 class Group:
@@ -68,7 +68,7 @@ class Group:
         """Return a group in this one."""
         member = self._member(name)
         if not isinstance(member, self._h5py.h5g.GroupID):
-            raise ContainerError(f"{self.path}/{name} is no group")
+            raise ContainerError(f"{self.path}/{name} is not a group")
         return Group(self._h5py, member, self._file_size, f"{self.path}/{name}")
 
     def floats(self, name: str) -> FloatArray:
@@ -81,21 +81,21 @@ class Group:
         return self._array(name, (types.IEEE_F64LE, types.IEEE_F64BE), np.dtype(np.float64), "64-bit numbers")
 
     def integers(self, name: str) -> NDArray[np.signedinteger[Any]]:
-        """Return a vector of integers, of 32 or 64 bits as they are stored, shape (n,); errors as ``floats``."""
+        """Return a vector of integers, with 32 or 64 bits as stored, shape (n,); raise as ``floats`` does."""
         types, what = self._h5py.h5t, "integers of 32 or 64 bits"
         if self._dataset(name).get_type().get_size() == 4:
             return self._array(name, (types.STD_I32LE, types.STD_I32BE), np.dtype(np.int32), what)
         return self._array(name, (types.STD_I64LE, types.STD_I64BE), np.dtype(np.int64), what)
 
     def integer(self, name: str) -> int:
-        """Return a single integer, which FCLIB stores as an array of one; errors as ``floats``."""
+        """Return a single integer, which FCLIB stores as an array of one entry; raise as ``floats`` does."""
         found = self.integers(name)
         if len(found) != 1:
-            raise ContainerError(f"{self.path}/{name} must be one number, and has {len(found)}")
+            raise ContainerError(f"{self.path}/{name} must be one number, got {len(found)}")
         return int(found[0])
 
     def text(self, name: str) -> str:
-        """Return a text in one line; empty if there is none."""
+        """Return a text as one line; empty if there is none."""
         if name not in self:
             return ""
         data = self._dataset(name)
@@ -103,7 +103,7 @@ class Group:
             not isinstance(data.get_type(), self._h5py.h5t.TypeStringID)
             or data.get_space().get_simple_extent_npoints() > 1
         ):
-            raise ContainerError(f"{self.path}/{name} must be one text")
+            raise ContainerError(f"{self.path}/{name} must be one string")
         if not self._has_data(data, name):
             return ""
         content = self._h5py.Dataset(data)[()]
@@ -114,7 +114,7 @@ class Group:
         return line
 
     def flag(self, name: str) -> bool:
-        """Whether the group has an attribute, or a data set, of that name that is not zero."""
+        """Whether the group has an attribute or a data set of that name with a nonzero value."""
         attributes = self._h5py.h5a
         if attributes.exists(self._id, name.encode()):
             value = self._h5py.Group(self._id).attrs[name]
@@ -122,7 +122,7 @@ class Group:
         return name in self and self.integer(name) != 0
 
     def is_written(self, name: str) -> bool:
-        """Whether the data set is there with data; libraries reserve some that they never write."""
+        """Whether the data set exists and was written; libraries reserve some that they never write."""
         return name in self and self._has_data(self._dataset(name), name)
 
     def _member(self, name: str) -> Any:
@@ -130,20 +130,20 @@ class Group:
         if name not in self:
             raise ContainerError(f"{self.path}/{name} is missing")
         if self._id.links.get_info(label).type != self._h5py.h5l.TYPE_HARD:
-            raise ContainerError(f"{self.path}/{name} is a link, and links are not followed; copy what it leads to")
+            raise ContainerError(f"{self.path}/{name} is a link, and links are not followed; copy its target")
         return self._h5py.h5o.open(self._id, label)
 
     def _dataset(self, name: str) -> Any:
         member = self._member(name)
         if not isinstance(member, self._h5py.h5d.DatasetID):
-            raise ContainerError(f"{self.path}/{name} is no data set")
+            raise ContainerError(f"{self.path}/{name} is not a data set")
         return member
 
     def _array(self, name: str, stored: tuple[Any, ...], dtype: np.dtype[Any], what: str) -> NDArray[Any]:
         data = self._dataset(name)
         found, space = data.get_type(), data.get_space()
         if not any(found.equal(one) for one in stored):
-            raise ContainerError(f"{self.path}/{name} must hold {what}")
+            raise ContainerError(f"{self.path}/{name} must contain {what}")
         is_simple = space.get_simple_extent_type() in (self._h5py.h5s.SIMPLE, self._h5py.h5s.SCALAR)
         if not is_simple or space.get_simple_extent_ndims() > 1:
             raise ContainerError(f"{self.path}/{name} must be a vector")
@@ -157,17 +157,17 @@ class Group:
         return array
 
     def _has_data(self, data: Any, name: str) -> bool:
-        """Whether all bytes of a data set stand in the file, as they are; False if none do.
+        """Whether all bytes of a data set are in the file, unpacked; False if none are.
 
         Raises:
-            ContainerError: if they are elsewhere, packed, in chunks, or fewer than its size says.
+            ContainerError: if they are elsewhere, packed, in chunks, or fewer than its declared size.
         """
         layouts, plist = self._h5py.h5d, data.get_create_plist()
         where = f"{self.path}/{name}"
         if plist.get_layout() == layouts.VIRTUAL or plist.get_external_count():
             raise ContainerError(f"{where} keeps its data in other files, which are not read; copy them into this one")
         if plist.get_layout() not in (layouts.CONTIGUOUS, layouts.COMPACT) or plist.get_nfilters():
-            raise ContainerError(f"{where} is stored in chunks or packed, which FCLIB does not do; {REPACK}")
+            raise ContainerError(f"{where} is chunked or compressed, and FCLIB files are not; {REPACK}")
         if plist.get_layout() == layouts.COMPACT:
             return True
         offset, stored, kind = data.get_offset(), data.get_storage_size(), data.get_type()
@@ -176,5 +176,5 @@ class Group:
         is_reference = isinstance(kind, self._h5py.h5t.TypeStringID) and kind.is_variable_str()
         claimed = stored if is_reference else data.get_space().get_simple_extent_npoints() * kind.get_size()
         if claimed != stored or offset + stored > self._file_size:
-            raise ContainerError(f"{where} is larger than the file says or has; the file is cut short or damaged")
+            raise ContainerError(f"{where} is larger than the file; the file is truncated or damaged")
         return True

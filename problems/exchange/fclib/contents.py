@@ -1,4 +1,4 @@
-"""What an FCLIB file holds, as arrays: a problem in one of its two forms, what is said of it, and a solution.
+"""The contents of an FCLIB file as arrays: a problem in one of two forms, its description, and a solution.
 
     /fclib_local     W, V, R    vectors q, s, mu            u = W r + V λ + q,   Vᵀ r + R λ + s = 0
     /fclib_global    M, H, G    vectors f, w, b, mu         M v = H r + G λ + f,   u = Hᵀ v + w,   Gᵀ v + b = 0
@@ -6,11 +6,11 @@
     /solution        v, u, r, l
     /guesses         number_of_guesses
 
-V, R and s, or G and b, are there where the problem has joints. A contact has ``spacedim`` rows: N and T, or N, T1 and
+V, R and s, or G and b, exist if the problem has joints. A contact has ``spacedim`` rows: N and T, or N, T1 and
 T2; with rolling friction N, T and R, or N, T1, T2, R1 and R2.
 
-Sources: Acary et al., *FCLIB: a collection of discrete 3D frictional contact problems*, Inria RT-444 (2014); of rolling
-friction what Siconos writes, ``globalRollingFrictionContact_fclib_write``.
+Sources: Acary et al., *FCLIB: a collection of discrete 3D frictional contact problems*, Inria RT-444 (2014); for
+rolling friction, ``globalRollingFrictionContact_fclib_write`` of Siconos.
 """
 
 from collections.abc import Mapping
@@ -26,36 +26,36 @@ from .container import ContainerError, Group
 from .matrices import ROWS, TRIPLETS, read_matrix, stored_matrix
 
 LOCAL, GLOBAL, ROLLING = "fclib_local", "fclib_global", "fclib_global_rolling"
-"""Names of the roots."""
+"""Names of the root groups."""
 
 DIGEST = "proxbench_digest"
-"""Text in files that were written here: the digest of the problem that must be read from them.
+"""Name of a text in files of ``write_fclib``: the digest of the problem.
 
-It stands twice, beside the title and beside the vectors, so that damage to one of its names is noticed.
+It is stored twice, with the title and with the vectors, so that damage to one of the names is detected.
 """
 
 TEXTS = ("title", "description", "math_info")
-"""What is said of a problem."""
+"""Names of the texts that describe a problem."""
 
 ROWS_OF_CONTACTS = (2, 3, 5)
-"""Rows that a contact may have, 5 with rolling friction alone."""
+"""Possible numbers of rows of a contact; 5 requires rolling friction."""
 
 MOST_GUESSES = 10_000
-"""Guesses that a file may say it has."""
+"""Largest number of guesses that is reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """What both forms have.
+    """The contents that both forms have.
 
     Attributes:
         dimension: rows of a contact, the normal one first: 2 or 3, with rolling friction 3 or 5.
         friction: μ, shape (n_contacts,).
         rolling_friction: μ_r [m], shape (n_contacts,); ``None`` without rolling friction.
         about: texts by name: title, description, math_info.
-        digest: that of the problem, in files that were written here; else empty.
-        solution: the impulses r and λ [N s] that are stored as the solution, shape (n_rows,), if any were written.
-        guesses: how many guesses there are.
+        digest: digest of the problem, in files of ``write_fclib``; else empty.
+        solution: the impulses r and λ [N s] stored as the solution, shape (n_rows,); ``None`` if there are none.
+        guesses: number of guesses.
     """
 
     dimension: int
@@ -104,8 +104,8 @@ class GlobalContents(Contents):
         M: mass matrix, shape (n_dofs, n_dofs).
         H: force directions of the contacts, shape (n_dofs, n_contact_rows).
         G: force directions of the joints, shape (n_dofs, n_joints).
-        f: impulse of all other forces, with the momentum before, shape (n_dofs,).
-        w: the part of the contacts' relative velocity that does not move with v [m/s], shape (n_contact_rows,).
+        f: impulse of all other forces plus the momentum before the step, shape (n_dofs,).
+        w: the part of the contacts' relative velocity that does not depend on v [m/s], shape (n_contact_rows,).
         b: that of the joints, shape (n_joints,).
     """
 
@@ -128,15 +128,15 @@ class GlobalContents(Contents):
 
 
 def read_contents(file: Group) -> LocalContents | GlobalContents:
-    """Return what a file holds.
+    """Return the contents of a file.
 
     Raises:
-        ContainerError: if it holds no problem, several, or parts that do not belong together.
+        ContainerError: if it contains no problem, several, or parts that do not match.
     """
     roots = [name for name in (LOCAL, GLOBAL, ROLLING) if name in file]
     if len(roots) != 1:
         what = "no problem" if not roots else "several problems"
-        raise ContainerError(f"it holds {what}, and must have one of the groups {LOCAL}, {GLOBAL} and {ROLLING}")
+        raise ContainerError(f"it contains {what}; it must have one of the groups {LOCAL}, {GLOBAL} and {ROLLING}")
     root = file.group(roots[0])
     vectors = root.group("vectors")
     common: dict[str, Any] = {
@@ -173,7 +173,7 @@ def _global(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContent
 
 
 def stored_contents(contents: LocalContents | GlobalContents) -> dict[str, NDArray[Any] | bytes]:
-    """Return the data sets of a file by their paths, without a solution; local matrices in rows, global in triplets."""
+    """Return the data sets of a file by their paths, without a solution; local matrices in CSR, global in triplets."""
     vectors: dict[str, FloatArray] = {"mu": contents.friction}
     matrices: dict[str, Any]
     if isinstance(contents, LocalContents):
@@ -203,28 +203,28 @@ def _digest(root: Group) -> str:
     if not written:
         return ""
     if len(written) != 2 or written[0] != written[1] or not written[0]:
-        raise ContainerError(f"the two texts {DIGEST} in it are not the same")
+        raise ContainerError(f"its two texts {DIGEST} differ")
     return written[0]
 
 
 def _free_joints(root: Group, vectors: Group, name: str, matrices: tuple[str, ...]) -> FloatArray:
-    """Return the vector of the joints; nothing where none of their matrices has columns."""
+    """Return the vector of the joints; an empty one if none of their matrices has columns."""
     if any(matrix in root and root.group(matrix).integer("n") for matrix in matrices):
         return vectors.floats(name)
     if vectors.is_written(name) and len(vectors.floats(name)):
-        raise ContainerError(f"{vectors.path}/{name} is there, and {' and '.join(matrices)} that go with it are not")
+        raise ContainerError(f"{vectors.path}/{name} needs {' and '.join(matrices)}, which the file lacks")
     return np.zeros(0)
 
 
 def _solution(file: Group, n_contact_rows: int, n_joints: int) -> FloatArray | None:
-    """Return r and λ of the solution; None where they were never written, or are zeros that stand for that."""
+    """Return r and λ of the solution; None if they were never written, or are all zero."""
     parts = [(name, count) for name, count in (("r", n_contact_rows), ("l", n_joints)) if count]
     if "solution" not in file or not all(file.group("solution").is_written(name) for name, _ in parts):
         return None
     impulses = [file.group("solution").floats(name) for name, _ in parts]
     for (name, count), found in zip(parts, impulses, strict=True):
         if len(found) != count:
-            raise ContainerError(f"/solution/{name} must have {count} entries, and has {len(found)}")
+            raise ContainerError(f"/solution/{name} must have {count} entries, got {len(found)}")
     together = np.concatenate([np.zeros(0), *impulses])
     return together if together.any() else None
 
@@ -238,9 +238,9 @@ def _guesses(file: Group) -> int:
 def _check_contacts(contents: LocalContents | GlobalContents, path: str) -> None:
     contacts, rolling = len(contents.friction), contents.rolling_friction
     if rolling is not None and len(rolling) != contacts:
-        raise ContainerError(f"{path}/vectors/mu_r must have {contacts} entries as mu has, and has {len(rolling)}")
+        raise ContainerError(f"{path}/vectors/mu_r must have {contacts} entries, as mu has, got {len(rolling)}")
     if contents.dimension in ROWS_OF_CONTACTS and contents.n_contact_rows != contents.dimension * contacts:
         raise ContainerError(
-            f"{path} has {contents.n_contact_rows} rows, and mu and spacedim mean {contacts} contacts of "
+            f"{path} has {contents.n_contact_rows} rows, but mu and spacedim imply {contacts} contacts of "
             f"{contents.dimension} rows each"
         )

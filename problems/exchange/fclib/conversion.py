@@ -1,15 +1,15 @@
-"""FCLIB's problems as contact problems, and back.
+"""Conversion between FCLIB problems and contact problems.
 
-FCLIB asks for the relative velocities u and impulses r of contacts with C*_μ ∋ u + μ‖u_T‖ e_N ⟂ r ∈ C_μ, De Saxcé's
+Unknowns are the relative velocities u and impulses r of contacts with C*_μ ∋ u + μ‖u_T‖ e_N ⟂ r ∈ C_μ, De Saxcé's
 form of −u_N ∈ N_{R₀⁺}(r_N), −u_T ∈ N_{S(μ r_N)}(r_T); with rolling friction the cone is ‖r_T‖ ≤ μ r_N, ‖r_R‖ ≤ μ_r r_N,
-and u is lifted by μ_r‖u_R‖ too. Joints have zero on the left side of their rows and impulses λ without bounds. So the
-signs are those of ``laws``, and with our letters on the left sides::
+and u is lifted by μ_r‖u_R‖ too. Rows of joints have zero on the left side and unbounded impulses λ. So the
+signs are those of ``laws``, and our symbols on the left sides are::
 
     local    ξ = (u, 0),  Λ = (r, λ),  G = [[W, V], [Vᵀ, R]],  c = (q, s)
     global   ξ = (u, 0),  Λ = (r, λ),  W = [H, G],  c = (Hᵀ M⁻¹ f + w, Gᵀ M⁻¹ f + b),
              free motion M⁻¹ f,  velocity after the step v = M⁻¹ (f + H r + G λ)
 
-Whatever the contacts' own velocities before the step add, as by Newton's impact law, is in q or w already: u is
+The terms of the relative velocities before the step, as in Newton's impact law, are included in q or w: u is
 γ_E + ε γ_B, as ξ is.
 """
 
@@ -30,13 +30,13 @@ from .contents import TEXTS, GlobalContents, LocalContents
 from .laws import contacts_of, laws_of, rows_in_order
 
 MOST_COLUMN_ENTRIES = 50_000_000
-"""Entries of M⁻¹ D that are computed at once, 400 MB of numbers."""
+"""Largest number of entries of M⁻¹ D, 400 MB of doubles."""
 
 GUESSES = "stored_guesses"
-"""The entry of the provenance with the number of guesses that a file stores, where it stores any."""
+"""Entry of the provenance: the number of guesses in a file, if it stores any."""
 
 ATTEMPTS = 10
-"""Roundings of f that are tried so that c is found again with every bit: one is enough for half of all problems of ten
+"""Largest number of roundings of f to try until c is reproduced exactly: one suffices for half of all problems of ten
 rows, ten for nearly all."""
 
 
@@ -49,13 +49,13 @@ def problem_of(
     """Return the contact problem of an FCLIB file.
 
     Args:
-        contents: what the file holds.
+        contents: the contents of the file.
         name: name of the problem.
         repair: how a W, R or M that is not symmetric, or a W with a negative eigenvalue, is read.
-        provenance: where it comes from, as far as the file does not say it.
+        provenance: further entries of the provenance.
 
     Raises:
-        ProblemError: if it has laws that are not treated, or numbers that make no problem.
+        ProblemError: if its laws are not supported, or its numbers do not define a valid problem.
     """
     attributes: dict[str, Any] = {"name": name, "provenance": provenance | _description(contents)}
     if isinstance(contents, LocalContents):
@@ -66,11 +66,11 @@ def problem_of(
 
 
 def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
-    """Return what a file of ``problem`` holds: of factors a global problem, of a Delassus matrix a local one.
+    """Return the contents of a file of ``problem``: a global problem for factors, a local one for a Delassus matrix.
 
-    It has a digest where the same numbers are found from it bit by bit, which needs the joints behind the contacts. A
-    free motion is left out where c could not be found again with it. M is the one that M⁻¹ was computed from, or else
-    computed from M⁻¹.
+    They have a digest if reading reproduces the problem exactly, which requires the joints after the contacts. The free
+    motion is omitted if c could not be reproduced with it. M is the one that M⁻¹ was computed from, or else is computed
+    from M⁻¹.
 
     Raises:
         ProblemError: if FCLIB has no such laws, or a G that is not symmetric couples contacts and joints.
@@ -95,21 +95,21 @@ def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
 
 
 def digest_obstacle(contents: LocalContents | GlobalContents, problem: ContactProblem) -> str | None:
-    """Return why the numbers of a file cannot be those that were written, or None; only files written here say it."""
+    """Return why a file of ``write_fclib`` is damaged, or None if its digest matches or it has none."""
     if contents.digest in ("", problem.digest):
         return None
     if problem.provenance.keys() & {"matrix", "eigenvalues"}:  # repaired; the digest is that of the numbers before
         return digest_obstacle(contents, problem_of(contents, problem.name, _unchanged(contents)))
-    return "its numbers are not those of the digest that was written with them"
+    return "its numbers do not match its digest"
 
 
 def _unchanged(contents: LocalContents | GlobalContents) -> Repair:
-    """Return how the matrices of a file written here are read without any change."""
+    """Return the repair that leaves the matrices of a file of ``write_fclib`` unchanged."""
     return Repair("keep" if isinstance(contents, LocalContents) else "refuse")
 
 
 def _description(contents: LocalContents | GlobalContents) -> dict[str, str | int]:
-    """Return the entries of the provenance that the file gives."""
+    """Return the entries of the provenance that are in the file."""
     texts: dict[str, str | int] = {key: text for key, text in contents.about.items() if text}
     return texts | ({GUESSES: contents.guesses} if contents.guesses else {})
 
@@ -156,13 +156,13 @@ def _condensed(
     """Return the problem by G = Dᵀ M⁻¹ D and c = Dᵀ M⁻¹ f + w, for an M whose inverse would be too large to store."""
     n_dofs, n_rows = directions.shape
     if n_dofs * n_rows > MOST_COLUMN_ENTRIES:
-        raise ProblemError(f"M couples too many of its {n_dofs} degrees of freedom for {n_rows} rows; give W and q.")
-    from scipy.sparse.linalg import splu  # 0.1 s that few readers wait for
+        raise ProblemError(f"M couples too many of its {n_dofs} degrees of freedom for {n_rows} rows; use W and q.")
+    from scipy.sparse.linalg import splu  # import takes 0.1 s
 
     try:
         factors = splu(sp.csc_array(mass))
     except RuntimeError:
-        raise ProblemError("M must be positive definite, and it is singular.") from None
+        raise ProblemError("M must be positive definite, but it is singular.") from None
     delassus = directions.T @ factors.solve(directions.toarray())
     attributes["provenance"]["condensed"] = "G = Dᵀ M⁻¹ D replaces M and D = (H, G), because M⁻¹ would be too large"
     c = directions.T @ factors.solve(contents.f) + w
@@ -170,7 +170,7 @@ def _condensed(
 
 
 def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> None:
-    """Refuse a G whose part between contacts and joints is not that between joints and contacts, transposed."""
+    """Raise ``ProblemError`` unless G is symmetric between contacts and joints."""
     if problem.allow_asymmetric and difference.count_nonzero():
         raise ProblemError(
             f"G of {problem.name!r} is not symmetric between contacts and joints, and FCLIB stores that part once."
@@ -180,9 +180,9 @@ def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> N
 def _without_contacts(
     factors: Factors, directions: sp.csc_array[Any], c: FloatArray, mass: sp.csr_array[Any]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return f and w, f zero where c could not be found again with it.
+    """Return f and w; f is zero if c could not be reproduced with it.
 
-    What a reader adds to w is computed here as it will be there.
+    The term that a reader adds to w is computed with the same operations.
     """
     motion = factors.free_motion
     nothing = np.zeros(factors.n_dofs), c
@@ -194,7 +194,7 @@ def _without_contacts(
         w = c - moved
         if np.array_equal(moved + w, c):
             return f, w
-        f += mass @ (motion - inverse.times(f))  # other roundings of the same
+        f += mass @ (motion - inverse.times(f))  # the same up to rounding
     return nothing
 
 

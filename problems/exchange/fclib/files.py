@@ -1,4 +1,4 @@
-"""FCLIB files read as contact problems and written from them."""
+"""Reading and writing of contact problems as FCLIB files."""
 
 from pathlib import Path
 
@@ -16,32 +16,32 @@ from .conversion import contents_of, digest_obstacle, problem_of
 from .laws import rows_in_order
 
 SUFFIXES = (".hdf5", ".h5")
-"""Endings of FCLIB files."""
+"""Suffixes of FCLIB files."""
 
 
 def is_fclib_name(name: str) -> bool:
-    """Whether a file of this name is taken for an FCLIB file."""
+    """Whether a file of this name is treated as an FCLIB file."""
     return name.endswith(SUFFIXES)
 
 
 def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefinite = "refuse") -> ContactProblem:
     """Read the problem of an FCLIB file; its name is that of the file.
 
-    Nothing is read from elsewhere, and never more than the file has bytes. FCLIB has no checksums: a number that is
-    changed and still makes sense is noticed in files that ``write_fclib`` wrote, and not in others.
+    Links to other files are not followed, and no more is read than the size of the file. FCLIB has no checksums: a
+    changed number that is still valid is detected only in files of ``write_fclib``.
 
     Args:
         path: the file.
-        symmetry: how a matrix A, W or R of a local problem or M of a global one, is read if it is not symmetric.
-            "mean" takes (A + Aᵀ)/2 if A misses symmetry by at most 1 % of its largest entry; "lower" and "upper" take
+        symmetry: how an asymmetric matrix A is read, W or R of a local problem or M of a global one.
+            "mean" takes (A + Aᵀ)/2 if |A − Aᵀ| is at most 1 % of the largest |A|; "lower" and "upper" take
             one triangle and ignore the other; "keep" leaves W unchanged; "refuse" raises. The provenance records
-            what A misses and what was done.
+            the asymmetry and the remedy.
         indefinite: how a W with a negative eigenvalue is read. "refuse" raises; "project" takes the nearest
             semidefinite matrix, for eigenvalues up to 1e-6 of the largest one.
 
     Raises:
-        ProblemError: if the file is missing, damaged or no FCLIB file, has numbers that make no problem, or an option
-            has an unknown value.
+        ProblemError: if the file is missing, damaged, not an FCLIB file or not a valid problem, or an option has an
+            unknown value.
     """
     path = Path(path)
     repair = Repair(symmetry, indefinite)
@@ -55,10 +55,10 @@ def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefi
 
 
 def fclib_contents(path: Path) -> LocalContents | GlobalContents:
-    """Return what an FCLIB file holds, unchanged.
+    """Return the contents of an FCLIB file, unchanged.
 
     Raises:
-        ProblemError: if the file is missing, damaged or no FCLIB file.
+        ProblemError: if the file is missing, damaged or not an FCLIB file.
     """
     try:
         with opened(path) as file:
@@ -66,22 +66,22 @@ def fclib_contents(path: Path) -> LocalContents | GlobalContents:
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {path}.") from None
     except ContainerError as error:
-        raise ProblemError(f"{path} is damaged or no FCLIB file: {error}.") from None
+        raise ProblemError(f"{path} is damaged or not an FCLIB file: {error}.") from None
 
 
 def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike | None = None) -> None:
-    """Write a problem as an FCLIB file, as a whole or not at all.
+    """Write a problem as an FCLIB file atomically.
 
-    A problem of factors becomes a global one, of a Delassus matrix a local one. The matrices, μ, μ_r, q and s of a
-    problem that came from an FCLIB file are written with every bit. Where M⁻¹ alone is known and has blocks of more
-    than one degree of freedom, M is its inverse to rounding, and what is read again has another digest. So it has where
-    joints stand before or between contacts: FCLIB has them behind.
+    A problem with factors becomes a global one, and one with a Delassus matrix a local one. The matrices, μ, μ_r, q and
+    s of a problem from an FCLIB file are written exactly. If only M⁻¹ is known and has blocks of more than one degree
+    of freedom, M is its inverse up to rounding, and the problem has another digest when it is read. The same holds if
+    joints precede contacts, because FCLIB stores joints last.
 
     Args:
-        problem: contacts with Coulomb friction, all planar or all spatial, and joints beside them. With rolling
-            friction, about the axis of the plane or both tangents, it must hold its factors.
-        path: the file, ending in .hdf5 or .h5; its folder is made.
-        impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known one of the problem if None.
+        problem: contacts with Coulomb friction, all planar or all spatial, and joints. With rolling friction, about
+            the axis of the plane or both tangents, it must have factors.
+        path: the file, ending in .hdf5 or .h5; its folder is created.
+        impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 
     Raises:
         ProblemError: if FCLIB has no such laws, the name has another ending, or the file cannot be written.
@@ -98,7 +98,7 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
 def _solution(
     problem: ContactProblem, contents: LocalContents | GlobalContents, given: ArrayLike | None
 ) -> dict[str, FloatArray]:
-    """Return r, u, λ of joints and, of a global problem, v, by their paths; nothing without impulses."""
+    """Return r, u, λ of joints and, for a global problem, v by path; empty without impulses."""
     if given is None:
         return {}
     impulses = np.asarray(real_numbers(given, "impulses"), dtype=np.float64)
@@ -114,7 +114,7 @@ def _solution(
 
 
 def _packed(data: dict[str, NDArray[np.generic] | bytes]) -> bytes:
-    """Return the content of an HDF5 file that every version of the library reads, its texts ended by a zero as in C."""
+    """Return the content of an HDF5 file that all versions of the library read; texts are null-terminated."""
     import h5py
 
     with h5py.File("fclib", "w", driver="core", backing_store=False, libver=("earliest", "v110")) as file:

@@ -1,7 +1,7 @@
-"""Which force laws the rows of an FCLIB problem stand for, and what is not treated.
+"""The force laws of the rows of an FCLIB problem, and checks for unsupported laws.
 
 Contacts come first, all with ``spacedim`` rows, the normal one first: a unilateral law and the Coulomb friction that it
-bounds, with rolling friction behind it where there is μ_r. Joints follow, a bilateral law for each column of V or G.
+bounds, followed by rolling friction if there is μ_r. Joints follow, a bilateral law for each column of V or G.
 
     spacedim 2    N, T                 planar
     spacedim 3    N, T1, T2            spatial
@@ -22,7 +22,7 @@ from .contents import Contents, GlobalContents, LocalContents
 
 @dataclass(frozen=True)
 class ContactLaws:
-    """The laws of equal contacts.
+    """The laws of contacts of one kind.
 
     Attributes:
         dimension: rows of a contact, 2 or 3, with rolling friction 3 or 5.
@@ -79,42 +79,42 @@ def contacts_of(problem: ContactProblem) -> ContactLaws:
     """Return the laws of the contacts of a problem.
 
     Raises:
-        ProblemError: if FCLIB has no such laws: it has equal contacts with Coulomb friction, and joints beside them.
+        ProblemError: if FCLIB has no such laws: it has joints, and contacts of one kind with Coulomb friction.
     """
     laws, name = problem.laws, problem.name
     if not problem.n_rows:
-        raise ProblemError(f"{name!r} has no contacts, so that there is nothing to write.")
+        raise ProblemError(f"{name!r} has no contacts, so there is nothing to write.")
     if laws.fixed_bound.any():
         law = int(np.argmax(laws.fixed_bound > 0))
-        raise ProblemError(f"law {law} of {name!r} has a fixed friction bound, and FCLIB has Coulomb friction only.")
+        raise ProblemError(f"law {law} of {name!r} has a fixed friction bound; FCLIB supports Coulomb friction only.")
     count = int(laws.is_unilateral.sum())
     if count and not laws.is_friction.any():
-        raise ProblemError(f"{name!r} has no friction, and contacts of FCLIB have it; give them a coefficient of zero.")
+        raise ProblemError(f"{name!r} has no friction, but contacts of FCLIB do; set the friction coefficient to zero.")
     rolling = np.flatnonzero(laws.is_rolling)
     axes, slides = (laws.row_count[at] for at in (rolling, np.maximum(rolling - 1, 0)))
     if (axes != slides).any():
         k = int(np.argmax(axes != slides))
         about = "1 axis" if axes[k] == 1 else f"{axes[k]} axes"
         raise ProblemError(
-            f"{name!r} resists rolling about {about}, and contacts of FCLIB about as many as the directions they "
-            f"slide in, {slides[k]}."
+            f"{name!r} resists rolling about {about}, but contacts of FCLIB about as many as they have sliding "
+            f"directions, {slides[k]}."
         )
     if laws.is_rolling.any() and problem.factors is None:
         raise ProblemError(
-            f"{name!r} has rolling friction and a Delassus matrix, and FCLIB has rolling friction in global problems "
-            "only; give its factors."
+            f"{name!r} has rolling friction and a Delassus matrix, but FCLIB supports rolling friction only in global "
+            "problems; create the problem from its factors."
         )
     found = _equal_contacts(laws, count)
     if found is None:
         raise ProblemError(
-            f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law with its friction "
-            "behind it."
+            f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law followed by its "
+            "friction."
         )
     return found
 
 
 def _equal_contacts(laws: Laws, count: int) -> ContactLaws | None:
-    """Return the laws of ``count`` contacts between which joints may stand; None if they are not equal."""
+    """Return the laws of ``count`` contacts, also if joints lie between them; None if the contacts differ in kind."""
     if not count and not laws.is_friction.any():
         return ContactLaws(3, np.zeros(0))
     at = np.flatnonzero(~laws.is_bilateral)

@@ -1,10 +1,10 @@
 """Sparse matrices as FCLIB stores them: triplets, compressed columns or compressed rows, in a group of arrays.
 
-    nz ≥ 0   triplets: rows i, columns p, values x, nz of each (as CSparse has them, and public files do)
+    nz ≥ 0   triplets: rows i, columns p, values x, nz of each (as in CSparse and in public files)
     nz = −1  compressed columns: column k has the entries p[k] … p[k+1] − 1 of rows i and values x
     nz = −2  compressed rows, i being columns
 
-The arrays may be longer than what they hold, up to nzmax. With ``symmetric_packed`` = 1 only the lower triangle of a
+The arrays may be longer than their content, up to nzmax. With ``symmetric_packed`` = 1 only the lower triangle of a
 symmetric matrix is stored.
 """
 
@@ -23,19 +23,19 @@ TRIPLETS, COLUMNS, ROWS = 0, -1, -2
 
 
 def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.csc_array[Any]:
-    """Return the matrix of a group; entries given more than once are added, as in CSparse.
+    """Return the matrix of a group; duplicate entries are summed, as in CSparse.
 
     Args:
         group: where it is stored.
-        shape: rows and columns that it must have. Vectors of these lengths are there, so that nothing of an absurd size
-            is made because a file says so.
+        shape: required numbers of rows and columns. Vectors of these lengths exist, so that a file cannot demand a
+            matrix of absurd size.
 
     Raises:
         ContainerError: if it has another shape, or its arrays contradict each other.
     """
     found = group.integer("m"), group.integer("n")
     if found != shape:
-        raise ContainerError(f"{group.path} must have shape {shape} to go with the vectors, and says {found}")
+        raise ContainerError(f"{group.path} must have shape {shape} to match the vectors, got {found}")
     kind, values = group.integer("nz"), group.floats("x")
     indices, pointers = group.integers("i"), group.integers("p")
     matrix: sp.csr_array[Any] | sp.csc_array[Any]
@@ -54,7 +54,7 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
         matrix = make((values, _short(indices), _short(pointers)), shape=shape)
         matrix.sum_duplicates()
     else:
-        raise ContainerError(f"{group.path}/nz = {kind} is no kind of matrix; 0 or more, -1 and -2 are")
+        raise ContainerError(f"{group.path}/nz = {kind} is not a storage format; it must be -2, -1, or 0 or more")
     return _unpacked(matrix, group) if group.flag("symmetric_packed") else matrix
 
 
@@ -73,7 +73,7 @@ def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> d
 
 def _first(array: NDArray[Any], count: int, group: Group, name: str) -> NDArray[Any]:
     if len(array) < count:
-        raise ContainerError(f"{group.path}/{name} has {len(array)} entries, and nz = {count} says that there are more")
+        raise ContainerError(f"{group.path}/{name} has {len(array)} entries, fewer than nz = {count}")
     return array[:count]
 
 
@@ -85,7 +85,7 @@ def _check_range(indices: Integers, size: int, group: Group, name: str) -> None:
 
 def _check_pointers(pointers: Integers, along: int, entries: int, group: Group) -> None:
     if len(pointers) != along + 1:
-        raise ContainerError(f"{group.path}/p must have {along + 1} entries, and has {len(pointers)}")
+        raise ContainerError(f"{group.path}/p must have {along + 1} entries, got {len(pointers)}")
     if pointers[0] != 0 or (np.diff(pointers) < 0).any() or pointers[-1] > entries:
         raise ContainerError(f"{group.path}/p must rise from 0 to at most the {entries} entries of i and x")
 
@@ -97,6 +97,6 @@ def _short(indices: Integers) -> NDArray[np.int32]:
 def _unpacked(lower: Any, group: Group) -> sp.csr_array[Any]:
     """Return L + Lᵀ − diag(L)."""
     if lower.shape[0] != lower.shape[1] or sp.triu(lower, 1).count_nonzero():
-        raise ContainerError(f"{group.path} is packed as symmetric, and has more than a lower triangle")
+        raise ContainerError(f"{group.path} is packed as symmetric, but has more than a lower triangle")
     strict = sp.tril(lower, -1)
     return sp.csr_array(sp.csr_array(lower) + strict.T)

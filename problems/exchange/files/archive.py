@@ -12,7 +12,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 MAX_ARCHIVE_BYTES = 2**30
-"""Bytes of the arrays of one file, unpacked."""
+"""Largest size of the unpacked arrays of one file, in bytes."""
 
 MAX_ARRAYS = 64
 
@@ -29,10 +29,10 @@ class ArchiveError(ValueError):
 def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
     """Return the arrays of a .npz file.
 
-    Nothing is unpacked before the directory of the file has been found to be within the limits.
+    Nothing is unpacked until the directory of the file has been checked against the limits.
 
     Raises:
-        ArchiveError: if it is damaged, holds objects, or would take more memory than ``MAX_ARCHIVE_BYTES``.
+        ArchiveError: if it is damaged, contains objects, or would take more memory than ``MAX_ARCHIVE_BYTES``.
         OSError: if it cannot be read.
     """
     try:
@@ -40,7 +40,7 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
             members = archive.infolist()
             size = sum(member.file_size for member in members)
             if size > MAX_ARCHIVE_BYTES or len(members) > MAX_ARRAYS:
-                raise ArchiveError(f"{len(members)} arrays of {size / 2**20:.0f} MB are more than any file of ours has")
+                raise ArchiveError(f"{len(members)} arrays of {size / 2**20:.0f} MB exceed the limits of problem files")
             arrays = {}
             for member in members:
                 with archive.open(member) as file:
@@ -58,11 +58,11 @@ def _array(file: IO[bytes], size: int) -> NDArray[Any]:
     version = npy.read_magic(file)
     read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
     if read_header is None:
-        raise ArchiveError("an array in a format that we do not write")
+        raise ArchiveError("an array has an unsupported format version")
     shape, is_fortran, dtype = read_header(file)
     if dtype.hasobject:
-        raise ArchiveError("an array of objects, which could run code")
+        raise ArchiveError("an array contains objects, which could run code")
     if any(length < 0 for length in shape) or math.prod(shape) * dtype.itemsize != size - file.tell():
-        raise ArchiveError("an array that is not as large as it says")
+        raise ArchiveError("an array does not have its declared size")
     content = bytearray(file.read())
     return np.frombuffer(content, dtype).reshape(shape, order="F" if is_fortran else "C")

@@ -16,7 +16,7 @@ PERMISSIONS = 0o666
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Open a temporary file beside ``path`` that takes its place when the block ends, and vanishes if it fails.
+    """Open a temporary file beside ``path`` that replaces it when the block ends, and is removed if the block fails.
 
     The new file has the usual permissions, not those of a temporary file.
 
@@ -26,7 +26,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=PART)
     try:
         with os.fdopen(handle, "wb") as file:
-            mask = os.umask(0o077)  # can only be read by being set; to a strict one, should another thread make a file
+            mask = os.umask(0o077)  # must be set to be read; a strict one is safe if another thread creates a file
             os.umask(mask)
             os.chmod(temporary, PERMISSIONS & ~mask)
             yield file

@@ -33,23 +33,23 @@ CONTACTS_ONLY = 1
 SUFFIX = ".npz"
 
 SUFFIXES = (SUFFIX, JSON_SUFFIX)
-"""Endings of problem files."""
+"""Suffixes of problem files."""
 
-AGAIN = "make it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
+AGAIN = "create it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
 """Remedy for a file that is not a problem."""
 
 _OF_LAWS = [field.name for field in fields(Laws)]
 
 
 def save_problem(problem: ContactProblem, path: Path | str) -> None:
-    """Write a problem to a file, from which ``load`` reads it; one of that name is replaced as a whole or not at all.
+    """Write a problem to a file, which ``load`` reads; an existing file is replaced atomically.
 
     Args:
         problem: the problem, with its name, provenance and known answer.
-        path: the file, ending in .npz or .json; its folder is made.
+        path: the file, ending in .npz or .json; its folder is created.
 
     Raises:
-        ProblemError: if the file cannot be written, or its name has another ending.
+        ProblemError: if the file cannot be written, or has another suffix.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -61,7 +61,7 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file of a problem as a whole or not at all; its folder is made.
+    """Write a file of a problem atomically, and create its folder.
 
     Raises:
         ProblemError: if it cannot be written.
@@ -75,7 +75,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def packed_problem(problem: ContactProblem, beside: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """Return ``problem`` as the content of a problem file, compressed, with further arrays ``beside`` it."""
+    """Return ``problem`` as the content of a problem file, compressed, with the further arrays ``beside``."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **{**_arrays(problem), **(beside or {})})
     return buffer.getvalue()
@@ -94,13 +94,13 @@ def read_problem(
     repair: Repair = Repair(),  # noqa: B008  frozen
     format_name: str = "",
 ) -> ContactProblem:
-    """Read one problem, from a file of ``save_problem`` or of one of the formats in ``formats``.
+    """Read one problem, from a file of ``save_problem`` or in one of the formats in ``formats``.
 
     Args:
         source: path or open binary file; a path that ends in .json is read as JSON.
-        label: what messages call the file; its path if empty.
-        repair: how a matrix of a foreign file that is not symmetric or not semidefinite is read.
-        format_name: the foreign format; found by the names of the arrays if empty.
+        label: name of the file in messages; its path if empty.
+        repair: how an asymmetric or indefinite matrix of a foreign file is read.
+        format_name: the foreign format; inferred from the names of the arrays if empty.
 
     Raises:
         ProblemError: if the file is missing, damaged, of another format, or does not match its own digest.
@@ -114,11 +114,11 @@ def read_problem(
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
-        raise ProblemError(f"{name} is damaged or no problem file: {error}; {AGAIN}.") from None
+        raise ProblemError(f"{name} is damaged or not a problem file: {error}; {AGAIN}.") from None
     except ProblemError:
         raise
     except (OSError, *DAMAGES):
-        raise ProblemError(f"{name} is damaged or no problem file; {AGAIN}.") from None
+        raise ProblemError(f"{name} is damaged or not a problem file; {AGAIN}.") from None
     if problem.digest != digest:
         raise ProblemError(f"{name} does not match its digest; {AGAIN}.")
     return problem
@@ -136,7 +136,7 @@ def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArr
 
 
 def _arrays(problem: ContactProblem) -> dict[str, Any]:
-    """Return what a .npz file holds."""
+    """Return the arrays of a .npz file."""
     about, arrays = _described(problem)
     return {"about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8), **arrays}
 
@@ -175,7 +175,7 @@ def _short(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _compressed(label: str, matrix: Any) -> dict[str, Any]:
-    """Return the arrays of a CSR or CSC matrix, its index type as it is: the digest does not depend on it."""
+    """Return the arrays of a CSR or CSC matrix, with 32-bit indices; the digest does not depend on their type."""
     return {
         f"{label}.data": matrix.data,
         f"{label}.indices": _short(matrix.indices),
@@ -188,7 +188,7 @@ def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple
     if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
         raise ValueError("it does not say what it is")
     if about["format"] not in (CONTACTS_ONLY, FORMAT):
-        raise ProblemError(f"{name} has format {about['format']}, this version reads formats up to {FORMAT}.")
+        raise ProblemError(f"{name} has format {about['format']}, but this version reads formats up to {FORMAT}.")
     laws = Laws(*(content[key] for key in _OF_LAWS))
     attributes = {
         "name": about["name"],
@@ -213,7 +213,7 @@ def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple
 
 
 def _matrix(kind: Any, content: dict[str, Any], label: str) -> Any:
-    """Return a sparse matrix; its indices are checked, because compiled code later believes them."""
+    """Return a sparse matrix; its indices are checked, because compiled code relies on them."""
     parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
     if any(part.dtype.kind not in kinds for part, kinds in zip(parts, ("f", "i", "i"), strict=True)):
         raise ValueError(f"{label} is no matrix of numbers")

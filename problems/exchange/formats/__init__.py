@@ -1,1 +1,1 @@
-"""Files of other programs, and plain ones that a few lines of any program write, read as contact problems."""
+"""Reading of contact problems from files of other programs and from plain arrays."""

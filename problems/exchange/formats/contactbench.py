@@ -23,10 +23,10 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
 
     Args:
         arrays: G, shape (3n, 3n), g, shape (3n,) or (3n, 1), and mus, shape (n,).
-        repair: how a G that is not symmetric or not semidefinite is read.
+        repair: how an asymmetric or indefinite G is read.
 
     Raises:
-        ProblemError: if an array is missing or does not fit the others.
+        ProblemError: if an array is missing or does not match the others.
     """
     missing = [name for name in ARRAYS if name not in arrays]
     if missing:
@@ -34,6 +34,6 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     c, mu = arrays["g"].ravel(), arrays["mus"].ravel()
     if c.size != 3 * mu.size:
         raise ProblemError(
-            f"'g' has {c.size} rows and 'mus' {mu.size} contacts; ContactBench has three rows a contact."
+            f"'g' has {c.size} rows and 'mus' {mu.size} contacts; ContactBench has three rows per contact."
         )
     return problem_of_delassus(arrays["G"], c, mu, normal_first(mu.size), repair, source="ContactBench")

@@ -1,13 +1,13 @@
 """Dumps of the dual problem of Newton's solver Kamino, one world each.
 
     D, P, v_f, mu, njc, nbc, nl, nc    of ``solver._solver_kamino._problem_fd.data``, each with ``.numpy()``
-    compliance                         of the same, where contacts or limits are compliant; D contains it
+    compliance                         of the same, if contacts or limits are compliant; D contains it
     lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, judged
 
 D, shape (n, n) or (n·n,), and v_f, shape (n,), are scaled by the diagonal preconditioner P: with G and c in physical
-units, D = P G P and v_f = P c. They are taken before the solve, which adds its penalty to the diagonal of D. The rows
-are those of joints (njc), of bounded multipliers (nbc), of limits (nl) and of contacts (nc), these with T1, T2, N each.
-Arrays may be longer than what they hold, as Kamino reserves them; lambdas are physical impulses [N s]. Source: Newton
+units, D = P G P and v_f = P c. Dump them before the solve, which adds its penalty to the diagonal of D. The rows
+belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc), with T1, T2, N for each contact.
+Arrays may be longer than their content, as Kamino allocates them; lambdas are physical impulses [N s]. Source: Newton
 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.
 """
 
@@ -27,7 +27,7 @@ from .plain import Arrays, normal_first, problem_of_delassus, stored_impulses
 COUNTS = ("njc", "nbc", "nl", "nc")
 
 SINGLE_PRECISION = 1e-4
-"""What sums of single precision may miss, relative to their terms."""
+"""Tolerated error of sums in single precision, relative to their terms."""
 
 ARRAYS = ("D", "v_f", "mu", *COUNTS)
 
@@ -41,11 +41,11 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     """Return the problem of one world.
 
     Args:
-        arrays: as the module says; P is 1 if left out, and so are counts that are 0.
-        repair: how a D that is not symmetric or not semidefinite is read.
+        arrays: as in the module docstring; the default of P is 1, and that of counts 0.
+        repair: how an asymmetric or indefinite D is read.
 
     Raises:
-        ProblemError: if an array is missing or does not fit the others, or the world has bounded multipliers.
+        ProblemError: if an array is missing or does not match the others, or the world has bounded multipliers.
     """
     for name in ("D", "v_f"):
         if name not in arrays:
@@ -53,8 +53,8 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     joints, bounded, limits, contacts = (_count(arrays, name) for name in COUNTS)
     if bounded:
         raise ProblemError(
-            f"{bounded} rows have bounded multipliers (effort limits or dry friction of joints), for which there is "
-            "no law; leave them out of the model."
+            f"{bounded} rows have bounded multipliers (effort limits or dry friction of joints), which have "
+            "no law; remove them from the model."
         )
     n = joints + limits + 3 * contacts
     scale = _first(arrays, "P", n) if "P" in arrays else np.ones(n)
@@ -68,7 +68,7 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     notes: dict[str, Any] = {"source": "Kamino"}
     if "compliance" in arrays:
         notes["largest_compliance"] = float(_first(arrays, "compliance", n).max(initial=0.0))
-    # D is of single precision, and so are the tolerances for it
+    # D has single precision, which determines the tolerances
     problem = problem_of_delassus(delassus.astype(np.float32), c, mu, order, repair, laws=laws, **notes)
     if "lambdas" not in arrays:
         return problem
@@ -79,17 +79,17 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
 
 
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
-    """Raise ``ProblemError`` if G Λ + c is not the velocity that Kamino found, to single precision."""
+    """Raise ``ProblemError`` if G Λ + c differs from the velocity of Kamino by more than single precision."""
     terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
     off = float(np.abs(problem.relative_velocity(impulses) - velocity).max(initial=0.0))
     if off > SINGLE_PRECISION * float(terms.max(initial=0.0)):
         raise ProblemError(
-            f"D λ + v_f misses v_plus by {off:.1e}; dump D before the solve, which adds its penalty to the diagonal."
+            f"D λ + v_f differs from v_plus by {off:.1e}; dump D before the solve, which changes its diagonal."
         )
 
 
 def _count(arrays: Arrays, name: str) -> int:
-    """Return a number of rows or contacts; contacts are as many as mu has entries if their number is left out."""
+    """Return a number of rows or contacts; without nc, count the entries of mu."""
     if name not in arrays:
         return arrays["mu"].size if name == "nc" and "mu" in arrays else 0
     value: NDArray[Any] = arrays[name]
@@ -102,5 +102,5 @@ def _first(arrays: Arrays, name: str, count: int) -> FloatArray:
     """Return the first entries of an array as doubles, shape (count,)."""
     if name not in arrays or arrays[name].size < count or arrays[name].dtype.kind not in "fiu":
         size = arrays[name].size if name in arrays else 0
-        raise ProblemError(f"{name!r} must have {count} numbers to go with the counts of rows, and has {size}.")
+        raise ProblemError(f"{name!r} must have {count} numbers to match the counts of rows, got {size}.")
     return arrays[name].ravel()[:count].astype(np.float64)

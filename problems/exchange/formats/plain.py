@@ -1,4 +1,4 @@
-"""Problems as plain arrays, as ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` or a JSON object of the same names.
+"""Problems as plain arrays, from ``numpy.savez("mine.npz", G=G, c=c, mu=mu)`` or a JSON object with the same names.
 
 ================================= ===============================================================================
 ``c``                             free velocity [m/s], shape (n_rows,)
@@ -44,7 +44,7 @@ KNOWN = ("G", *CSR_PARTS, *FACTORS, "c", "mu", "dim", "normal", "impulses", "ver
 EXAMPLE = "numpy.savez(file, G=G, c=c, mu=mu)"
 
 DEFAULT_DIM = 3
-"""Rows per contact where one friction coefficient holds for all contacts."""
+"""Rows per contact if one friction coefficient applies to all contacts."""
 
 
 def recognises(arrays: Arrays) -> bool:
@@ -56,11 +56,11 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     """Return the problem that plain arrays define.
 
     Args:
-        arrays: the arrays of the file by name, see the module.
-        repair: how a matrix that is not symmetric or not semidefinite is read.
+        arrays: the arrays of the file by name, as in the module docstring.
+        repair: how an asymmetric or indefinite matrix is read.
 
     Raises:
-        ProblemError: if an array is missing, unknown, or does not fit the others.
+        ProblemError: if an array is missing, unknown, or does not match the others.
     """
     for key in arrays:
         if key not in KNOWN:
@@ -97,14 +97,14 @@ def problem_of_delassus(
     laws: Laws | None = None,
     **provenance: Any,
 ) -> ContactProblem:
-    """Return the problem of G and c with their rows put in order, G repaired as chosen.
+    """Return the problem of G and c with reordered rows and a repaired G.
 
     Args:
         matrix: G [1/kg], dense or sparse, shape (n_rows, n_rows).
         c: free velocity [m/s], shape (n_rows,).
         mu: friction coefficient, one number or one for each contact.
-        order: the row that comes first, second, …, shape (n_rows,).
-        repair: how a G that is not symmetric or not semidefinite is read.
+        order: the old index of each row, shape (n_rows,).
+        repair: how an asymmetric or indefinite G is read.
         dim: rows per contact.
         laws: any mixture of laws, instead of ``mu`` and ``dim``.
         provenance: where the problem comes from.
@@ -122,14 +122,14 @@ def problem_of_delassus(
 
 
 def check_version(arrays: Arrays, newest: int) -> None:
-    """Raise ``ProblemError`` if a file says that it has a version that is not read."""
+    """Raise ``ProblemError`` if a file has a version that is not supported."""
     version = arrays.get("version", np.array(newest))
     if version.size != 1 or version.dtype.kind not in "iu" or not 1 <= version.item() <= newest:
         raise ProblemError(f"'version' must be a whole number up to {newest}; write the file in version {newest}.")
 
 
 def normal_first(n_contacts: int, first_row: int = 0) -> IntArray:
-    """Return rows T1, T2, N of contacts in the order N, T1, T2, rows before ``first_row`` left in place."""
+    """Return rows T1, T2, N of contacts in the order N, T1, T2, without moving the rows before ``first_row``."""
     contacts = first_row + np.arange(3 * n_contacts).reshape(-1, 3)[:, [2, 0, 1]].ravel()
     return np.append(np.arange(first_row), contacts).astype(np.int64)
 
@@ -138,10 +138,10 @@ def stored_impulses(given: NDArray[Any], n_rows: int) -> FloatArray:
     """Return the impulses of a file as numbers, shape (n_rows,).
 
     Raises:
-        ProblemError: if they are not finite numbers, one a row.
+        ProblemError: if they are not finite numbers, one per row.
     """
     if given.size != n_rows or given.dtype.kind not in "fiu" or not np.isfinite(given).all():
-        raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one a row; got shape {given.shape}.")
+        raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one per row; got shape {given.shape}.")
     return given.astype(np.float64).ravel()
 
 
@@ -155,7 +155,7 @@ def _dim(arrays: Arrays) -> int:
         return DEFAULT_DIM
     rows, contacts = arrays["c"].size, arrays["mu"].size
     if contacts == 0 or rows % contacts or rows // contacts not in (1, 2, 3):
-        raise ProblemError(f"'c' has {rows} rows and 'mu' {contacts} contacts; there must be 1, 2 or 3 rows a contact.")
+        raise ProblemError(f"'c' has {rows} rows and 'mu' {contacts} contacts; give 1, 2 or 3 rows per contact.")
     return rows // contacts
 
 
@@ -163,7 +163,7 @@ def _order(arrays: Arrays, dim: int, rows: int) -> IntArray:
     """Return the rows in the order N, T1, T2."""
     place = str(arrays.get("normal", np.array("first")))
     if place not in ("first", "last"):
-        raise ProblemError(f"'normal' is {place!r}, and must be 'first' or 'last'.")
+        raise ProblemError(f"'normal' must be 'first' or 'last', got {place!r}.")
     order = np.arange(rows)
     if place == "last" and dim in (2, 3) and rows % dim == 0:
         order = np.roll(order.reshape(-1, dim), 1, axis=1).ravel()
@@ -189,9 +189,9 @@ def _delassus(arrays: Arrays) -> Any:
         if indices.dtype.kind not in "iu" or indptr.dtype.kind not in "iu":
             raise ValueError("indices must be whole numbers")
         matrix = sp.csr_array((data, indices.astype(np.int64), indptr.astype(np.int64)), shape=(rows, rows))
-        matrix.check_format(full_check=True)  # compiled code later relies on the indices
+        matrix.check_format(full_check=True)  # compiled code relies on the indices
     except (ValueError, TypeError) as error:
-        raise ProblemError(f"the CSR arrays are no {rows} x {rows} matrix: {error}.") from None
+        raise ProblemError(f"the CSR arrays are not a {rows} x {rows} matrix: {error}.") from None
     return matrix
 
 
@@ -207,5 +207,5 @@ def _factors(arrays: Arrays, repair: Repair) -> tuple[NDArray[Any], Any, dict[st
 
 
 def _whole(matrix: NDArray[Any]) -> Any:
-    """Return a matrix of diagonal blocks, shape (n, k, k), as a whole one, and any other as it is."""
+    """Return a matrix of diagonal blocks, shape (n, k, k), as one sparse matrix, and other matrices unchanged."""
     return sp.block_diag(list(matrix), format="csr") if matrix.ndim == 3 else matrix

@@ -1,4 +1,4 @@
-"""The formats of arrays, found by the names that a file has."""
+"""Formats of named arrays, recognised by the names in a file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ class ArrayFormat:
     """One way to write a problem as named arrays, in a .npz or .json file.
 
     Attributes:
-        name: what the command line calls it.
-        about: what it is, for a list.
-        recognises: whether the names of the arrays are of this format.
-        problem_of_arrays: the problem of the arrays.
+        name: its name on the command line.
+        about: its description in a list.
+        recognises: returns whether the arrays have the names of this format.
+        problem_of_arrays: returns the problem of the arrays.
     """
 
     name: str
@@ -44,12 +44,12 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
 
     Args:
         arrays: by name.
-        name: what messages call the file.
-        repair: how a matrix that is not symmetric or not semidefinite is read.
-        format_name: the format, found by the names of the arrays if empty.
+        name: name of the file in messages.
+        repair: how an asymmetric or indefinite matrix is read.
+        format_name: the format, inferred from the names of the arrays if empty.
 
     Raises:
-        ProblemError: if an array is missing or does not fit the others.
+        ProblemError: if an array is missing or does not match the others.
     """
     known = [ARRAY_FORMATS[format_name]] if format_name else ARRAY_FORMATS.values()
     for one in known:
@@ -58,5 +58,5 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
                 return one.problem_of_arrays(arrays, repair)
     if format_name:
         held = ", ".join(sorted(arrays)) or "none"
-        raise ProblemError(f"{name} is no file of the format {format_name!r}; its arrays are {held}.")
+        raise ProblemError(f"{name} is not a file of the format {format_name!r}; its arrays are {held}.")
     return None

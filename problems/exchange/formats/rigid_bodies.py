@@ -3,7 +3,7 @@
 ======================== ==================================================================================
 ``mass``                 m [kg], shape (n_bodies,)
 ``inertia``              [kg m²], shape (n_bodies, 3) about the principal axes, or (n_bodies, 3, 3) in world axes
-``orientation``          unit quaternions x, y, z, w of the principal axes, shape (n_bodies, 4); with the former
+``orientation``          unit quaternions x, y, z, w of the principal axes, shape (n_bodies, 4); optional
 ``position``             of the centres of mass [m], shape (n_bodies, 3)
 ``velocity``             of the centres of mass before the step [m/s], shape (n_bodies, 3)
 ``angular_velocity``     before the step, in world axes [rad/s], shape (n_bodies, 3)
@@ -11,24 +11,24 @@
 ``time_step``            h [s]
 ``body_1``, ``body_2``   index of the two bodies of each contact, −1 for a fixed one, shape (n_contacts,)
 ``point``                contact points on body 2 [m], shape (n_contacts, 3)
-``point_1``              those on body 1, where the engine has two; ``point`` if left out
+``point_1``              those on body 1, if the engine has two; ``point`` if left out
 ``normal``               unit normals from body 1 to body 2, shape (n_contacts, 3)
 ``mu``                   friction coefficient, one number or shape (n_contacts,)
 ``restitution``          ε, one number or shape (n_contacts,); 0 if left out
 ``distance``             gap [m], negative for penetration, shape (n_contacts,); 0 if left out
-``tangent``              first tangent, shape (n_contacts, 3); made here if left out
+``tangent``              first tangent, shape (n_contacts, 3); any if left out
 ``impulses``             Λ_N, Λ_T1, Λ_T2 of the engine, on body 2 [N s], shape (n_contacts, 3); optional, judged
 ``version``              1; optional
 ======================== ==================================================================================
 
-The relative velocity of the points of body 2 and body 1 is ξ = Wᵀ u. With u_f = u + h g the velocity without contacts
-and γ = Wᵀ u that before the step,
+The relative velocity of the points of body 2 and body 1 is ξ = Wᵀ u. With u_f = u + h g, the velocity without contacts,
+and γ = Wᵀ u, the relative velocity before the step,
 
     c_N = (Wᵀ u_f)_N + ε min(γ_N, 0) + max(gap, 0)/h,        c_T = (Wᵀ u_f)_T,
 
-so that Newton's impact law holds for what approaches, and a contact that is still open may close within the step
-(Moreau 1988; Stewart & Trinkle 1996). Penetration is not corrected. A torque that acts besides, as the gyroscopic one,
-belongs into ``angular_velocity``.
+so that Newton's impact law applies to approaching contacts, and an open contact may close within the step
+(Moreau 1988; Stewart & Trinkle 1996). Penetration is not corrected. Include the effect of other torques, such as the
+gyroscopic one, in ``angular_velocity``.
 """
 
 from typing import Any
@@ -53,7 +53,7 @@ OPTIONAL = ("orientation", "point_1", "restitution", "distance", "tangent", "imp
 KNOWN = (*NEEDED, *OF_CONTACTS, *OPTIONAL)
 
 UNIT = 1e-3
-"""What the length of a normal or a quaternion may miss of 1; engines work in single precision."""
+"""Tolerated deviation of the length of a normal or a quaternion from 1; engines work in single precision."""
 
 
 def recognises(arrays: Arrays) -> bool:
@@ -65,11 +65,11 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     """Return the problem of the step.
 
     Args:
-        arrays: as the module says.
+        arrays: as in the module docstring.
         repair: how an inertia tensor that is not symmetric is read.
 
     Raises:
-        ProblemError: if an array is missing, unknown, or does not fit the others, or a body has no mass.
+        ProblemError: if an array is missing, unknown, or does not match the others, or a mass is not positive.
     """
     _check_names(arrays)
     check_version(arrays, VERSION)
@@ -158,14 +158,14 @@ def _mass(arrays: Arrays, n_bodies: int) -> sp.csr_array[Any]:
 
 def _rotations(quaternions: FloatArray) -> FloatArray:
     """Return rotation matrices, shape (n, 3, 3), of unit quaternions x, y, z, w."""
-    from scipy.spatial.transform import Rotation  # 0.1 s that few readers wait for
+    from scipy.spatial.transform import Rotation  # import takes 0.1 s
 
     matrices: FloatArray = Rotation.from_quat(_unit(quaternions, "orientation")).as_matrix()
     return matrices
 
 
 def _unit(vectors: FloatArray, name: str) -> FloatArray:
-    """Return vectors of length 1; raise ``ProblemError`` for one that is no direction."""
+    """Return vectors of length 1; raise ``ProblemError`` if one is not a unit vector, or a tangent is too short."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     wrong = np.abs(length - 1.0) > UNIT if name != "tangent" else ~(length > UNIT)
     if wrong.any():
@@ -178,7 +178,7 @@ def _unit(vectors: FloatArray, name: str) -> FloatArray:
 def _bodies(arrays: Arrays, name: str, n_bodies: int) -> IntArray:
     given: NDArray[Any] = arrays[name]
     if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise ProblemError(f"{name!r} must be a vector of whole numbers, one a contact.")
+        raise ProblemError(f"{name!r} must be a vector of whole numbers, one per contact.")
     if ((given < -1) | (given >= n_bodies)).any():
         at = int(np.argmax((given < -1) | (given >= n_bodies)))
         raise ProblemError(
@@ -201,7 +201,7 @@ def _positive(arrays: Arrays, name: str) -> float:
 
 
 def _numbers(arrays: Arrays, name: str, shape: tuple[int, ...]) -> FloatArray:
-    """Return an array of finite numbers of a shape."""
+    """Return an array of finite numbers, and check its shape."""
     given = arrays[name]
     if given.shape != shape or (given.size and given.dtype.kind not in "fiu"):
         raise ProblemError(f"{name!r} must be numbers of shape {shape}, got shape {given.shape}.")

@@ -1,1 +1,1 @@
-"""Plugins: what files and installed packages offer, and the problems and scenes among it."""
+"""Plugins: solvers, problems and scenes from files and installed packages."""

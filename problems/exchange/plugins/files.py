@@ -1,4 +1,4 @@
-"""Plugins in a single Python file, named on the command line instead of being installed.
+"""Plugins as single Python files, named on the command line instead of being installed.
 
 A file lists its offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
 ``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was read, so
@@ -31,7 +31,7 @@ class PluginFile:
     """One plugin file as it was read.
 
     Attributes:
-        path: where it was read, absolute.
+        path: its absolute path.
         content: its bytes.
     """
 
@@ -43,7 +43,7 @@ class PluginFile:
         """Read a plugin file without running it.
 
         Raises:
-            PluginError: if there is none.
+            PluginError: if there is no such file.
         """
         place = Path(path).expanduser().resolve()
         try:
@@ -65,12 +65,12 @@ class PluginFile:
 
     @property
     def module_name(self) -> str:
-        """The name it is imported under, different for every path."""
+        """The name under which it is imported, different for each path."""
         stem = re.sub(r"\W", "_", self.path.stem)
         return f"proxbench_plugin_{stem}_{hashlib.sha256(str(self.path).encode()).hexdigest()[:8]}"
 
     def module(self) -> ModuleType:
-        """Return the module that the file makes, run at the first call after ``make_importable``.
+        """Return the module of the file, which runs at the first call after ``make_importable``.
 
         Raises:
             PluginError: if it fails to import; the sentence names the line.
@@ -84,11 +84,11 @@ class PluginFile:
             raise PluginError(f"{self.source} fails to import{where(error, self.path)}: {first_line(error)}.") from None
 
     def offered(self, kind: Kind) -> dict[str, Callable[..., Any]]:
-        """Return the classes or functions that it offers of one kind, by name.
+        """Return the classes or functions of one kind that it offers, by name.
 
         Raises:
-            PluginError: if SOLVERS is no list of classes, two of them have one name, or PROBLEMS or SCENES is no
-                dictionary of functions.
+            PluginError: if SOLVERS is not a list of classes, two of them have the same name, or PROBLEMS or SCENES is
+                not a dictionary of functions.
         """
         return self._solvers() if kind == "solver" else self._functions(f"{kind.upper()}S", _EXAMPLES[kind])
 

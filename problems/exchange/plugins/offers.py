@@ -1,8 +1,8 @@
 """Discovery of plugins: solvers, problems and scenes of installed packages and of files that the user names.
 
 A package offers them as entry points of the groups ``proxbench.solvers``, ``proxbench.problems`` and
-``proxbench.scenes``. A plugin does not run before it is named. A name of Proxbench is refused, and so is a name that
-two plugins share, because results must not depend on the order of installation.
+``proxbench.scenes``. A plugin runs only when it is named. Names of Proxbench are rejected, and so are names that two
+plugins share, because results must not depend on the order of installation.
 """
 
 import re
@@ -20,8 +20,8 @@ from .files import Kind, PluginFile, make_importable
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 _NAMES: dict[Kind, tuple[str, str]] = {
-    "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a class"),
-    "scene": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, as that of a function"),
+    "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, like that of a class"),
+    "scene": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, like that of a function"),
     "problem": (r"[A-Za-z0-9][A-Za-z0-9._-]*", "made of letters, digits, '.', '_' and '-'"),
 }
 
@@ -47,9 +47,9 @@ class Offer:
     """One name that a plugin offers.
 
     Attributes:
-        kind: what it offers.
+        kind: "solver", "problem" or "scene".
         name: the name.
-        source: the plugin, as messages call it.
+        source: name of the plugin in messages.
         get: imports the plugin and returns the class or function.
         file: the plugin file, None for a package.
         refusal: why the name cannot be used, a sentence; empty if it can.
@@ -66,7 +66,7 @@ class Offer:
         """Import the plugin and return its object of this name; redirect its output to standard error.
 
         Raises:
-            PluginError: if the name is refused, or the plugin fails to import.
+            PluginError: if the name is rejected, or the plugin fails to import.
         """
         if self.refusal:
             raise PluginError(self.refusal)
@@ -77,15 +77,15 @@ class Offer:
             raise
         except (Exception, SystemExit) as error:
             said = f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {first_line(error)}"
-            raise PluginError(f"{said}; mend the package or uninstall it.") from None
+            raise PluginError(f"{said}; fix the package or uninstall it.") from None
 
 
 def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
-    """Return all offers of plugins of one kind, including refused ones with the reason.
+    """Return all offers of plugins of one kind, including rejected ones with the reason.
 
     Args:
         kind: solvers, problems or scenes.
-        taken: the names of Proxbench itself.
+        taken: names that Proxbench itself uses.
     """
     found = [*_from_files(kind), *_from_packages(kind)]
     return [replace(offer, refusal=_refusal(offer, taken, found)) for offer in found]
@@ -96,8 +96,8 @@ def register(file: PluginFile, names: Names | None = None, runs_here: bool = Tru
 
     Args:
         file: the file.
-        names: what it offers; found by running it, when first needed, if None.
-        runs_here: whether this process may run it. If not, its names are known, and nothing can be made of them.
+        names: the names that it offers; if None, the file runs when they are first needed.
+        runs_here: whether this process may run it. If not, its names are known, but cannot be loaded.
     """
     path = str(file.path)
     before = _registered.get(path)
@@ -109,7 +109,7 @@ def register(file: PluginFile, names: Names | None = None, runs_here: bool = Tru
 
 
 def forget(file: PluginFile) -> None:
-    """Remove a plugin file from those registered."""
+    """Remove a plugin file from the registered ones."""
     _registered.pop(str(file.path), None)
 
 
@@ -127,7 +127,7 @@ def _from_files(kind: Kind) -> Iterator[Offer]:
 def _get(file: PluginFile, kind: Kind, name: str) -> Any:
     known = _registered.get(str(file.path))
     if known is not None and not known.runs_here:
-        raise PluginError(f"{name!r} of {file.source} is made in processes of its own, not in this one.")
+        raise PluginError(f"{name!r} of {file.source} runs only in separate processes, not in this one.")
     return file.offered(kind)[name]
 
 

@@ -16,7 +16,7 @@ from .offers import Offer, offers
 
 
 def plugin_scenes() -> list[Offer]:
-    """Return what plugins offer as scenes, the refused ones with their reason."""
+    """Return the scenes that plugins offer, including rejected ones with the reason."""
     return offers("scene", SCENES)
 
 
@@ -25,7 +25,7 @@ def plugin_scene(name: str) -> Offer | None:
 
     Raises:
         ProblemError: for an unknown scene, with the nearest name.
-        PluginError: if the name is refused.
+        PluginError: if the name is rejected.
     """
     if name in SCENES:
         return None
@@ -42,12 +42,12 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
     """Return a scene of a plugin; this runs the plugin.
 
     Args:
-        text: its name, with options or without.
+        text: its name, with or without options.
         options: further options.
 
     Raises:
         ProblemError: for an unknown scene or option.
-        PluginError: if the plugin does not make a scene.
+        PluginError: if the plugin does not return a scene.
     """
     name, written = read_scene(text)
     offer = plugin_scene(name)

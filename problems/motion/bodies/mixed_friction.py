@@ -2,7 +2,7 @@
 
 The coefficient of a pair, two balls or a ball and a surface, is drawn by a hash of the pair's key and a seed
 (SplitMix64: Steele, Lea & Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014). So a pair keeps its
-coefficient from step to step, also where it parts and meets again, and has the same on every machine.
+coefficient from step to step, even if it separates and touches again, and has the same one on all machines.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ _GAMMA, _FIRST, _SECOND = (np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D
 
 @dataclass(frozen=True, eq=False)
 class MixedFriction:
-    """Coefficients of friction that are drawn for each pair of bodies; a ``BallSystem`` takes them as its friction.
+    """Friction coefficients drawn at random for each pair of bodies; a ``BallSystem`` accepts them as its friction.
 
     Attributes:
-        lowest: least μ.
-        highest: largest μ; in between all are equally likely.
-        seed: of the coefficients.
+        lowest: smallest μ.
+        highest: largest μ; the distribution is uniform.
+        seed: seed of the coefficients.
 
     Raises:
-        ProblemError: for a range that is none, or a seed out of range.
+        ProblemError: for an invalid range, or a seed out of range.
     """
 
     lowest: float
@@ -48,7 +48,7 @@ class MixedFriction:
 
 
 def _mixed(bits: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
-    """Return the bits, 64 of each number, well mixed."""
+    """Return well mixed bits, 64 per number."""
     with np.errstate(over="ignore"):
         bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
         bits = (bits ^ (bits >> np.uint64(27))) * _SECOND

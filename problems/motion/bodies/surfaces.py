@@ -34,7 +34,7 @@ class Plane:
     normal: tuple[float, ...]
 
     def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
-        """Return where n·(x − p) < r."""
+        """Return the balls with n·(x − p) < r."""
         unit = np.array(self.normal) / np.linalg.norm(self.normal)
         gap = (centres - np.array(self.point)) @ unit - radii
         balls = np.flatnonzero(gap < 0.0)
@@ -47,7 +47,7 @@ class Segment:
 
     Attributes:
         lower: lower end (ρ, z) [m].
-        upper: upper end (ρ, z) [m]; beyond it, as before ``lower``, the wall does not exist.
+        upper: upper end (ρ, z) [m]; the wall ends here and at ``lower``.
         side: 0 for a surface of revolution about the vertical axis, ±1 for the right or left wall of a planar scene.
     """
 
@@ -56,7 +56,7 @@ class Segment:
     side: int = 0
 
     def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
-        """Return where the distance to the segment, on the side of the axis, is below r; normals point to the axis."""
+        """Return the balls closer to the segment than r, on the side of the axis; normals point to the axis."""
         span = (self.upper[0] - self.lower[0], self.upper[1] - self.lower[1])
         length = math.hypot(*span)
         along = (span[0] / length, span[1] / length)
@@ -66,11 +66,11 @@ class Segment:
 
 @dataclass(frozen=True)
 class Rim:
-    """The circle (or, in a planar scene, the corner) where a ``Segment`` begins; it is what balls touch below the wall.
+    """The circle (in a planar scene, the corner) where a ``Segment`` begins, which balls touch below the wall.
 
     Attributes:
         point: (ρ, z) of the rim [m].
-        along: direction (ρ, z) of the wall that begins there; the rim is touched only behind its beginning.
+        along: direction (ρ, z) of the wall that begins there; only balls behind its beginning touch the rim.
         side: as ``Segment.side``.
     """
 
@@ -79,7 +79,7 @@ class Rim:
     side: int = 0
 
     def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
-        """Return where the distance to the rim is below r; normals point from the rim to the centre."""
+        """Return the balls closer to the rim than r; normals point from the rim to the centre."""
         touching: Touching = _touching_rim(centres, radii, self.point, self.along, self.side)
         return touching
 
@@ -96,7 +96,7 @@ def _distance(centres, i, side):  # type: ignore[no-untyped-def]
 def _write_normal(centres, i, side, distance, across, up, normal):  # type: ignore[no-untyped-def]
     """Write the normal whose components in the (ρ, z) half-plane are ``across`` and ``up``.
 
-    Points on the axis count the first direction as outward.
+    On the axis, the first direction is outward.
     """
     dim = len(normal)
     normal[1] = 0.0

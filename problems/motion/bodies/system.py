@@ -20,28 +20,28 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 
 MAX_PATTERNS = 64
-"""Number of sets of active contacts that a general system keeps ready, the last ones."""
+"""Number of sets of active contacts that a general system caches; the oldest is dropped."""
 
 
 @dataclass(frozen=True, eq=False)
 class ActiveContacts:
     """The contacts of one step, those with g(q_M) < 0, and the joints, which are always active.
 
-    Rows stand contact by contact, joints among them. A vector over rows can be padded to ``width`` lanes a contact,
-    which states hold from step to step.
+    Rows are ordered by contact, including joints. A vector over rows can be padded to ``width`` lanes per contact;
+    states store it so from step to step.
 
     Attributes:
         keys: identity of each contact, ascending and distinct, shape (n_contacts,). A contact keeps its key from step
-            to step; two bodies that touch at several features have a key for each, see ``detection.contact_keys``.
+            to step; two bodies that touch at several features have a key for each; see ``detection.contact_keys``.
         gap: g(q_M) [m], 0 for joints, shape (n_contacts,).
         laws: their force laws.
-        directions: W at the midpoint, shape (n_dofs, n_rows): in pieces, one block a contact, where all contacts have
+        directions: W at the midpoint, shape (n_dofs, n_rows): in pieces, one block per contact, if all contacts have
             ``width`` rows, else scipy CSC.
         restitution: ε of each row, shape (n_rows,).
         width: largest number of rows of a contact of the system.
-        row_counts: rows of each contact, shape (n_contacts,); None where all have ``width``.
-        drive: χ of each row [m/s], the relative velocity at which it counts as at rest, shape (n_rows,): the target
-            speeds of motors; None where all are 0.
+        row_counts: rows of each contact, shape (n_contacts,); None if all have ``width``.
+        drive: χ of each row [m/s], the relative velocity that counts as rest, shape (n_rows,): the target
+            speeds of motors; None if all are 0.
     """
 
     keys: IntArray
@@ -62,7 +62,7 @@ class ActiveContacts:
 
     @cached_property
     def is_contact(self) -> NDArray[np.bool_]:
-        """Whether it is a contact or the limit of a joint, and no joint, shape (n_contacts,)."""
+        """Whether each is a contact or the limit of a joint, not a joint, shape (n_contacts,)."""
         if self.row_counts is None:
             return np.ones(len(self.keys), dtype=np.bool_)
         first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
@@ -70,11 +70,11 @@ class ActiveContacts:
 
     @property
     def n_contacts(self) -> int:
-        """Number of contacts, joints left out."""
+        """Number of contacts, without joints."""
         return len(self.keys) if self.row_counts is None else int(self.is_contact.sum())
 
     def normals(self, rows: FloatArray) -> FloatArray:
-        """Return the first row of each contact, joints left out, of a vector over rows, shape (n_contacts,)."""
+        """Return the first row of each contact, without joints, of a vector over rows, shape (n_contacts,)."""
         return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
 
     def lanes(self, rows: FloatArray) -> FloatArray:
@@ -86,11 +86,11 @@ class ActiveContacts:
         return padded
 
     def rows(self, lanes: FloatArray) -> FloatArray:
-        """Return the vector over rows of one that is padded, shape (n_rows,)."""
+        """Return the vector over rows, shape (n_rows,), from a padded one."""
         return lanes.ravel() if self.row_counts is None else lanes[self._is_lane]
 
     def for_rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return a value for each row, shape (n_rows,), from one for each contact."""
+        """Return values per row, shape (n_rows,), from values per contact."""
         return np.repeat(values, self.width if self.row_counts is None else self.row_counts)
 
     def times(self, impulses: FloatArray) -> FloatArray:
@@ -119,8 +119,8 @@ class StepAssembly:
         free_motion: u_B + M_M⁻¹ h_M Δt, shape (n_dofs,).
         inverse_mass: M_M⁻¹.
         contacts: the active contacts, None if there are none.
-        free_motion_with: W Λ ↦ the free motion with h_M at the velocity (u_B + u_E)/2 of a step with these impulses;
-            None where h_M does not depend on it.
+        free_motion_with: maps W Λ to the free motion with h_M at the velocity (u_B + u_E)/2 of a step with these
+            impulses; None if h_M does not depend on it.
     """
 
     free_motion: FloatArray
@@ -135,10 +135,10 @@ MAX_JOINT_ERROR = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class JointErrors:
-    """How far joints are from closing at one position q.
+    """Errors of joints at one position q.
 
     Attributes:
-        residual: what the joints hold at zero [m or rad], shape (n_rows,).
+        residual: residual of the joints [m or rad], shape (n_rows,).
         directions: W of the joints, shape (n_dofs, n_rows); the rate of ``residual`` is Wᵀ u.
     """
 
@@ -157,7 +157,8 @@ class Overlaps:
 
     Attributes:
         gap: g(q) [m], negative, shape (n_contacts,).
-        normals: W_N, the normal columns of W(q): in pieces, one block of one lane a contact, or with joints scipy CSC.
+        normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or with joints scipy
+            CSC.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
         joints: the joints, which are closed together with the contacts; None if there are none.
     """
@@ -176,7 +177,7 @@ class System(Protocol):
         ...
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Linearise at q_M for a step of ``seconds`` that begins with ``velocity``."""
+        """Linearise at q_M for a step of ``seconds`` that starts with ``velocity``."""
         ...
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
@@ -195,11 +196,11 @@ class System(Protocol):
 class MechanicalSystem:
     """A general system, given by the functions of its equations of motion.
 
-    Contacts may have different numbers of rows, and joints are rows with ξ = 0 beside them. Joints hold on velocities,
-    as contacts do: the positions drift by the error of the step.
+    Contacts may have different numbers of rows, and joints are further rows with ξ = 0. Joints constrain velocities,
+    as contacts do, so that positions drift by the error of the step.
 
     Attributes:
-        mass: q ↦ M, shape (n_dofs, n_dofs), symmetric positive definite; its inverse is kept for as long as the
+        mass: q ↦ M, shape (n_dofs, n_dofs), symmetric positive definite; its inverse is cached as long as the
             function returns the same array.
         force: (q, u) ↦ h, shape (n_dofs,).
         gap: q ↦ g [m], shape (n_contacts,).
@@ -207,15 +208,16 @@ class MechanicalSystem:
         friction: μ of each contact, shape (n_contacts,).
         restitution_normal: ε_N of each contact, shape (n_contacts,).
         restitution_tangential: ε_T of each contact, shape (n_contacts,).
-        rows_per_contact: 1, 2 or 3, one number for all contacts or one for each.
+        rows_per_contact: 1, 2 or 3, one number for all contacts or one per contact.
         joint_rows: rows of each joint, shape (n_joints,).
-        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), for EventDriven; None where W does not depend on
+        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), for EventDriven; None if W does not depend on
             q.
         is_reversible: whether M and W are constant and h depends on q alone. The midpoint rule is symmetric then, and
-            its error in smooth phases has even powers of Δt only, which extrapolation makes use of.
+            its error in smooth phases has even powers of Δt only, which extrapolation uses.
 
     Raises:
-        ProblemError: for restitution outside [0, 1], arrays of unequal length, or a number of rows out of range.
+        ProblemError: if restitution is outside [0, 1], arrays have unequal lengths, or a number of rows is out of
+            range.
     """
 
     mass: Callable[[FloatArray], FloatArray]
@@ -245,7 +247,7 @@ class MechanicalSystem:
         if contacts.shape not in ((), (n_contacts,)) or not np.isin(contacts, (1, 2, 3)).all():
             raise ProblemError(f"rows_per_contact must be 1, 2 or 3, for all or each of {n_contacts} contacts.")
         if joints.ndim != 1 or (joints < 1).any():
-            raise ProblemError(f"joint_rows must be positive whole numbers, one a joint, got {self.joint_rows}.")
+            raise ProblemError(f"joint_rows must be positive whole numbers, one per joint, got {self.joint_rows}.")
         self._contact_rows, self._n_joints = np.broadcast_to(contacts, (n_contacts,)), len(joints)
         self._row_counts = np.concatenate([self._contact_rows, joints])
         self._starts = np.append(0, np.cumsum(self._row_counts))
@@ -253,7 +255,7 @@ class MechanicalSystem:
 
     @cached_property
     def has_equal_rows(self) -> bool:
-        """Whether all contacts have equally many rows, and there are no joints."""
+        """Whether all contacts have the same number of rows, and there are no joints."""
         return self._n_joints == 0 and bool((self._contact_rows == self.width).all())
 
     def with_margin(self, margin: float) -> "MechanicalSystem":
@@ -269,7 +271,7 @@ class MechanicalSystem:
 
         Raises:
             ProblemError: if M is not positive definite there, or M, h, g or W has another shape than u and the contacts
-                ask for, or holds NaN.
+                require, or contains NaN.
         """
         inverse, sparse_inverse = self._inverse_mass(midpoint)
         free_motion = velocity + inverse @ self._force(midpoint, velocity) * seconds
@@ -307,7 +309,7 @@ class MechanicalSystem:
 
         Raises:
             ProblemError: if M is not positive definite there, or one of them has another shape than u and the contacts
-                ask for, or holds NaN.
+                require, or contains NaN.
         """
         self._inverse_mass(position)
         self._force(position, velocity)
@@ -340,7 +342,7 @@ class MechanicalSystem:
         return self._inverse[1], self._inverse[2]
 
     def _active_contacts(self, active: NDArray[np.bool_]) -> tuple[IntArray, ActiveContacts]:
-        """Rows and contacts of a set of active contacts, without numbers of q; few sets recur, so each is kept."""
+        """Return the cached rows and contacts of a set of active contacts, without values that depend on q."""
         pattern = active.tobytes()
         if pattern not in self._active:
             contacts = np.flatnonzero(active).astype(np.int64)
@@ -379,11 +381,11 @@ class MechanicalSystem:
 
 
 def _of_shape(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values`` if they have the shape that they must have, and are numbers."""
+    """Return ``values`` if they have the required shape and no NaN."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
     if np.isnan(values).any():
-        raise ProblemError(f"NaN is among the {what}.")
+        raise ProblemError(f"the {what} contain NaN.")
     return values
 
 

@@ -1,1 +1,1 @@
-"""Which bodies are close enough to touch."""
+"""Detection of contacts between bodies."""

@@ -1,7 +1,7 @@
-"""Which pairs of balls overlap: a cell list that costs time and memory proportional to the number of balls.
+"""Detection of overlapping balls by a cell list, in time and memory proportional to the number of balls.
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell; because neighbours along the first
-axis have consecutive numbers, each ball needs a few ranges of cells, whose beginnings only move forward.
+axis have consecutive numbers, each ball needs a few ranges of cells, whose starts only move forward.
 """
 
 import numpy as np
@@ -10,10 +10,10 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 
 USUAL_PAIRS = 8
-"""Pairs per ball for which there is room at first; equal balls that do not interpenetrate have at most 6."""
+"""Initial capacity in pairs per ball; equal balls that do not interpenetrate have at most 6."""
 
 MIN_SKIN, MAX_SKIN = 0.05, 0.5
-"""Bounds of the skin, relative to the smallest radius. A larger skin holds more pairs, which each query visits."""
+"""Bounds of the skin, relative to the smallest radius. A larger skin contains more pairs, which each query visits."""
 
 QUERIES_PER_SEARCH = 3.0
 """Number of queries for which a search should remain valid. A step makes three: for contacts, and for overlaps before
@@ -21,7 +21,7 @@ and after the projection."""
 
 
 class NearPairs:
-    """Pairs of balls that may overlap, found again when a ball has moved so far that another one may have come near.
+    """Pairs of balls that may overlap, searched again when balls have moved far enough for new pairs.
 
     Pairs are near if their gap is below the skin, which follows the speed of the balls: it is
     ``QUERIES_PER_SEARCH`` times as wide as the fastest ball and another one can approach each other between queries.
@@ -74,12 +74,12 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
 
 
 CELLS_PER_BALL = 64
-"""Cells per ball up to which balls are sorted by counting; balls that are far apart have more cells."""
+"""Largest number of cells per ball for sorting by counting; balls that are far apart have more cells."""
 
 
 @njit(cache=True)
 def _farthest(centres, others):  # type: ignore[no-untyped-def]
-    """Return how far the farthest centre is from its other one; NaN if one is no number."""
+    """Return the largest distance of a centre from its other position; NaN if one is NaN."""
     n, dim = centres.shape
     farthest = 0.0
     for i in range(n):
@@ -92,9 +92,9 @@ def _farthest(centres, others):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
-    """Return the number of each ball's cell, and how many cells there are along the first two axes and in all.
+    """Return the number of each ball's cell, and the numbers of cells along the first two axes and in total.
 
-    Margins are counted. A centre that is not finite has no cell, and the cells cannot be counted then.
+    Margins are included. If a centre is not finite, it has no cell, and the cells cannot be counted.
     """
     n, dim = centres.shape
     cells = np.ones((n, 3), dtype=np.int64)
@@ -117,7 +117,7 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _counted_order(number, n_cells):  # type: ignore[no-untyped-def]
-    """Return the balls sorted by the number of their cell, those of one cell in their order."""
+    """Return the balls sorted by the number of their cell, stably."""
     begin = np.zeros(int(n_cells) + 1, dtype=np.int32)
     for i in range(len(number)):
         begin[number[i] + 1] += 1
@@ -132,13 +132,13 @@ def _counted_order(number, n_cells):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
-    """Write every overlapping pair i < j, unsorted, as far as there is room; return how many there are.
+    """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number.
 
-    Each ball looks at the rest of its own row of cells and at the four rows that come later: a pair is seen once. Balls
-    are visited by rising cell number, so where a row begins only moves forward.
+    Each ball is tested against the rest of its own row of cells and the four later rows, so that each pair is tested
+    once. Balls are visited by ascending cell number, so the start of a row only moves forward.
     """
     n, dim = centres.shape
-    places, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, so that reading is local
+    places, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, for local memory access
     for a in range(n):
         cells[a] = number[order[a]]
         for axis in range(dim):

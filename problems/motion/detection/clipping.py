@@ -1,4 +1,4 @@
-"""Polygons cut by planes, for contacts of faces."""
+"""Clipping of polygons by planes, for contacts of faces."""
 
 import numpy as np
 from numba import njit
@@ -6,7 +6,7 @@ from numba import njit
 
 @njit(cache=True)
 def dot(a, b):  # type: ignore[no-untyped-def]
-    """Return a · b of two vectors, in bits that do not depend on a library of linear algebra."""
+    """Return a · b of two vectors, with rounding that does not depend on a linear algebra library."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -15,13 +15,13 @@ def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-un
     """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
 
     Args:
-        polygon: corners, of which the first ``n`` count; there must be room for one more a cut.
+        polygon: corners, of which the first ``n`` count; there must be room for one more per cut.
         edges: number of the edge that leaves each of them.
         n: number of corners.
         across: normal of the plane.
         limit: its distance from the origin along the normal.
         slack: distance above the plane up to which a corner stays.
-        number: of the new edge.
+        number: number of the new edge.
 
     Returns:
         Number of corners, corners and edges.

@@ -18,7 +18,7 @@ from .polyhedra import packed
 _Body = tuple[Shape, FloatArray, FloatArray]
 
 CURVED_SAMPLES = 12
-"""Points of the patch where an end of a cylinder lies on a face."""
+"""Number of points of the patch if an end of a cylinder lies on a face."""
 
 TOLERANCE = 1e-10
 """Error of gaps [m]; gaps of curved shapes err by 2e-6 with 1e-6, the default of coal."""
@@ -26,22 +26,22 @@ TOLERANCE = 1e-10
 MAX_ITERATIONS = 256
 
 APART = 0.005
-"""Gap over the size of the smaller body at which the nearest points are found."""
+"""Gap at which the nearest points are found, divided by the size of the smaller body."""
 
 MAX_PASSES = 20
-"""Most times that bodies are moved to that gap along a better normal; two or three do, more where rims touch rims."""
+"""Largest number of moves to that gap along a better normal; two or three suffice, more if rims touch rims."""
 
 TINY = np.array([0.0, 0.0, 1e-12])
-"""Distance of centres that coincide [m]."""
+"""Distance below which centres coincide [m]."""
 
 MORE_WAY = (0.0, 0.01, 0.1, 1.0)
-"""Parts of the way between centres by which bodies are moved apart until coal finds a normal."""
+"""Fractions of the distance of centres by which bodies are moved apart until coal finds a normal."""
 
 FLATNESS = 1e-3
-"""Height over the size of the smaller body up to which points belong to a patch."""
+"""Largest height of points of a patch, divided by the size of the smaller body."""
 
 NEARLY_ALONG = 1.0 - 1e-5
-"""Cosine of the angle to the normal of a contact up to which the tangent plane of a shape gives its heights."""
+"""Cosine of the largest angle to the contact normal at which the tangent plane of a shape gives its heights."""
 
 
 def find_with_coal(
@@ -50,12 +50,12 @@ def find_with_coal(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     coal gives the points and the normal of a patch, and one gap for all; the gap of each point comes from the tangent
-    planes of the shapes. Features number the points in the order of coal: they last while their number does.
+    planes of the shapes. Features number the points in the order of coal; they persist while their number is constant.
 
     Args:
-        shapes: of all bodies; none of a pair is a half-space.
-        centres: of the bodies [m], shape (n_bodies, 3).
-        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        shapes: shapes of all bodies; none of a pair is a half-space.
+        centres: centres of the bodies [m], shape (n_bodies, 3).
+        rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
 
@@ -77,8 +77,8 @@ def find_with_coal(
 def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tuple[FloatArray, FloatArray, float]]:
     """Yield point [m], normal from first to second, and gap [m] of each point of the patch of two bodies.
 
-    Gaps near 0 are wrong by 1e-6 m in coal, and normals by 1e-4. Thus the second body is moved apart along the normal
-    first, to where coal is exact, and its way is taken off the gap.
+    Near gap 0, coal has errors of 1e-6 m in gaps, and 1e-4 in normals. The second body is therefore moved along the
+    normal to where coal is exact, and this distance is subtracted from the gap.
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
     way, gap = np.zeros(3), 0.0
@@ -112,10 +112,10 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
 
 
 def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: float) -> tuple[Any, FloatArray]:
-    """Return the collision of two bodies as coal describes it, and the way by which the second one was moved for it.
+    """Return the collision of two bodies by coal, and the displacement of the second one for it.
 
-    The collision is None if they are farther apart than ``margin``. coal gives no normal, or a wrong depth, at some
-    poses, whatever its tolerance, and bodies are moved apart a little more there.
+    The collision is None if they are farther apart than ``margin``. At some poses coal
+    returns no normal, or a wrong depth, at any tolerance; bodies are then moved apart a little more.
 
     Raises:
         ProblemError: if coal finds no normal however far they are moved apart.
@@ -140,7 +140,7 @@ def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: fl
         if is_right and apart > _separation(first, second, moved, between / np.linalg.norm(between)) - FLATNESS * size:
             return result, moved
     names = " and a ".join(type(body[0]).__name__.lower() for body in (first, second))
-    raise ProblemError(f"coal finds no distance of a {names}; change their poses at the start a little.")
+    raise ProblemError(f"coal finds no distance of a {names}; change their initial poses slightly.")
 
 
 def _separation(first: _Body, second: _Body, way: FloatArray, normal: FloatArray) -> float:
@@ -152,8 +152,8 @@ def _separation(first: _Body, second: _Body, way: FloatArray, normal: FloatArray
 def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: FloatArray | None = None) -> tuple[Any, Any]:
     """Return geometry and pose of a body, moved by ``way``.
 
-    coal finds a single point instead of a patch where the normal points against the axis of a cylinder, so that a
-    cylinder is turned round then, which does not change it.
+    coal finds a single point instead of a patch if the normal points against the axis of a cylinder. The cylinder is
+    then turned round, which does not change it.
     """
     shape, centre, rotation = body
     if normal is not None and isinstance(shape, Cylinder) and rotation[:, 2] @ normal < 0.0:
@@ -164,7 +164,7 @@ def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: Float
 def _tangent_plane(
     shape: Shape, centre: FloatArray, rotation: FloatArray, outward: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Return outward normal and offset of the plane that touches a shape and is nearly across ``outward``."""
+    """Return outward normal and offset of the plane that touches a shape and is nearly normal to ``outward``."""
     local = rotation.T @ outward
     radial = np.array([local[0], local[1], 0.0])
     radial /= max(float(np.linalg.norm(radial)), 1e-300)
@@ -182,7 +182,7 @@ def _tangent_plane(
 
 
 def _reach(body: _Body, direction: FloatArray) -> float:
-    """Return how far a body reaches from its centre along a unit vector [m]."""
+    """Return the extent of a body from its centre along a unit vector [m]."""
     shape, _, rotation = body
     x, y, z = local = rotation.T @ direction
     if isinstance(shape, Cylinder):
@@ -195,10 +195,10 @@ def _reach(body: _Body, direction: FloatArray) -> float:
 def _coal() -> Any:
     try:
         return import_module("coal")
-    except ImportError:  # missing, or without a library that it needs
+    except ImportError:  # missing, or lacks a required library
         raise ProblemError(
-            "contacts of a cylinder with a capsule, a cylinder or a polyhedron need coal; install it by "
-            "pip install 'proxbench[bodies]'."
+            "contacts of a cylinder with a capsule, a cylinder or a polyhedron need coal; "
+            'run pip install ".[bodies]" in a clone of proxbench.'
         ) from None
 
 

@@ -1,4 +1,4 @@
-"""Keys of contacts: one whole number for two bodies and a feature, the same from step to step."""
+"""Keys of contacts: one integer for two bodies and a feature, the same from step to step."""
 
 from dataclasses import dataclass
 
@@ -16,11 +16,11 @@ class ContactKeys:
     balls, or a ball and a surface, touch at one feature; faces touch at several, such as pairs of their corners.
 
     Attributes:
-        n_bodies: number of bodies, fixed ones included.
-        n_features: number of features that a pair may touch at.
+        n_bodies: number of bodies, including fixed ones.
+        n_features: number of features of a pair.
 
     Raises:
-        ProblemError: if a number is not positive, or keys would not fit into 63 bits.
+        ProblemError: if a number is not positive, or keys do not fit into 63 bits.
     """
 
     n_bodies: int

@@ -1,7 +1,7 @@
 """Contacts of cylinders with half-spaces and with spheres, in closed form.
 
 On a half-space, each end of a cylinder touches with the lowest point of its rim and with points that are fixed in the
-body, so that an upright cylinder stands on a face and keeps its features.
+body, so that an upright cylinder stands on a face with constant features.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from ...arrays import FloatArray, IntArray
 from .round_bodies import PLANE, SEGMENT, RoundShapes, dot, write
 
 RIM_POINTS = 8
-"""Points of each rim that are fixed in the body."""
+"""Number of points of each rim that are fixed in the body."""
 
 UPRIGHT = 1e-6
 """Sine of the angle to a plane below which an end has no lowest point."""
@@ -23,9 +23,9 @@ def find_cylinders(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     Args:
-        shapes: of all bodies; one of each pair is a cylinder, the other one a half-space or a sphere.
-        centres: of the bodies [m], shape (n_bodies, 3).
-        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        shapes: shapes of all bodies; one of each pair is a cylinder, the other one a half-space or a sphere.
+        centres: centres of the bodies [m], shape (n_bodies, 3).
+        rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
@@ -60,7 +60,7 @@ def _find(shapes, centres, rotations, pairs, margin, keys, numbers):  # type: ig
 def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     axis = np.ascontiguousarray(rotation[:, 2])
     steepness = dot(axis, normal)
-    down = steepness * axis - normal  # the way down within the ends
+    down = steepness * axis - normal  # the downward direction within the ends
     sine = np.sqrt(dot(down, down))
     for end in range(2):
         middle = centre + (half if end else -half) * axis

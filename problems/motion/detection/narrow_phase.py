@@ -24,20 +24,20 @@ MAX_FEATURES = 1 << 26
 """Number of features of a pair."""
 
 SLACK = 1e-6
-"""Length over the size of a box within which faces and points count as equal, so that features last."""
+"""Length over the size of a box within which faces and points count as equal, so that features persist."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactSet:
-    """Contacts, ordered by first body, second body and feature.
+    """Contacts, sorted by first body, second body and feature.
 
     Attributes:
         first: first bodies, shape (n,).
         second: second bodies, shape (n,); first < second.
-        feature: where the pair touches, the same from step to step while it lasts, shape (n,).
+        feature: part of the pair that touches, constant while the contact lasts, shape (n,).
         point: halfway between the surfaces [m], shape (n, 3).
         normal: unit vectors from second to first, shape (n, 3).
-        gap: distance [m], negative where the bodies penetrate, shape (n,).
+        gap: distance [m], negative if the bodies penetrate, shape (n,).
     """
 
     first: IntArray
@@ -49,16 +49,16 @@ class ContactSet:
 
 
 def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, margin: float) -> ContactSet:
-    """Return the contacts of ``pairs``, which ascend, with a gap below ``margin`` [m].
+    """Return the contacts of ascending ``pairs`` with a gap below ``margin`` [m].
 
     Args:
-        shapes: of all bodies, fixed ones after the others.
+        shapes: shapes of all bodies, fixed ones last.
         poses: (x [m], quaternion) of each, shape (n_bodies, 7).
         pairs: pairs of bodies, shape (n_pairs, 2), for instance those whose bounding spheres are close.
         margin: gap below which a contact is reported [m].
 
     Raises:
-        ProblemError: for a half-space as first body, and for pairs that need coal where it is not installed.
+        ProblemError: for a half-space as first body, and for pairs that need coal if it is not installed.
     """
     if not len(pairs):
         return _contact_set([(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))])
@@ -155,7 +155,7 @@ def _box_on_plane(centre, axes, half, origin, plane, margin, keys, numbers, coun
 
 @njit(cache=True)
 def _reach(direction, axes, half):  # type: ignore[no-untyped-def]
-    """Return how far a box reaches from its centre along a direction."""
+    """Return the extent of a box from its centre along a direction."""
     reach = 0.0
     for k in range(3):
         along = 0.0

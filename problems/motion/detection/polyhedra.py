@@ -1,8 +1,8 @@
 """Contacts of convex polyhedra, boxes among them, with each other and with half-spaces.
 
 Two polyhedra touch in the direction in which they overlap least, among the normals of their faces and the normals of
-pairs of edges (separating axes). Where it is that of a face, the face of the other one that looks towards it is clipped
-by its sides, and each corner that is left is a contact. Where it is that of two edges, they have one contact.
+pairs of edges (separating axes). For the normal of a face, the opposing face of the other body is clipped by the
+sides of that face, and each remaining corner is a contact. For two edges, there is one contact.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from ..bodies.rigid.shapes import Box
 from .clipping import clip, dot
 
 SLACK = 1e-6
-"""Length over the size of bodies within which faces, edges and points count as equal, so that features last."""
+"""Length over the size of bodies within which faces, edges and points count as equal, so that features persist."""
 
 EDGE_NUMBERS = 2 * MAX_CORNERS
 """Numbers of the edges of a clipped face: its own, and the sides that clip it."""
@@ -28,14 +28,14 @@ FACE_FEATURES = 2 * MAX_FACES * MAX_FACES * EDGE_NUMBERS * EDGE_NUMBERS
 """Number of features of faces on faces; those of edges on edges follow."""
 
 ROOM = 2 * MAX_CORNERS
-"""Most contacts of a pair."""
+"""Largest number of contacts of a pair."""
 
 _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
 """Corners of the faces of a box, numbered as in ``Box.vertices``."""
 
 
 class Packed(NamedTuple):
-    """The polyhedra among some shapes, for kernels; starts have one entry a shape and one more.
+    """The polyhedra among some shapes, for kernels; starts have one entry per shape and one more.
 
     Attributes:
         vertices: corners in body axes [m].
@@ -45,7 +45,7 @@ class Packed(NamedTuple):
         loops: corners of faces, numbered within their shape.
         loop_start: first corner of each face.
         edges: two corners of each edge, numbered within their shape.
-        directions: one edge of each direction that the edges of a shape have, numbered as ``edges``.
+        directions: one edge per distinct edge direction of a shape, numbered as ``edges``.
         edge_start: first edge of each shape.
         direction_start: first direction of each shape.
     """
@@ -128,9 +128,9 @@ def find_polyhedra(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     Args:
-        shapes: of all bodies; second bodies without faces are half-spaces.
-        centres: of the bodies [m], shape (n_bodies, 3).
-        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        shapes: shapes of all bodies; second bodies without faces are half-spaces.
+        centres: centres of the bodies [m], shape (n_bodies, 3).
+        rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
@@ -202,7 +202,7 @@ def _on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type:
 
 @njit(cache=True)
 def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Write the contacts of two polyhedra; faces go before edges, and those of the first body before the second's."""
+    """Write the contacts of two polyhedra; faces precede edges, and faces of the first body those of the second."""
     size = np.sqrt(dot(way, way))
     best, kind, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
@@ -249,7 +249,7 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the face of body ``o`` that looks towards a face of body ``r`` by the sides of the latter."""
+    """Clip the face of body ``o`` that faces a face of body ``r`` by the sides of that face."""
     normal, facing, most = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
         along = dot(normal, normals_o[k])
@@ -295,7 +295,7 @@ def _edges(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):
 
 @njit(cache=True)
 def _outermost(packed, body, corners, axis):  # type: ignore[no-untyped-def]
-    """Return the edge that reaches farthest along an axis with both of its ends."""
+    """Return the edge whose two ends reach farthest along an axis."""
     best, farthest = packed.edge_start[body], -np.inf
     for edge in range(packed.edge_start[body], packed.edge_start[body + 1]):
         reach = dot(corners[packed.edges[edge, 0]], axis) + dot(corners[packed.edges[edge, 1]], axis)

@@ -1,8 +1,8 @@
 """Contacts of spheres and capsules with half-spaces, with each other, and with polyhedra, boxes among them.
 
-Spheres and capsules are the points within a radius of a segment; that of a sphere has length 0. Each contact is one of
-a part of one body with the whole other one: an end of a segment, an edge or a corner. A part can only touch where its
-body does, so every gap reported is a true bound, and a contact keeps its feature as long as that part is close.
+Spheres and capsules are the points within a radius of a segment; that of a sphere has length 0. In each contact,
+a part of one body (an end of a segment, an edge or a corner) touches the other body. A part can only touch where its
+body does, so each reported gap is an upper bound, and a contact keeps its feature as long as that part is close.
 """
 
 from typing import NamedTuple
@@ -17,10 +17,10 @@ PLANE, POLYHEDRON, SEGMENT, CYLINDER = range(4)
 """Kinds of shapes."""
 
 PARALLEL = 1e-6
-"""Sine of the angle below which two lines count as parallel; their ends are in contact then."""
+"""Sine of the angle below which two lines count as parallel and contacts are at their ends."""
 
 ALIKE = 1e-9
-"""Difference of distances over the size of a body below which they count as equal."""
+"""Relative difference below which distances count as equal, with respect to the size of a body."""
 
 CROSSING = 4
 """Feature of two capsules that touch between their ends."""
@@ -46,10 +46,10 @@ def find_round(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     Args:
-        shapes: of all bodies; one of each pair is a sphere or a capsule, and none is a cylinder.
+        shapes: shapes of all bodies; one of each pair is a sphere or a capsule, and none is a cylinder.
         packed: the polyhedra among them.
-        centres: of the bodies [m], shape (n_bodies, 3).
-        rotations: from body to world axes, shape (n_bodies, 3, 3).
+        centres: centres of the bodies [m], shape (n_bodies, 3).
+        rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
@@ -76,7 +76,7 @@ def write(keys, numbers, count, feature, surface, normal, sign, gap):  # type: i
         keys: (first, second, feature) of contacts, filled here with the feature.
         numbers: (point, normal, gap) of contacts.
         count: number of contacts so far.
-        feature: where the pair touches.
+        feature: part of the pair that touches.
         surface: point on the surface of the body from which ``normal`` points outwards.
         normal: unit vector to the other body.
         sign: 1 if that body is the second one, else −1.
@@ -109,7 +109,7 @@ def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # 
         begin = count
         sign = 1.0
         if shapes.kind[i] != SEGMENT:
-            i, j, sign = j, i, -1.0  # j is second in what follows
+            i, j, sign = j, i, -1.0  # from here on, j is the second body
         ends, radius, half = ends_of(centres[i], rotations[i], shapes.half[i]), shapes.radius[i], shapes.half[i]
         if shapes.kind[j] == PLANE:
             normal = np.ascontiguousarray(rotations[j][:, 2])
@@ -181,7 +181,7 @@ def _write_balls(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin
 def _segments(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
 
-    Two ends are in contact if each is the nearest to the other, else the nearer part is in contact instead.
+    Two ends are in contact if each is the point nearest to the other; otherwise the nearer part is in contact.
     """
     fallback = np.cross(p[1] - p[0], q[1] - q[0])
     length = np.sqrt(dot(fallback, fallback))
@@ -215,7 +215,7 @@ def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no
 
     Args:
         packed: polyhedra.
-        body: which of them.
+        body: index of the polyhedron.
         point: in body axes [m].
         foot: filled with the nearest point of the surface.
         normal: filled with the outward unit vector.
@@ -237,7 +237,7 @@ def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no
         normal[:] = own
         return highest
     distance = np.sqrt(squared)
-    # over the middle of a face the distance is its height, and the normal stays exact however small it is
+    # over the interior of a face the distance is the height, with an exact normal at any height
     normal[:] = own if distance <= highest * (1.0 + 1e-15) else (point - foot) / distance
     return distance
 
@@ -271,7 +271,7 @@ def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-unty
 
 @njit(cache=True)
 def _on_polyhedron(packed, body, ends, half, radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the latter."""
+    """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the polyhedron."""
     corners, edges = packed.vertex_start[body], packed.edge_start[body]
     n_corners, n_edges = packed.vertex_start[body + 1] - corners, packed.edge_start[body + 1] - edges
     begin, finish, lowest = _part_inside(packed, body, ends)
@@ -307,14 +307,14 @@ def _on_polyhedron(packed, body, ends, half, radius, sign, margin, keys, numbers
         if distance - radius >= margin or distance == 0.0:
             continue
         nearest = nearest_on_polyhedron(packed, body, point, foot, normal)
-        if nearest >= distance - ALIKE * (radius + half):  # else that edge or corner looks away from the segment
+        if nearest >= distance - ALIKE * (radius + half):  # otherwise the edge or corner faces away from the segment
             count = write(keys, numbers, count, 2 + k, touched, apart / distance, sign, distance - radius)
     return count
 
 
 @njit(cache=True)
 def _part_inside(packed, body, ends):  # type: ignore[no-untyped-def]
-    """Return where a segment enters and leaves a polyhedron, and the face out of which the way is shortest."""
+    """Return where a segment enters and leaves a polyhedron, and the face with the shortest exit."""
     begin, finish, lowest, highest = 0.0, 1.0, 0, -np.inf
     for face in range(packed.face_start[body], packed.face_start[body + 1]):
         first, last = _height(packed, body, face, ends[0]), _height(packed, body, face, ends[1])

@@ -1,4 +1,4 @@
-"""The shapes of all bodies as arrays, kept for as long as a system uses the same tuple of shapes."""
+"""The shapes of all bodies as arrays, cached by their tuple."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ from .polyhedra import Packed, packed
 from .round_bodies import CYLINDER, PLANE, POLYHEDRON, SEGMENT, RoundShapes
 
 MAX_KEPT = 16
-"""Number of tuples of shapes that are kept."""
+"""Number of cached tuples of shapes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,9 @@ class ShapeNumbers:
     """Shapes as arrays.
 
     Attributes:
-        shapes: of all bodies.
+        shapes: shapes of all bodies.
         half_sizes: half the edge lengths of boxes [m], 0 for other shapes, shape (n, 3).
-        is_box: shape (n,).
+        is_box: whether it is a box, shape (n,).
         is_ball: whether it is a sphere, shape (n,).
         round_shapes: kinds, half lengths and radii.
     """
@@ -41,12 +41,12 @@ class ShapeNumbers:
 
 
 def shape_numbers(shapes: tuple[Shape, ...]) -> ShapeNumbers:
-    """Return shapes as arrays; the same tuple gives the same arrays, without hashing thousands of shapes."""
+    """Return shapes as arrays; the same tuple returns the same arrays, without hashing thousands of shapes."""
     known = _kept.get(id(shapes))
     if known is None:
         while len(_kept) >= MAX_KEPT:
             del _kept[next(iter(_kept))]
-        known = _kept[id(shapes)] = _as_arrays(shapes)  # which holds the tuple, so that its id stays its own
+        known = _kept[id(shapes)] = _as_arrays(shapes)  # keeps a reference to the tuple, so that its id is not reused
     return known
 
 

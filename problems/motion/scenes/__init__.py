@@ -1,1 +1,1 @@
-"""Scenes that contact problems are taken from."""
+"""Scenes to simulate, from which contact problems are taken."""

@@ -17,7 +17,7 @@ class BouncingBall(ClosedFormScene):
     """A ball dropped from rest onto level ground, without friction and therefore without rotation.
 
     Attributes:
-        height: h [m] of the lowest point of the ball above the ground at the start.
+        height: initial height h of the lowest point of the ball above the ground [m].
         restitution: e of the impacts, below 1.
         radius: r [m].
         mass: m [kg].
@@ -54,9 +54,9 @@ class BouncingBall(ClosedFormScene):
 
     @property
     def rest_time(self) -> float:
-        """Time at which infinitely many impacts are over and the ball rests [s], √(2h/g) (1 + e)/(1 − e).
+        """Time after which the ball rests, at the limit of its impacts [s], √(2h/g) (1 + e)/(1 − e).
 
-        The geometric series of the flight times 2 eᵏ √(2h/g), k = 1, 2, …, after the fall √(2h/g).
+        It is the sum of the fall √(2h/g) and the flight times 2 eᵏ √(2h/g), k = 1, 2, ….
         """
         return self.fall_time * (1.0 + self.restitution) / (1.0 - self.restitution)
 
@@ -66,7 +66,7 @@ class BouncingBall(ClosedFormScene):
         return self.fall_time * (1.0 + 2.0 * e * (1.0 - e**impact) / (1.0 - e))
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: after impact k a throw upwards with eᵏ⁺¹ √(2gh), at last rest."""
+        """Return the state at ``time`` [s]: after impact k the ball flies up with eᵏ⁺¹ √(2gh), and rests in the end."""
         if time < self.fall_time:
             return self._at(time, self.height - 0.5 * self.gravity * time**2, -self.gravity * time)
         impact, speed = 0, self.restitution * self.gravity * self.fall_time

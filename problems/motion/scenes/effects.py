@@ -1,7 +1,7 @@
-"""Effects of a scene, such as gravity and friction; an effect that is not listed costs nothing.
+"""Effects of a scene, such as gravity and friction; effects that are not listed cost nothing.
 
-Each effect is a class that adds itself to a system of balls or, but for ``Planar``, of rigid bodies; steppers and
-solvers know none of them.
+Each effect is a class that adds itself to a system of balls or, except ``Planar``, of rigid bodies. Steppers and
+solvers do not depend on effects.
 """
 
 from abc import ABC, abstractmethod
@@ -42,10 +42,10 @@ class Force(ABC):
     """An effect that accelerates the centres of bodies.
 
     The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative. A class
-    that overrides ``accelerate`` and not the potential energy, or not ``is_dissipative``, is neither.
+    that overrides ``accelerate`` alone is neither.
 
     Attributes:
-        is_dissipative: whether the force only takes energy, so that it has no potential energy.
+        is_dissipative: whether the force only dissipates energy, so that it has no potential energy.
     """
 
     is_dissipative: ClassVar[bool] = False
@@ -64,7 +64,7 @@ class Force(ABC):
         )
 
     def _describes_its_force(self, name: str) -> bool:
-        """Return whether the class that defines a name knows the acceleration: it is not overridden below."""
+        """Return whether the class that defines ``name`` defines or inherits the acceleration in use."""
         described, accelerated = (
             next(one for one in type(self).__mro__ if key in vars(one)) for key in (name, "accelerate")
         )
@@ -141,10 +141,10 @@ class Spring(Force):
 
 @dataclass(frozen=True)
 class Friction:
-    """Coulomb friction at all contacts, and with it the rotation of balls.
+    """Coulomb friction at all contacts, which makes balls rotate.
 
     Attributes:
-        coefficient: μ, or keys of pairs of bodies ↦ μ of each.
+        coefficient: μ, or a function that maps keys of pairs of bodies to their μ.
     """
 
     coefficient: float | PairCoefficient
@@ -159,7 +159,7 @@ class Restitution:
     """Newton's impact law at all contacts, γ⁺ = −ε γ⁻.
 
     Attributes:
-        normal: ε_N, or keys of pairs of bodies ↦ ε_N of each.
+        normal: ε_N, or a function that maps keys of pairs of bodies to their ε_N.
         tangential: ε_T.
     """
 
@@ -176,7 +176,7 @@ class Planar:
     """Bodies in a vertical plane, (x, z), with planar friction.
 
     Attributes:
-        inertia_factor: J/(m r²) about the axis out of the plane; a disc's unless given.
+        inertia_factor: J/(m r²) about the axis out of the plane; that of a disc by default.
     """
 
     inertia_factor: float = DISC_INERTIA
@@ -205,7 +205,7 @@ def check_distinct(effects: Sequence[object]) -> None:
     """Check that no effect is listed twice.
 
     Raises:
-        ProblemError: for the first that is.
+        ProblemError: for the first one that is.
     """
     names = [type(effect).__name__ for effect in effects]
     for name in names:

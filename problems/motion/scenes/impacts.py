@@ -20,7 +20,7 @@ class ObliqueImpact(ClosedFormScene):
         tangential_speed: v_T along x [m/s].
         friction: μ.
         restitution: ε_N.
-        distance: of the lowest point of the sphere from the ground at the start [m].
+        distance: initial distance of the lowest point of the sphere from the ground [m].
         radius: r [m].
         mass: m [kg].
 
@@ -46,7 +46,7 @@ class ObliqueImpact(ClosedFormScene):
 
     @property
     def impact_time(self) -> float:
-        """When it hits the ground [s]."""
+        """Time at which the sphere hits the ground [s]."""
         return self.distance / self.normal_speed
 
     @property
@@ -60,7 +60,7 @@ class ObliqueImpact(ClosedFormScene):
 
     @property
     def tangential_speed_after(self) -> float:
-        """v_T after the impact [m/s]: 5/7 v_T if it sticks, else |v_T| less by μ (1 + ε_N) |v_N|."""
+        """v_T after the impact [m/s]: 5/7 v_T if it sticks; otherwise |v_T| falls by μ (1 + ε_N) |v_N|."""
         if self.sticks:
             return self.tangential_speed / (1.0 + SPHERE_INERTIA)
         loss = self.friction * (1.0 + self.restitution) * self.normal_speed
@@ -83,10 +83,10 @@ class NewtonsCradle(ClosedFormScene):
     """A row of equal balls along x that touch, struck by the first one; all impulses in one coupled impact.
 
     Attributes:
-        n_balls: n, the striking ball counted.
+        n_balls: n, including the striking ball.
         restitution: e of every contact.
         speed: v of the striking ball [m/s].
-        distance: between the striking ball and the next one at the start [m].
+        distance: initial distance between the striking ball and the next one [m].
         radius: r [m].
         mass: m of each ball [kg].
 
@@ -113,7 +113,7 @@ class NewtonsCradle(ClosedFormScene):
 
     @property
     def impact_time(self) -> float:
-        """When the first ball strikes [s]."""
+        """Time at which the first ball strikes [s]."""
         return self.distance / self.speed
 
     @property
@@ -121,7 +121,7 @@ class NewtonsCradle(ClosedFormScene):
         """Speed of the first ball, v ((1 + e)/n − e), and of all others, v (1 + e)/n [m/s].
 
         Newton's law leaves no relative velocity between balls that touched at rest, −e v between the first two, and
-        momentum is kept.
+        momentum is conserved.
         """
         others = self.speed * (1.0 + self.restitution) / self.n_balls
         return others - self.restitution * self.speed, others

@@ -1,4 +1,4 @@
-"""A sphere and a block on a plane, inclined or level, which roll, slide, stop or stay as Coulomb friction decides."""
+"""A sphere and a block on an inclined or level plane, which roll, slide, stop or stay by Coulomb friction."""
 
 from dataclasses import dataclass
 from math import cos, inf, sin, tan
@@ -18,7 +18,7 @@ from .scene import GROUND, OVERLAP, ClosedFormScene, check_positive
 class RollingSphere(ClosedFormScene):
     """A homogeneous sphere that descends from rest, touching walls whose normals stand at α to their plane of symmetry.
 
-    The points of contact are at the distance r sin α from the axis of rotation, where sin α = 1 on a plane.
+    The points of contact are at the distance r sin α from the axis of rotation; on a plane sin α = 1.
     """
 
     slope: float
@@ -45,10 +45,10 @@ class RollingSphere(ClosedFormScene):
     def rolls(self) -> bool:
         """Whether it rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
 
-        Rolling takes the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), of which 2 μ times the force m g cos θ/(2 sin α)
-        of each wall is available, on a plane 2/7 m g sin θ of μ m g cos θ. For tan θ above the bound, up to
-        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove rolls as well: there the motion
-        from rest is not unique.
+        Rolling requires the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), and 2 μ times the force m g cos θ/(2 sin α)
+        of each wall is available; on a plane, 2/7 m g sin θ and μ m g cos θ. For tan θ above the bound, up to
+        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove rolls as well; the motion from
+        rest is not unique there.
         """
         if self.friction is None:
             return False
@@ -74,7 +74,7 @@ class RollingSphere(ClosedFormScene):
 
 @dataclass(frozen=True)
 class SphereOnIncline(RollingSphere):
-    """A homogeneous sphere released from rest on an incline that descends along x, which it touches at the origin.
+    """A homogeneous sphere released from rest at the origin of an incline that descends along x.
 
     Attributes:
         slope: θ [rad].
@@ -152,7 +152,7 @@ class BlockOnIncline(ClosedFormScene):
         )
 
     def potential_energy(self, position: FloatArray) -> float:
-        """Return the energy [J] of weight at q, shape (2,); 0 where the block starts to touch."""
+        """Return the energy [J] of weight at q, shape (2,); 0 at the origin."""
         return self.mass * self.gravity * float(cos(self.slope) * position[1] - sin(self.slope) * position[0])
 
     @property
@@ -166,7 +166,7 @@ class BlockOnIncline(ClosedFormScene):
 
     @property
     def stop_time(self) -> float:
-        """When the initial motion has come to a stop [s], |v_0| / g (μ cos θ ± sin θ); inf if it never does."""
+        """Time at which the initial motion stops [s], |v_0| / (g (μ cos θ ∓ sin θ)); inf if it never does."""
         if self.speed == 0.0:
             return 0.0
         deceleration = -np.sign(self.speed) * self.acceleration(float(np.sign(self.speed)))
@@ -214,19 +214,19 @@ class SlidingSphere(ClosedFormScene):
 
     @property
     def rolling_time(self) -> float:
-        """When it begins to roll [s], 2 v_0/(7 μ g).
+        """Time at which rolling begins [s], 2 v_0/(7 μ g).
 
-        Friction lowers v at μ g and raises r ω at 5/2 μ g until they meet.
+        Friction decreases v at μ g and increases r ω at 5/2 μ g until they are equal.
         """
         return 2.0 * self.speed / (7.0 * self.friction * self.gravity)
 
     @property
     def rolling_speed(self) -> float:
-        """Speed of rolling [m/s], 5/7 v_0, by the angular momentum about the point of contact."""
+        """Speed of rolling [m/s], 5/7 v_0, by conservation of angular momentum about the point of contact."""
         return self.speed / (1.0 + SPHERE_INERTIA)
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: uniformly slowed while it slides, uniform when it rolls."""
+        """Return the state at ``time`` [s]: uniform deceleration while it slides, uniform motion when it rolls."""
         sliding = min(time, self.rolling_time)
         slowing = self.friction * self.gravity
         x = self.speed * sliding - 0.5 * slowing * sliding**2 + self.rolling_speed * (time - sliding)

@@ -10,7 +10,7 @@ from ...errors import ProblemError, suggestion
 from ...names import check_options
 
 OptionValue = int | float | bool | str | tuple[float, ...] | None
-"""What an option may hold; None switches an effect off."""
+"""Types of option values; None switches an effect off."""
 
 
 @dataclass(frozen=True)
@@ -18,11 +18,11 @@ class Option:
     """One option of a scene; its type is that of its default, or a number if the default is None.
 
     Attributes:
-        default: what holds if nothing is said.
-        meaning: what it is, with its unit, for people.
-        lowest: least number allowed.
-        highest: largest number allowed.
-        choices: words allowed, for a word.
+        default: the default value.
+        meaning: its description for users, with the unit.
+        lowest: smallest allowed number.
+        highest: largest allowed number.
+        choices: allowed words, if it is a word.
         can_be_off: whether None is allowed.
     """
 
@@ -34,10 +34,10 @@ class Option:
     can_be_off: bool = False
 
     def checked(self, name: str, value: object) -> OptionValue:
-        """Return ``value`` as this option holds it.
+        """Return ``value`` converted to the type of this option.
 
         Raises:
-            ProblemError: if it has the wrong type or is out of range; the option is called ``name``.
+            ProblemError: if it has the wrong type or is out of range; messages call the option ``name``.
         """
         if value is None and self.can_be_off:
             return None
@@ -60,7 +60,7 @@ class Option:
         types = (int, np.integer) if whole else (int, float, np.integer, np.floating)
         if isinstance(value, types) and not isinstance(value, bool):
             number = int(value) if whole else float(value)
-            # infinity is no number of anything, and NaN passes no comparison
+            # no option may be infinite, and NaN fails every comparison
             if self.lowest <= number <= self.highest and number < math.inf:
                 return number
         kind = "a whole number" if whole else "a number"
@@ -73,7 +73,7 @@ class Option:
 
 
 def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, object]) -> dict[str, OptionValue]:
-    """Return a value for every option of the scene called ``scene``: the given one, checked, or the default.
+    """Return the value of each option of the scene called ``scene``: the given one, checked, or the default.
 
     Raises:
         ProblemError: for an unknown option, with the nearest one, or a value out of range.

@@ -1,6 +1,6 @@
-"""The list of scenes, and how a name with options becomes one that can be simulated.
+"""The registry of scenes, which builds a scene from its name with options.
 
-A scene of another kind is one more entry of ``SCENES``, a ``SceneKind`` from the file of the scene.
+To add a scene, add to ``SCENES`` a ``SceneKind`` from the file of the scene.
 """
 
 from collections.abc import Mapping
@@ -41,10 +41,10 @@ def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
 
 
 def read_scene(text: str) -> tuple[str, dict[str, Any]]:
-    """Return the plain name of a scene and the options that are written with it, whether there is such a scene or not.
+    """Return the plain name of a scene and the options written with it; the scene need not exist.
 
     Raises:
-        ProblemError: if the text is no name, or no name with options.
+        ProblemError: if the text is not a name with or without options.
     """
     written = read_name(text, "scene", EXAMPLE, ProblemError)
     if written.parts:
@@ -53,7 +53,7 @@ def read_scene(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def check_option(scene: str, name: str, value: object) -> object:
-    """Return a value as the option ``name`` of a scene holds it; scenes of plugins check theirs when they are built.
+    """Return a value converted to the type of a scene's option; scenes of plugins check theirs when they are built.
 
     Raises:
         ProblemError: for an unknown option, or a value out of range.

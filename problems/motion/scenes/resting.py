@@ -18,12 +18,12 @@ from .scene import GROUND, OVERLAP, ClosedFormScene
 
 @dataclass(frozen=True)
 class Stack(ClosedFormScene):
-    """Balls of equal radius one upon the other, at rest on level ground.
+    """A stack of balls of equal radius, at rest on level ground.
 
     Attributes:
-        masses: m_j from below [kg].
+        masses: m_j from the lowest ball up [kg].
         friction: μ, or None for balls without rotation.
-        overlap: depth of every contact at the start [m]; 0 lets the balls fall into contact in the first step.
+        overlap: initial depth of each contact [m]; 0 lets the balls fall into contact in the first step.
         radius: r [m].
         gravity: g [m/s²].
 
@@ -57,7 +57,7 @@ class Stack(ClosedFormScene):
         return weight
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: it stays as it is."""
+        """Return the state at ``time`` [s]: the balls stay at rest."""
         system = self.system()
         centres = np.zeros((system.n_balls, 3))
         centres[:, 2] = self.radius - self.overlap + np.arange(system.n_balls) * (2.0 * self.radius - self.overlap)
@@ -95,7 +95,7 @@ class VGroove(RollingSphere):
 
     @property
     def lever(self) -> float:
-        """The sine of α, see ``RollingSphere``."""
+        """The sine of α; see ``RollingSphere``."""
         return sin(self.half_angle)
 
     def system(self) -> BallSystem:
@@ -114,7 +114,7 @@ class VGroove(RollingSphere):
     def wall_force(self) -> float:
         """Normal force of each wall [N], m g cos θ / (2 sin α).
 
-        With friction that sticks the walls may carry weight across the groove as well, and it is not unique.
+        If friction sticks, it may also carry weight across the groove, and the normal force is not unique.
         """
         return self.mass * self.gravity * cos(self.slope) / (2.0 * sin(self.half_angle))
 

@@ -1,4 +1,4 @@
-"""Scenes that are ready to be simulated, and the entries of the registry from which they are built."""
+"""Scenes ready for simulation, and the registry entries that build them."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -21,13 +21,13 @@ from ..trajectories.limit_cycle import KnownCycle
 from .options import Option, OptionValue
 
 LENGTH = 1.0
-"""Length of scenes without a radius [m], over which penetrations are given."""
+"""Reference length of penetrations in scenes without a radius [m]."""
 
 STEP_SIZE = 5e-4
 """Δt [s] of a fixed step."""
 
 LONGEST_STEP = 0.02
-"""Δt_max [s] of a variable step through the motion of a few bodies."""
+"""Δt_max [s] of a variable step for the motion of a few bodies."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Observable:
     """A number that a scene records at each step.
 
     Attributes:
-        name: of its column.
-        compute: state ↦ value.
+        name: name of its column.
+        compute: returns its value at a state.
         is_count: whether it is a whole number, which jumps.
         label: its name in charts and recordings; empty if it is not shown.
-        head: of its column in tables.
-        rate: name of its mean rate of change in studies; empty if they do not compare it.
+        head: heading of its column in tables.
+        rate: name of its mean rate of change in studies; empty if studies do not compare the rate.
     """
 
     name: str
@@ -57,8 +57,8 @@ class SceneEnding:
 
     Attributes:
         name: one word, for programs.
-        sentence: what happened, for people.
-        is_success: whether the scene has come to its proper end.
+        sentence: what happened, for users.
+        is_success: whether the scene ended as intended.
     """
 
     name: str
@@ -68,12 +68,12 @@ class SceneEnding:
 
 @dataclass(frozen=True)
 class EndingRule:
-    """When a simulation ends before its duration.
+    """Rule that ends a simulation before its duration.
 
     Attributes:
         seconds: simulated time that ``find`` looks back [s].
-        find: some last steps ↦ the ending, or None. The steps have ``time`` [s] and the observables as fields; they go
-            back ``seconds`` and one step further, as far as there are steps.
+        find: returns the ending from the last steps, or None. The steps have ``time`` [s] and the observables as
+            fields; they go back ``seconds`` and one step further, if there are as many.
     """
 
     seconds: float
@@ -82,13 +82,13 @@ class EndingRule:
 
 @dataclass(frozen=True)
 class StudyDefaults:
-    """What a study of a scene measures unless it is told otherwise.
+    """Defaults of a study of a scene.
 
     Attributes:
-        options: of the scene.
-        duration: simulated time [s]; the scene's if None.
+        options: options of the scene.
+        duration: simulated time [s]; that of the scene if None.
         is_limit_cycle: whether the motion returns to its start, up to the descent, after ``duration`` with ``options``,
-            so that the error of its end is that of the limit cycle. It holds for exactly these values.
+            so that its final error is that of the limit cycle. True for exactly these values only.
     """
 
     options: Mapping[str, OptionValue] = field(default_factory=dict)
@@ -103,25 +103,25 @@ class Scene:
     Attributes:
         name: its name in the registry.
         options: the value of every option.
-        system: what moves.
-        start: the first state.
-        length: radius of a ball or of the pole [m], over which penetrations are given.
-        step_size: Δt [s] of a fixed step that has none of its own.
-        duration: how long it is simulated [s] by default.
+        system: the mechanical system.
+        start: the initial state.
+        length: reference length of penetrations [m], the radius of a ball or of the pole.
+        step_size: default Δt of a fixed step [s].
+        duration: default simulated time [s].
         kinetic_energy: u ↦ T [J].
-        potential_energy: q ↦ V [J], None where it is not known.
-        n_balls: number of balls, 0 where there are none.
-        depth: penetration [m] to which positions are projected, None where they are not.
-        longest_step: Δt_max [s] of a variable step if it has none of its own; no contact is missed within it.
-        coordinates: index of each coordinate that has a name of its own, by that name, in the order of figures.
-        has_few_contacts: whether accurate solves and variable steps are affordable, and the default.
-        exact: t [s] ↦ the state in closed form, None where there is none.
-        balls: sizes and surfaces of the balls, to draw them; None where there are none.
-        observables: numbers recorded at each step, beside those of every simulation.
+        potential_energy: q ↦ V [J], None if it is not known.
+        n_balls: number of balls, 0 if there are none.
+        depth: penetration [m] to which positions are projected, None if they are not.
+        longest_step: default Δt_max of a variable step [s]; no contact is missed within it.
+        coordinates: index of each named coordinate by its name, in the order of figures.
+        has_few_contacts: whether accurate solves and variable steps are affordable, and therefore the default.
+        exact: returns the state in closed form at t [s]; None if there is none.
+        balls: sizes and surfaces of the balls, to draw them; None if there are none.
+        observables: numbers recorded at each step, in addition to those of all simulations.
         ending: the rule that may end a simulation before its duration, None if there is none.
         contact_names: names of the contacts by their keys, empty if they have none.
-        limit_cycle: the known limit cycle, None where there is none.
-        view: name of the recording that draws it, None if its balls or its coordinates are drawn.
+        limit_cycle: the known limit cycle, None if there is none.
+        view: name of the recording that draws the scene, None if its balls or its coordinates are drawn.
     """
 
     name: str
@@ -156,10 +156,10 @@ class SceneKind:
     """An entry of the registry.
 
     Attributes:
-        summary: what it is, for people.
+        summary: its description for users.
         options: its options by name.
-        build: makes the scene from its name and the value of every option.
-        study: what a study of it measures by default.
+        build: returns the scene from its name and the values of all options.
+        study: defaults of a study of it.
     """
 
     summary: str
@@ -169,10 +169,10 @@ class SceneKind:
 
 
 def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, start: State) -> Scene:
-    """Return the scene of a system and its first state, with the usual numbers for all else.
+    """Return the scene of a system and its initial state, with defaults for everything else.
 
     Raises:
-        ProblemError: if rigid bodies cannot start so, see ``check_start``.
+        ProblemError: if rigid bodies cannot start from this state; see ``check_start``.
     """
     balls = system if isinstance(system, BallSystem) else None
     return completed(
@@ -192,14 +192,14 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
 
 
 WORLD_RADIUS = 1e4
-"""Distance [m] from the origin beyond which a body has left the world."""
+"""Distance from the origin beyond which a body has left the world [m]."""
 
 
 def completed(scene: Scene) -> Scene:
-    """Check the start of a scene of rigid bodies and bound its world; return other scenes as they are.
+    """Check the start of a scene of rigid bodies and bound its world; return other scenes unchanged.
 
     Raises:
-        ProblemError: if rigid bodies cannot start so, see ``check_start``.
+        ProblemError: if rigid bodies cannot start from this state; see ``check_start``.
     """
     bodies = scene.system
     if not isinstance(bodies, RigidBodies):
@@ -238,14 +238,14 @@ def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> 
 
 
 OVERLAP = 1e-9
-"""Depth [m] at which bodies start that touch from the beginning, so that the first step finds their contact."""
+"""Initial depth of contacts [m], so that the first step finds them."""
 
 RESTING_OVERLAP = 1e-5
-"""Depth [m] at which faces start that rest or slide on each other.
+"""Initial depth of faces that rest or slide on each other [m].
 
-A solution within the tolerance τ may open a contact with the velocity τ max|c|, which nothing takes back, so that a
-contact of depth o lasts for o/(τ max|c|) seconds at least. One that opens lets its body fall for a step, which tilts it
-and opens others. This depth lasts for 100 s at τ = 1e-6 where max|c| = g Δt, with Δt = 10 ms."""
+A solution within the tolerance τ may open a contact with the velocity τ max|c|, and nothing closes it again. A contact
+of depth o therefore lasts at least o/(τ max|c|). If it opens, its body falls for a step, tilts, and opens other
+contacts. This depth lasts for 100 s at τ = 1e-6 if max|c| = g Δt, with Δt = 10 ms."""
 
 
 GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -253,11 +253,11 @@ GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class ClosedFormScene(ABC):
-    """A scene with its answer; subclasses are frozen dataclasses, whose fields are its options."""
+    """A scene with a closed-form motion; subclasses are frozen dataclasses, whose fields are its options."""
 
     @abstractmethod
     def system(self) -> System:
-        """Return what moves."""
+        """Return the mechanical system."""
 
     def start(self) -> State:
         """Return the state at time 0."""
@@ -265,7 +265,7 @@ class ClosedFormScene(ABC):
 
     @abstractmethod
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s] in closed form; where velocities jump, the one after the impact."""
+        """Return the state at ``time`` [s] in closed form, with velocities after an impact at that time."""
 
 
 def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float]:
@@ -283,7 +283,7 @@ def check_positive(scene: object, what: str, *names: str) -> None:
     """Check the attributes ``names`` of a scene, which messages call ``what``.
 
     Raises:
-        ProblemError: for the first that is not positive and finite.
+        ProblemError: for the first one that is not positive and finite.
     """
     for name in names:
         value = getattr(scene, name)

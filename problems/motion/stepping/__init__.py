@@ -1,1 +1,1 @@
-"""How a system moves: steps of fixed and variable size, and the event-driven reference."""
+"""Time integration of systems: fixed and variable steps, and the event-driven reference."""

@@ -27,10 +27,10 @@ class Extrapolated(VariableStepper):
 
     Attributes:
         tolerance: relative error of one step.
-        min_step: Δt_min [s], to which switching points are located.
-        max_step: Δt_max [s]; the scene's if None.
-        levels: most sequences, at least 2; the order is 2·levels in reversible systems, else ``levels``.
-        search: how switching points are located, a name in ``SEARCHES``.
+        min_step: Δt_min [s], the accuracy of switching points.
+        max_step: Δt_max [s]; that of the scene if None.
+        levels: largest number of sequences, at least 2; the order is 2·levels in reversible systems, else ``levels``.
+        search: method that locates switching points, a name in ``SEARCHES``.
     """
 
     tolerance: float = 1e-7
@@ -66,7 +66,7 @@ class Extrapolated(VariableStepper):
         return replace(sequence, end=replace(sequence.end, time=time, position=position, velocity=velocity))
 
     def error_order(self, levels: int, system: System) -> int:
-        """Return the power of the step with which the error estimate of ``levels`` sequences falls."""
+        """Return the order of the error estimate of ``levels`` sequences, as a power of the step."""
         return 2 * levels - 1 if is_reversible(system) else levels
 
 

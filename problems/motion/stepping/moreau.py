@@ -18,7 +18,7 @@ class Moreau(Stepper):
     """Moreau's midpoint rule with a fixed step, the last of which reaches or passes the end.
 
     Attributes:
-        step: Δt [s]; the scene's if None.
+        step: Δt [s]; that of the scene if None.
     """
 
     step: float | None = None

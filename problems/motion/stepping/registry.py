@@ -1,4 +1,4 @@
-"""The list of steppers, and how a name with options becomes one: ``make_stepper("Extrapolated(tolerance=1e-8)")``."""
+"""The registry of steppers, created by name with options: ``make_stepper("Extrapolated(tolerance=1e-8)")``."""
 
 from dataclasses import fields
 from typing import Any
@@ -17,7 +17,7 @@ STEPPERS: dict[str, type[Stepper]] = {kind.__name__: kind for kind in (Moreau, E
 EXAMPLE = "Extrapolated(tolerance=1e-8)"
 
 _TYPES = {str: (str, "a name"), int: (int, "a whole number")}
-"""Types of values, and words for them, by the type of the default; all others are numbers."""
+"""Types of values, and words for them, by the type of the default; all other options are numbers."""
 
 
 def make_stepper(text: str) -> Stepper:
@@ -36,7 +36,7 @@ def make_stepper(text: str) -> Stepper:
     known = {field.name: field.default for field in fields(kind)}
     check_options(name, written.options, known, ProblemError)
     for option, value in written.options.items():
-        if value is None and known[option] is None:  # the scene gives the number
+        if value is None and known[option] is None:  # the scene determines the number
             continue
         types, words = _TYPES.get(type(known[option]), ((int, float), "a number"))
         if not isinstance(value, types) or isinstance(value, bool):

@@ -1,6 +1,6 @@
 """Sequences of n = 1, 2, … equal midpoint steps over one interval, which an error estimate compares.
 
-Where the states of the laws differ within the interval, no sequence may be compared with another: it ends there.
+If the states of the laws change within the interval, sequences are not comparable, and a sequence ends there.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ class StepCounter:
     """Takes midpoint steps of any length and counts them.
 
     Attributes:
-        system: what moves.
+        system: the mechanical system.
         solver: solves the contact problem of each step.
         stop: the stopping criterion of each solve.
         solves: one-step inclusions solved so far.
@@ -38,9 +38,9 @@ class StepCounter:
         """Take one step of ``length`` [s] in which contacts with the keys ``held`` do not rebound.
 
         Restitution belongs to impacts. A contact that stays closed has no relative velocity, except for a remainder of
-        its last impact, which ε would reverse in every step: a zigzag that no extrapolation may continue. Solvers start
-        from the last impulses, which grow with the step: states hold the mean forces Λ/Δt of their last step in place
-        of them.
+        its last impact. ε would reverse it in each step, a zigzag that must not be extrapolated. Solvers start from the
+        last impulses. These are proportional to the step, so states store the mean forces Λ/Δt of the last step
+        instead.
 
         Raises:
             UnsolvedStepError: if the solver does not solve the inclusion, or its impulses are not finite.
@@ -62,7 +62,7 @@ class Attempt:
     Attributes:
         end: the state at the end, None if the laws switch within the step.
         errors: estimates of the relative error with 2, 3, … sequences; empty if the laws switch.
-        states: states of the laws in the last step taken.
+        states: states of the laws in the last step.
         substeps: the last sequence of steps before any switch, in order, each with its length [s].
     """
 
@@ -78,7 +78,7 @@ class Attempt:
 
 
 def take_sequence(counter: StepCounter, state: State, length: float, count: int, states: LawStates | None) -> Attempt:
-    """Take ``count`` steps that make up ``length`` [s]; stop at the first whose laws are not in ``states``."""
+    """Take ``count`` steps that make up ``length`` [s]; stop at the first one whose laws leave ``states``."""
     substeps: list[tuple[Step, float]] = []
     part = length / count
     for _ in range(count):
@@ -93,5 +93,5 @@ def take_sequence(counter: StepCounter, state: State, length: float, count: int,
 
 
 def is_reversible(system: System) -> bool:
-    """Whether a system declares that its motion is the same backwards in time, see ``MechanicalSystem``."""
+    """Whether a system declares that its motion is reversible; see ``MechanicalSystem``."""
     return bool(getattr(system, "is_reversible", False))

@@ -1,9 +1,9 @@
 """Steps: the one-step solve, the states of its force laws, and the step that a stepper accepts.
 
-A law projects where its prox argument x = Λ − ξ/α lies outside its set or on its boundary (Studer & Glocker 2005,
+A law projects if its prox argument x = Λ − ξ/α lies outside its set or on its boundary (Studer & Glocker 2005,
 section 6): a unilateral law that projects is open, x_N ≤ 0; a friction law that projects slips, ‖x_T‖ ≥ b. A contact
 that is not active, g ≥ 0, is open, and the friction of an open contact, whose set is {0}, projects. A slip that
-reverses within one step passes through sticking unseen, and counts as a switch as well.
+reverses within one step passes through sticking, and counts as a switch as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +20,8 @@ from ..bodies.system import ActiveContacts
 from ..state import State
 
 BOUNDARY_WIDTH = 1e-8
-"""Relative width of the boundary of a friction law, within which rounding would decide. A contact that other contacts
-hold as well may carry any friction up to its bound without moving: it sticks."""
+"""Relative width of the boundary of a friction law, within which rounding would decide. A contact of a body that other
+contacts hold may carry any friction up to its bound without moving: it sticks."""
 
 LawName = Literal["unilateral", "friction"]
 LawState = Literal["open", "closed", "stick", "slip"]
@@ -36,7 +36,7 @@ class Step:
         problem: the contact problem that was solved, None if no contact was active.
         impulses: Λ [N s], shape (n_rows,), empty without contacts.
         contacts: the active contacts, None if there were none.
-        status: how the solver ended, None if there was nothing to solve.
+        status: status of the solver, None if there was nothing to solve.
         iterations: iterations of the solver.
     """
 
@@ -52,7 +52,7 @@ class StepError(ProxbenchError):
     """A motion cannot be continued.
 
     Attributes:
-        state: the last good state.
+        state: the last valid state.
     """
 
     def __init__(self, message: str, state: State) -> None:
@@ -71,12 +71,12 @@ class SwitchingPoint:
     """A law that switches: it projects in one step and not in the next, or the reverse.
 
     Attributes:
-        begin: the switch is not before this time [s].
-        end: the switch is not after this time [s].
-        law: which law of the contact.
+        begin: earliest time of the switch [s].
+        end: latest time of the switch [s].
+        law: the law of the contact.
         contact: key of the contact.
         before: the state of the law before.
-        after: its state after; slip after slip is a reversal.
+        after: its state after; slip before and after is a reversal.
     """
 
     begin: float
@@ -131,14 +131,14 @@ class AcceptedStep:
     """One step that a stepper accepts.
 
     Attributes:
-        begin: the state at its begin.
+        begin: the state at its beginning.
         end: the state at its end.
         substeps: the one-step solves that lead from one to the other, each with its length [s].
-        error: estimated relative error; 0 where none is estimated.
+        error: estimated relative error; 0 if it is not estimated.
         states: states of the laws in its last one-step solve; empty for a stepper that does not determine them.
-        switches: switching points in it.
-        solves: one-step inclusions solved for it, those of rejected attempts included.
-        rejected: attempts rejected before it.
+        switches: its switching points.
+        solves: number of one-step inclusions solved for it, including those of rejected attempts.
+        rejected: number of attempts rejected before it.
         seconds: wall time of all its attempts [s].
     """
 
@@ -155,13 +155,13 @@ class AcceptedStep:
 
 @dataclass(frozen=True, eq=False)
 class ContactLanes:
-    """The contacts of a solved step, without joints, in as many of the lanes N, T1, T2 as are used.
+    """The contacts of a solved step, without joints, with those of the lanes N, T1, T2 that are used.
 
     Attributes:
-        keys: of the contacts, ascending, shape (n_contacts,).
+        keys: keys of the contacts, ascending, shape (n_contacts,).
         impulses: Λ [N s], shape (n_contacts, 1, 2 or 3).
-        velocity: ξ [m/s], of the same shape.
-        diagonal: of G [1/kg], of the same shape.
+        velocity: ξ [m/s], same shape.
+        diagonal: diagonal of G [1/kg], same shape.
         friction_coefficient: μ, shape (n_contacts,).
         fixed_bound: a [N s], shape (n_contacts,).
     """

@@ -11,13 +11,13 @@ from .variable_stepper import VariableStepper
 
 @dataclass(frozen=True)
 class StepDoubling(VariableStepper):
-    """One step against two halves, whose difference estimates the error; the halves are kept as they are.
+    """Comparison of one step with two half steps; their difference estimates the error, and the half steps are kept.
 
     Attributes:
         tolerance: relative error of one step.
-        min_step: Δt_min [s], to which switching points are located.
-        max_step: Δt_max [s]; the scene's if None.
-        search: how switching points are located, a name in ``SEARCHES``.
+        min_step: Δt_min [s], the accuracy of switching points.
+        max_step: Δt_max [s]; that of the scene if None.
+        search: method that locates switching points, a name in ``SEARCHES``.
     """
 
     tolerance: float = 1e-5
@@ -32,5 +32,5 @@ class StepDoubling(VariableStepper):
         return [*row[-1:], first]
 
     def error_order(self, levels: int, system: System) -> int:
-        """Return the power of the step with which the error estimate falls."""
+        """Return the order of the error estimate, as a power of the step."""
         return 3 if is_reversible(system) else 2

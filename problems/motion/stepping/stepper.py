@@ -1,7 +1,8 @@
-"""Steppers: named methods, with options, that follow a motion from one accepted step to the next.
+"""Steppers: named methods with options that compute a motion from one accepted step to the next.
 
-A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` writes it, ``make_stepper``
-reads it. Every stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no switching point.
+A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` returns this text, and
+``make_stepper`` reads it. Each stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no
+switching point.
 """
 
 from abc import ABC, abstractmethod
@@ -17,22 +18,22 @@ from .midpoint import ContactSolver
 from .step import AcceptedStep, LawStates
 
 TIME_RESOLUTION = 2.0**-20
-"""Shortest time that a variable step resolves, over the longest step; no two steps are closer."""
+"""Time resolution of a variable step divided by the longest step; no two steps are closer."""
 
 END_TOLERANCE = 1e-3
-"""A motion has reached its end when less than this fraction of its shortest step is left, which may be rounding."""
+"""A motion has reached its end if at most this fraction of its shortest step remains, which may be rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class MotionSetup:
-    """The motion that a stepper follows.
+    """The motion that a stepper computes.
 
     Attributes:
-        scene: what moves.
+        scene: the scene.
         solver: solves the contact problem of each one-step inclusion.
         stop: the stopping criterion of each solve.
-        start: where the motion begins.
-        until: when it ends [s].
+        start: the initial state.
+        until: final time [s].
         states: states of the laws in the step that led to ``start``, None if there was none.
     """
 
@@ -45,12 +46,12 @@ class MotionSetup:
 
 
 class Stepper(ABC):
-    """A stepper with its options. Subclasses are frozen dataclasses, whose names ``described`` writes.
+    """A stepper with its options. Subclasses are frozen dataclasses, and ``described`` creates their names.
 
     Attributes:
         locates_switches: whether steps are variable and their switching points known.
-        holds_forces: whether states hold the mean forces Λ/Δt of a step in place of its impulses.
-        shows_solves: whether accepted steps hold their one-step solves, which may be judged.
+        holds_forces: whether states contain the mean forces Λ/Δt of a step instead of its impulses.
+        shows_solves: whether accepted steps contain their one-step solves, which may be judged.
         uses_last_impulses: whether solves may start from the impulses of the last step.
     """
 
@@ -65,15 +66,15 @@ class Stepper(ABC):
         return described(self)
 
     def with_defaults_of(self, scene: Scene) -> Self:
-        """Return the stepper with those defaults of ``scene`` that its name shows."""
+        """Return the stepper with the defaults of ``scene`` that its name shows."""
         return self
 
     @abstractmethod
     def shortest_step(self, scene: Scene) -> float:
-        """Return the shortest step that the stepper chooses [s]."""
+        """Return the shortest step of the stepper [s]."""
 
     def resolution(self, scene: Scene) -> float:
-        """Return a time [s] within which no two steps end, except at switching points."""
+        """Return the smallest time between two steps [s], except at switching points."""
         return TIME_RESOLUTION * scene.longest_step
 
     def has_reached(self, scene: Scene, state: State, until: float) -> bool:
@@ -85,7 +86,7 @@ class Stepper(ABC):
         """Check the options and the times before anything starts.
 
         Raises:
-            ProblemError: if an option is out of range, a time is too short, or the kind of scene is not supported.
+            ProblemError: if an option is out of range, a time is too short, or the scene is not supported.
         """
 
     def steps(

@@ -1,18 +1,18 @@
 """Searches for switching points: the length to try when a law switches, or is about to.
 
-``NestedIntervals`` is the paper's: the switch lies somewhere in *both* of two successive steps whose laws differ, so
-both are taken back and redone with half the step, down to the minimal one (figure 3). ``LastStepOnly`` redoes the
-second alone; its error stalls, because a gap may have closed after the middle of the first, where nothing is evaluated.
+``NestedIntervals`` is the paper's: the switch may lie in *either* of two successive steps whose laws differ, so both
+are repeated with half the step, down to the minimal one (figure 3). ``LastStepOnly`` repeats the second alone; its
+error stalls, because a gap may have closed after the middle of the first, where nothing is evaluated.
 ``Anticipating`` approaches the switch from before, and needs four steps instead of forty. It follows the margins of all
-laws: a margin is positive as long as a law stays in its state, and vanishes where the law switches.
+laws: a margin is positive as long as a law keeps its state, and zero when the law switches.
 
     open contact      g                    a gap that closes
     closed contact    Λ_N / Δt             a force that ends
     sticking          (b − ‖Λ_T‖) / Δt     a friction force that reaches its bound
     slipping          ‖γ_T‖                a sliding velocity that ends
 
-Forces are those in the middle of a step, gaps and velocities those at its end. Each margin is continued by the
-polynomials through its last few values; the difference between two degrees says how far the root can be trusted.
+Forces are those in the middle of a step, gaps and velocities those at its end. Each margin is extrapolated by
+polynomials through its last few values; the difference between two degrees estimates the error of the root.
 """
 
 from abc import ABC, abstractmethod
@@ -28,32 +28,32 @@ from .sequences import Attempt
 from .step import LawStates, Step, contact_lanes
 
 APPROACH = 0.45
-"""Fraction of the smooth part of a step in which a law switched that is tried next."""
+"""Length of the next trial as a fraction of the smooth part of a step in which a law switched."""
 
 BLIND_CUT = 0.1
-"""The same fraction where the law switched at once, and nothing is known."""
+"""The same as a fraction of the whole step if the law switched at once."""
 
 MEMORY = 5
-"""Values of a margin that are kept, and one more than the degree of the polynomial through them."""
+"""Number of values of a margin to keep, one more than the degree of the polynomial through them."""
 
 ROUNDING = 1e-9
-"""Part of the largest force in a step that counts as no force."""
+"""Fraction of the largest force in a step that counts as no force."""
 
 REACH = 2.0
-"""Gaps are followed that could close within this many longest steps."""
+"""Gaps are watched if they could close within this many of the longest steps."""
 
 FORCES = ("force", "slack")
-"""Margins of forces."""
+"""Names of the margins that are forces."""
 
 MarginKey = tuple[str, int]
-"""Which margin, and the contact that it belongs to."""
+"""Name of a margin, and its contact."""
 
 Substeps = Sequence[tuple[Step, float]]
 """Steps, each with its length [s]."""
 
 
 class Search(ABC):
-    """A search for switching points; the methods given here use the states of the laws alone.
+    """A search for switching points; the methods of this class use only the states of the laws.
 
     Args:
         system: what moves.
@@ -62,7 +62,7 @@ class Search(ABC):
     """
 
     takes_back = False
-    """Whether the accepted step before a switch is taken back as well."""
+    """Whether the accepted step before a switch is withdrawn as well."""
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         self._min_step = min_step
@@ -76,11 +76,11 @@ class Search(ABC):
         """Return the length to try after an attempt of ``length`` in which a law switched."""
 
     def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
-        """Whether an attempt that looks smooth has passed a switch all the same."""
+        """Whether an apparently smooth attempt has passed a switch."""
         return False
 
     def length_after_step(self, now: float, length: float, wanted: float) -> float:
-        """Return the next length after an accepted step, where the error alone would allow ``wanted``."""
+        """Return the next length after an accepted step, if the error alone would allow ``wanted``."""
         return wanted
 
     def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:  # noqa: B027
@@ -92,7 +92,7 @@ class Search(ABC):
 
 
 class NestedIntervals(Search):
-    """Halve the step, and redo both steps between which the laws differ."""
+    """Halve the step, and repeat both steps between which the laws differ."""
 
     takes_back = True
 
@@ -106,7 +106,7 @@ class NestedIntervals(Search):
         return max(self._min_step, 0.5 * length)
 
     def length_after_step(self, now: float, length: float, wanted: float) -> float:
-        """Let the step grow, at most twofold, but not while a switch is being located."""
+        """Let the step grow at most twofold, and not while a switch is being located."""
         if now + length > self._seen_before:
             self._seen_before = float("inf")
         return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
@@ -117,13 +117,13 @@ class NestedIntervals(Search):
 
 
 class LastStepOnly(NestedIntervals):
-    """Halve the step, and redo only the step in which the laws differ from those before; the error stalls."""
+    """Halve the step, and repeat only the step in which the laws differ from those before; the error stalls."""
 
     takes_back = False
 
 
 class Anticipating(Search):
-    """Step to just before the next switching point that the margins of the laws announce."""
+    """Step to just before the next switching point that the margins of the laws predict."""
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         super().__init__(system, min_step, max_step)
@@ -131,7 +131,7 @@ class Anticipating(Search):
         self._waited = 0
 
     def limited_length(self, now: float, length: float) -> float:
-        """Return ``length``, or the way to just before the next switching point if that is shorter."""
+        """Return ``length``, or the time to just before the next switching point if that is shorter."""
         due, doubt = self._margins.next_switch(now)
         if not due < now + 1.2 * length:
             self._waited = 0
@@ -142,7 +142,7 @@ class Anticipating(Search):
         if way > self._min_step:
             return min(length, way)
         self._waited += 1
-        # a margin that was wrong must not make the motion creep for ever
+        # a wrong margin must not slow the motion indefinitely
         return min(length, self._min_step * 2.0 ** min(max(0, self._waited - 4), 60))
 
     def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
@@ -163,7 +163,7 @@ class Anticipating(Search):
             self._margins.note(step, length, states)
 
     def note_switch(self, state: State) -> None:
-        """Begin again after a switching point."""
+        """Restart after a switching point."""
         self._margins.forget()
         self._margins.note_gaps(state)
         self._waited = 0
@@ -174,7 +174,7 @@ class Margins:
 
     Args:
         system: what moves.
-        horizon: how far ahead switches are needed [s].
+        horizon: time ahead within which switches are needed [s].
     """
 
     def __init__(self, system: System, horizon: float) -> None:
@@ -201,15 +201,15 @@ class Margins:
                 self._add(("gap", contact), state.time, gap)
 
     def penetrates(self, before: State, after: State) -> bool:
-        """Whether a gap that was open in one state is not open in the other."""
+        """Whether a gap is open in the first state and closed in the second."""
         closed = self._system.gaps_below(after.position, 0.0)[0]
         return not np.isin(closed, self._system.gaps_below(before.position, 0.0)[0], assume_unique=True).all()
 
     def outlasts(self, substeps: Substeps, states: LawStates) -> bool:
-        """Whether a force ends after the middle of the last of some equal steps, and before their end.
+        """Whether a force ends after the middle of the last of several equal steps, and before their end.
 
         Laws are evaluated at the middle of each step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the
-        n values there is the margin at the end, at 1.
+        n values gives the margin at the end, at 1.
         """
         middles = (np.arange(len(substeps)) + 0.5) / len(substeps)
         weights = np.linalg.solve(np.vander(middles, increasing=True).T, np.ones(len(substeps)))
@@ -231,7 +231,7 @@ class Margins:
         return min((_earliest_root(np.array(group), now) for group in by_length.values()), default=(np.inf, np.inf))
 
     def _speed(self, state: State) -> float:
-        """Return how fast a gap may change [m/s]: twice as fast as anything moves, whatever the coordinates are."""
+        """Return a bound on the rate of gaps [m/s]: twice the largest rate of a coordinate."""
         moved = self._system.move(state.position, state.velocity, 1.0) - state.position
         return 2.0 * float(np.abs(moved).max(initial=0.0))
 
@@ -240,7 +240,7 @@ class Margins:
 
 
 def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple[MarginKey, float, float]]:
-    """Yield which margin it is, its time and its value."""
+    """Yield the key, time and value of each margin."""
     if step.contacts is None or step.problem is None:
         return
     lanes, end = contact_lanes(step.problem, step.impulses, step.contacts), step.state.time
@@ -259,7 +259,7 @@ def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple
 
 
 def _earliest_root(values: FloatArray, now: float) -> tuple[float, float]:
-    """Return the earliest root after ``now``, and how much a lower degree differs; ``values`` are times and margins."""
+    """Return the earliest root after ``now``, and its change at a lower degree; ``values`` are times and margins."""
     origin = values[:, -1:, 0]
     span = np.maximum(origin - values[:, :1, 0], np.finfo(float).tiny)
     last = values[:, -1:, 1]
@@ -286,7 +286,7 @@ def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
     largest = np.abs(rising).max(axis=1, initial=0.0)
     degree = n_points - 1
     leading = rising[:, degree]
-    # a leading coefficient that is all rounding gives one root at infinity, which the eigenvalues bear
+    # a leading coefficient within rounding gives a root at infinity, which the eigenvalues tolerate
     leading = np.where(np.abs(leading) < 1e-300 + 1e-14 * largest, 1e-14 * np.maximum(largest, 1e-300), leading)
     companion = np.zeros((len(x), degree, degree))
     companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0

@@ -1,4 +1,4 @@
-"""Limit cycles: the known one of a scene, and the periods of a motion compared with it."""
+"""The known limit cycle of a scene, and comparison of the periods of a motion with it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -39,13 +39,13 @@ class KnownCycle:
 
     Attributes:
         period: its duration [s].
-        descent: how much its first coordinate falls in one period.
+        descent: decrease of the first coordinate in one period.
         incidents: its switching points, with times after the section.
         section: index of the incident that is the section.
-        section_error: state after one period from the section ↦ largest relative error.
-        source: where ``incidents`` are published, for people.
-        transient: periods after which a motion is taken to be on the limit cycle.
-        is_of_scene: whether it is that of the scene with its options; with others only the order of incidents compares.
+        section_error: largest relative error as a function of the state one period after the section.
+        source: publication of ``incidents``, for users.
+        transient: number of periods after which a motion counts as being on the limit cycle.
+        is_of_scene: whether it belongs to the options of the scene; if not, only the order of incidents is comparable.
     """
 
     period: float
@@ -60,7 +60,7 @@ class KnownCycle:
 
 @dataclass(frozen=True)
 class Cycle:
-    """One period of a motion, from the incident that is the first one of the limit cycle to the one before the next.
+    """One period of a motion, from the first incident of the limit cycle to the last one before it recurs.
 
     Attributes:
         known: the limit cycle.
@@ -82,7 +82,7 @@ class Cycle:
 
     @property
     def deviations(self) -> FloatArray:
-        """Times after the section less those of the limit cycle [s], shape (n_incidents,); if ``is_published``."""
+        """Times after the section minus those of the limit cycle [s], shape (n_incidents,), if ``is_published``."""
         known = [incident.time for incident in self.known.incidents]
         return np.array([incident.time - self.section for incident in self.incidents]) - known
 
@@ -132,8 +132,8 @@ def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray,
     Args:
         known: the limit cycle of its scene.
         found: its switching points in order of time.
-        times: of some of its states [s], those at switching points included, shape (n,).
-        heights: first coordinate in them, shape (n,).
+        times: times of some of its states [s], including those at switching points, shape (n,).
+        heights: first coordinate at these times, shape (n,).
     """
     begins = [index for index, incident in enumerate(found) if incident.is_like(known.incidents[0])]
     section = known.incidents[known.section]

@@ -1,7 +1,7 @@
 """Aggregates of a pour, whose single trajectories are chaotic: flow rate, mean height, energy.
 
-Two pours that differ in the last bit differ in every ball after some tenths of a second; what they have in common is
-how fast balls leave, how high the others lie on average, and how much energy is lost.
+Two pours that differ in the last bit differ in every ball after some tenths of a second. They have in common how fast
+balls leave, the mean height of the others, and how much energy is lost.
 """
 
 from dataclasses import dataclass, field
@@ -17,12 +17,12 @@ HEIGHT, ENERGY = "mean height", "energy lost"
 UNITS = {"flow rate": "balls/s", HEIGHT: "m", ENERGY: "J"}
 
 GRID = 400
-"""Points in time that means are taken over, in the second half of the duration."""
+"""Number of times over which means are taken, in the second half of the duration."""
 
 
 @dataclass
 class MotionRecorder:
-    """Notes the states of a scene as they come; ``aggregates`` averages them.
+    """A record of the states of a scene, which ``aggregates`` averages.
 
     Attributes:
         scene: the scene.
@@ -38,7 +38,7 @@ class MotionRecorder:
         self.note(self.scene.start)
 
     def note(self, state: State) -> None:
-        """Note a state."""
+        """Record a state."""
         self.last = state
         scene = self.scene
         if not scene.n_balls:
@@ -52,11 +52,11 @@ class MotionRecorder:
             self._columns.setdefault(name, []).append(value)
 
     def aggregates(self, duration: float) -> dict[str, float]:
-        """Return the aggregates over the second half of ``duration`` [s]; a pour that ended earlier stays as it was.
+        """Return the aggregates over the second half of ``duration`` [s]; an ended pour keeps its last state.
 
-        The mean rate of each observable that has one, as balls through the outlet in balls a second; the mean height
-        [m] of all balls above the outlet, those below counting as at it; the energy [J] lost since the start, where the
-        scene knows it. The last two are means over time.
+        These are the mean rate of each observable that has one, such as balls per second through the outlet; the mean
+        height [m] of all balls above the outlet, where balls below it count as 0; and the energy [J] lost since the
+        start, if it is known. The last two are means over time.
         """
         columns = {name: np.array(values) for name, values in self._columns.items()}
         time = columns["time"]

@@ -1,8 +1,8 @@
 """Trajectory problems, on which steppers with solvers are measured: a scene, a duration, members, and a measure.
 
-One simulation says little where its error is erratic in the number of steps, or its motion chaotic. A problem therefore
-has members: factors on the steps or tolerances of a stepper, of whose errors the median counts, or seeds of a scene of
-balls, which are compared one by one with the same seeds of a reference.
+One simulation is not representative if its error is erratic in the number of steps, or its motion chaotic. A problem
+therefore has members: factors of the steps or tolerances of a stepper, with the median of their errors, or seeds of a
+scene of balls, which are compared with the same seeds of a reference.
 """
 
 import hashlib
@@ -32,8 +32,8 @@ class Estimate:
 
     Attributes:
         error: median over the members, or the mean deviation from the reference, relative to the mean of the reference.
-        low: least error of a member, or the mean deviation less its standard error.
-        high: largest error of a member, or the mean deviation and its standard error.
+        low: smallest error of a member, or the mean deviation minus its standard error.
+        high: largest error of a member, or the mean deviation plus its standard error.
     """
 
     error: float
@@ -42,43 +42,43 @@ class Estimate:
 
 
 class Measure(ABC):
-    """How the error of a simulation is computed."""
+    """Computation of the error of a simulation."""
 
     @property
     @abstractmethod
     def names(self) -> Collection[str]:
-        """Names of the values that the error is computed of; none before the reference is known."""
+        """Names of the values from which the error is computed; none before the reference is known."""
 
     @property
     def numbers(self) -> dict[str, object]:
-        """The numbers that the digest of a problem is made of."""
+        """The numbers that enter the digest of a problem."""
         return vars(self)
 
     @abstractmethod
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
-        """Return the results of a simulation of ``duration`` [s], from the states that ``recorder`` noted."""
+        """Return the results of a simulation of ``duration`` [s], from the states in ``recorder``."""
 
     @abstractmethod
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
-        """Return the error in each quantity, from the values of members; empty where there are too few."""
+        """Return the error in each quantity, from the values of members; empty if there are too few."""
 
 
 class _OfOneTrajectory(Measure):
-    """Each member has an error of its own."""
+    """Base of measures in which each member has an error."""
 
     @abstractmethod
     def error(self, values: Values) -> float:
         """Return the error of one simulation."""
 
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
-        """Return the median error, from the least to the largest."""
+        """Return the median error with the smallest and the largest one."""
         errors = [self.error(values) for values in members.values()]
         return {ERROR: Estimate(median(errors), min(errors), max(errors))} if errors else {}
 
 
 @dataclass(frozen=True)
 class LimitCycle(_OfOneTrajectory):
-    """The state after one period from the section of a known limit cycle, whose name the scene has.
+    """The state after one period from the section of a known limit cycle, which the scene knows by name.
 
     Attributes:
         known: the limit cycle.
@@ -95,7 +95,7 @@ class LimitCycle(_OfOneTrajectory):
 
     @property
     def numbers(self) -> dict[str, object]:
-        """None: the scene has them all."""
+        """No numbers, because the scene defines them."""
         return {}
 
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
@@ -111,13 +111,13 @@ class LimitCycle(_OfOneTrajectory):
 
 @dataclass(frozen=True)
 class EndPosition(_OfOneTrajectory):
-    """The last position against a known one, in closed form or of a finer simulation.
+    """The last position compared with a known one, in closed form or from a finer simulation.
 
-    Velocities are left out: an impact that is one step late would count as an error of 100 %.
+    Velocities are not compared: an impact that is one step late would count as an error of 100 %.
 
     Attributes:
         known: coordinates of the known position, as q0, q1, …
-        scale: length over which differences are given [m]: the longest way of a coordinate, or the scene's length.
+        scale: reference length of differences [m]: the longest path of a coordinate, or the length of the scene.
     """
 
     known: Values = field(default_factory=dict)
@@ -125,7 +125,7 @@ class EndPosition(_OfOneTrajectory):
 
     @property
     def names(self) -> Collection[str]:
-        """Those of the known position."""
+        """Names of the known position."""
         return self.known.keys()
 
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
@@ -139,7 +139,7 @@ class EndPosition(_OfOneTrajectory):
 
 @dataclass(frozen=True)
 class Aggregates(Measure):
-    """A pour by its flow rate, mean height and energy lost, against a simulation with a finer step.
+    """Flow rate, mean height and lost energy of a pour, compared with a simulation with a finer step.
 
     Attributes:
         reference: values of the reference by seed.
@@ -149,7 +149,7 @@ class Aggregates(Measure):
 
     @property
     def names(self) -> Collection[str]:
-        """Those of the reference."""
+        """Names of the aggregates of the reference."""
         return next(iter(self.reference.values()), {}).keys()
 
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
@@ -157,9 +157,9 @@ class Aggregates(Measure):
         return recorder.aggregates(duration)
 
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
-        """Return how far the mean of each aggregate is from the reference's, with the standard error of that.
+        """Return the deviation of the mean of each aggregate from the reference, with its standard error.
 
-        The same seeds are compared, so that what they have in common cancels; two of them are needed.
+        The same seeds are compared, so that common deviations cancel; at least two are needed.
         """
         both = [seed for seed in members if seed in self.reference]
         if len(both) < 2:
@@ -174,7 +174,7 @@ class Aggregates(Measure):
         return found
 
     def spreads(self) -> dict[str, tuple[float, float]]:
-        """Return for each aggregate its mean over the seeds of the reference, and the standard error of that, relative.
+        """Return for each aggregate its mean over the seeds of the reference, and its relative standard error.
 
         Empty with fewer than two seeds.
         """
@@ -195,8 +195,8 @@ class TrajectoryProblem:
     Attributes:
         name: the scene, ``Name(option=value)``.
         duration: simulated time [s].
-        members: seeds of the scene where ``measure`` is of ``Aggregates``, else factors on steps or tolerances.
-        measure: how the error is computed.
+        members: seeds of the scene if ``measure`` is ``Aggregates``, else factors of steps or tolerances.
+        measure: the measure of its error.
     """
 
     name: str
@@ -211,14 +211,14 @@ class TrajectoryProblem:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of its name and its numbers; results of problems with different digests do not compare."""
+        """SHA-256 of its name and its numbers; results of problems with different digests are not comparable."""
         measure = [type(self.measure).__name__, self.measure.numbers]
         numbers = [self.name, float(self.duration), [*map(float, self.members)], measure]
         return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 
 
 def standard_error(values: Sequence[float]) -> float:
-    """Return the standard error of the mean of two values or more."""
+    """Return the standard error of the mean of two or more values."""
     return stdev(values) / math.sqrt(len(values))
 
 

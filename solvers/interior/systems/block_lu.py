@@ -7,7 +7,7 @@ A front of a supernode with pivot columns 1 and rows below 2 is eliminated dense
 
 Rows are exchanged only within F₁₁. That is enough for Ĝ + D, whose symmetric part is positive definite or nearly so;
 refinement removes the additional rounding. Dense products use BLAS: a factorisation of 734 contacts takes 3 ms, two to
-three times less than one column by column in the same order, and a fifth of SuperLU in its own order.
+three times less than column by column in the same order, and a fifth of the time of SuperLU in its own order.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ class BlockLU:
     def __init__(
         self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, max_columns: int = MAX_COLUMNS
     ) -> None:
-        """Order a pattern in compressed block rows, symmetric, its diagonal stored, of blocks (width, width)."""
+        """Order a symmetric pattern in block CSR with a stored diagonal and blocks (width, width)."""
         found = elimination(starts, columns, max_columns)
         self._width, self._order = width, found.order
         self._fronts = (
@@ -82,7 +82,7 @@ def _determinant_sign(b, nodes, factor_starts, factors):  # type: ignore[no-unty
 
 @njit(cache=True)
 def _add_entry(f11, f12, f21, i, j, block):  # type: ignore[no-untyped-def]
-    """Add a block of the matrix to the quarter of the front that (i, j) lies in; none lies in the last one."""
+    """Add a block of the matrix to the quarter of the front that contains (i, j), never the last one."""
     pivots, b = f11.shape[0], block.shape[0]
     for k in range(b):
         for m in range(b):

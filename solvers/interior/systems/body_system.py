@@ -5,7 +5,7 @@ With W̃ = SᵀW of M⁻¹ = S Sᵀ, L = W̃ times the impulses' scale and R = W
     (I + L D⁻¹ Rᵀ) v = L D⁻¹ b,      dr = D⁻¹ (b − Rᵀ v)      (Woodbury).
 
 The size of the system is the number of degrees of freedom, for any number of contacts, and a contact between two bodies
-adds one dense block. Each solution is refined with Ĝ and D themselves.
+adds one dense block. Each solution is refined with Ĝ and D.
 """
 
 import numpy as np

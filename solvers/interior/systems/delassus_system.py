@@ -1,7 +1,7 @@
 """The reduced Newton system over contacts, (Ĝ + D) dr = b, with Ĝ assembled.
 
-Where contacts over-determine the motion of bodies Ĝ is rank-deficient, and D makes the sum regular. Inaccurate
-components along self-stress do not affect the iterates. Each solution is refined with Ĝ and D themselves.
+If contacts over-determine the motion of bodies, Ĝ is rank-deficient, and D makes the sum regular. Inaccurate
+components along self-stress do not affect the iterates. Each solution is refined with Ĝ and D.
 """
 
 import numpy as np
@@ -72,7 +72,7 @@ class DelassusSystem:
 def _symmetric_pattern(
     starts: np.ndarray, columns: np.ndarray, values: FloatArray
 ) -> tuple[np.ndarray, np.ndarray, FloatArray]:
-    """Return block rows with zeros stored where only the transposed block is: public data need not be symmetric."""
+    """Return block rows with a symmetric pattern; missing blocks of asymmetric public data become stored zeros."""
     n, width = len(starts) - 1, values.shape[1]
     row = np.repeat(np.arange(n), np.diff(starts))
     key = row * n + columns

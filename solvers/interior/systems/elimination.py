@@ -16,10 +16,10 @@ from numba import njit
 from ....problems.arrays import IntArray
 
 MAX_ZERO_SHARE = 0.2
-"""Share of zeros that a supernode may gain by taking in its neighbour."""
+"""Largest share of zeros in a supernode after it has merged with its neighbour."""
 
 MAX_COLUMNS = 40
-"""Most blocks of columns of a supernode: inverting larger ones takes more operations than passing updates on."""
+"""Largest number of block columns of a supernode; inverting larger ones takes longer than passing updates on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLU
 
 def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
     """Return an order with little fill, that of SuperLU for a diagonally dominant matrix of the pattern."""
-    from scipy.sparse.linalg import splu  # 0.1 s that few solves wait for
+    from scipy.sparse.linalg import splu  # import takes 0.1 s
 
     n = len(starts) - 1
     if n < 3:

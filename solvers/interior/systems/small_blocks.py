@@ -9,7 +9,7 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def _reduce(work):  # type: ignore[no-untyped-def]
-    """Turn (A I), shape (w, 2w), into (I A⁻¹); return the sign of det A, 0 where a pivot is zero or not finite."""
+    """Reduce (A I), shape (w, 2w), to (I A⁻¹); return the sign of det A, 0 if a pivot is zero or not finite."""
     width, sign = work.shape[0], 1.0
     for column in range(width):
         best = column

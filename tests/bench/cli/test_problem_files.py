@@ -50,7 +50,7 @@ def test_info_shows_a_line_for_each_file_and_a_reason_for_each_broken_one(folder
     assert lines[1].split()[:9] == ["factors", "2", "0", "6", "6", "0.25…0.5", "–", "0", "1"]
     assert lines[2].split()[:9] == ["G", "2", "0", "6", "6", "0.25…0.5", "–", "0", "1"]
     assert [line.startswith("proxbench: ") for line in printed.err.splitlines()] == [True, True]
-    assert "cut.hdf5 is damaged or no FCLIB file" in printed.err
+    assert "cut.hdf5 is damaged or not an FCLIB file" in printed.err
     assert run_command(["info", "--json", str(SHIPPED / "global-rows.hdf5")]) == 0
     (row,) = json.loads(capsys.readouterr().out)["files"]
     assert (row["contacts"], row["dofs"], row["rank"], row["friction"]) == (2, 6, 6, [0.25, 0.5])
@@ -108,11 +108,11 @@ def test_a_file_that_calls_its_problem_like_a_path_is_exported_under_its_own_nam
     ("line", "words"),
     [
         ("info none.hdf5", "there is no problem file none.hdf5"),
-        ("info {folder}/cut.hdf5", "cut.hdf5 is damaged or no FCLIB file"),
+        ("info {folder}/cut.hdf5", "cut.hdf5 is damaged or not an FCLIB file"),
         ("info {folder}/deep/../empty", "empty"),
         ("import nosuch {folder}", "'nosuch'"),
         ("info", "FILE|FOLDER"),
-        ("import fclib {folder}/text.h5", "text.h5 is damaged or no FCLIB file"),
+        ("import fclib {folder}/text.h5", "text.h5 is damaged or not an FCLIB file"),
         ("import fclib {folder} --output all.npz", "is one file for 4 problems"),
         ("import fclib {folder}/local-rows.hdf5 {folder}/other/local-rows.hdf5", "would both be written to"),
         ("import fclib {folder}/crooked.hdf5", "crooked.hdf5 --symmetry lower"),
@@ -123,7 +123,7 @@ def test_a_file_that_calls_its_problem_like_a_path_is_exported_under_its_own_nam
         ("export fclib hard-sticking-box --output taken.hdf5", "taken.hdf5 exists already"),
         ("export fclib hard-sticking-box funnel-100 --output all.hdf5", "is one file for 2 problems"),
         ("run --problem none.hdf5", "there is no problem file none.hdf5"),
-        ("record {folder}/cut.hdf5 --solver NSGS --output a.rrd", "cut.hdf5 is damaged or no FCLIB file"),
+        ("record {folder}/cut.hdf5 --solver NSGS --output a.rrd", "cut.hdf5 is damaged or not an FCLIB file"),
     ],
 )
 def test_a_mistake_gets_one_sentence_and_exit_code_two_and_writes_nothing(
@@ -164,7 +164,7 @@ def test_a_file_of_another_program_is_imported_by_the_name_of_its_format(tmp_pat
     assert run_command(f"import contactbench {tmp_path}/cube.npz --output {tmp_path}/ours.npz".split()) == 0
     assert load(tmp_path / "ours.npz").name == "cube"
     assert run_command(f"import kamino {tmp_path}/cube.npz --output {tmp_path}/no.npz".split()) == 2
-    assert "is no file of the format 'kamino'; its arrays are G, g, mus" in capsys.readouterr().err
+    assert "is not a file of the format 'kamino'; its arrays are G, g, mus" in capsys.readouterr().err
 
 
 def test_a_problem_goes_round_through_json(tmp_path: Path) -> None:

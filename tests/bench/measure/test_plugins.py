@@ -259,7 +259,7 @@ def test_a_solver_of_a_file_may_hold_what_cannot_be_pickled(written: Callable[..
 def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    for body, words in (("return 3", "makes a value of type int"), ("1 / 0", "cannot be built: ZeroDivisionError")):
+    for body, words in (("return 3", "returns a value of type int"), ("1 / 0", "cannot be built: ZeroDivisionError")):
         path = written(f"def f():\n    {body}\nPROBLEMS = {{'mine': f}}")
         results = tmp_path / "results"
         for line in (["generate", "mine"], ["run", "--problem", "mine", "--output", str(results)]):

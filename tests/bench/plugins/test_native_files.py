@@ -54,7 +54,7 @@ FAULTS = (
     ("program", "exit", Outcome.CRASHED, "ended with exit code 3"),
     ("program", "crash", Outcome.CRASHED, "killed by signal 11"),
     ("program", "hang", Outcome.TIMEOUT, "longer than"),
-    ("program", "garbage", Outcome.MISBEHAVED, "begins no answer"),
+    ("program", "garbage", Outcome.MISBEHAVED, "does not begin an answer"),
     ("program", "short", Outcome.MISBEHAVED, "impulses of shape (9,)"),
     ("program", "long", Outcome.MISBEHAVED, "impulses of shape (11,)"),
 )

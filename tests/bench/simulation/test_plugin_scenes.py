@@ -249,7 +249,7 @@ def test_the_command_simulates_reports_and_resumes_scenes_of_plugins(
     ("what", "sentence"),
     [
         ("flat", "size[2] of a box must be positive and finite, got 0.0."),
-        ("open", "joint 0 does not close at the start: it misses by 0.1 m or rad; correct its points and axes"),
+        ("open", "joint 0 does not close at the start: its error is 0.1 m or rad; correct its points and axes"),
     ],
 )
 def test_bodies_that_cannot_move_are_wrong_usage(what: str, sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

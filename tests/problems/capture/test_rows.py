@@ -160,5 +160,5 @@ def test_a_step_without_contact_is_refused() -> None:
 def test_a_step_that_ends_in_another_velocity_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = moving(STACK.format(**PLAIN))
     monkeypatch.setattr(step, "_unbalanced", lambda inverse, data, total: 0.01 * total)
-    with pytest.raises(ProblemError, match="off the velocity of its forces"):
+    with pytest.raises(ProblemError, match="from the velocity of its forces"):
         from_mujoco(model, data)

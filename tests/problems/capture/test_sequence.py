@@ -62,7 +62,7 @@ def test_a_file_holds_the_problem_and_what_the_engine_made_of_it(boxes: Path, tm
     assert np.array_equal(step.engine.impulses, taken[0].engine.impulses)
     assert (step.keys, step.engine.engine) == (taken[0].keys, f"MuJoCo {mujoco.__version__}")
     save_problem(step.problem, tmp_path / "plain.npz")
-    with pytest.raises(ProblemError, match="holds a problem but no captured step"):
+    with pytest.raises(ProblemError, match="contains a problem but no captured step"):
         read_step(tmp_path / "plain.npz")
 
 
@@ -124,7 +124,7 @@ def test_random_controls_repeat_with_their_seed() -> None:
 def test_earlier_steps_are_replaced_only_when_asked(boxes: Path, tmp_path: Path) -> None:
     options = CaptureOptions(duration=0.06, every=10)
     capture(boxes, tmp_path, options)
-    with pytest.raises(ProblemError, match="holds 3 steps of box-stack already; choose another `output`"):
+    with pytest.raises(ProblemError, match="already contains 3 steps of box-stack; choose another `output`"):
         capture(boxes, tmp_path, options)
     capture(boxes, tmp_path, replace(options, every=20), force=True)
     assert len(list_folder(tmp_path).members) == 2

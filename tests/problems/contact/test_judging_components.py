@@ -135,9 +135,9 @@ def test_impulses_velocities_and_energies_have_their_units_at_very_small_and_lar
 @pytest.mark.parametrize(
     ("matrix", "what"),
     [
-        ([[1.0, -3.0], [-3.0, 1.0]], "exceeds the root"),
+        ([[1.0, -3.0], [-3.0, 1.0]], "exceeds the square root"),
         ([[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]], "eigenvalue"),
-        ([[0.0, 1.0], [1.0, 1.0]], "exceeds the root"),
+        ([[0.0, 1.0], [1.0, 1.0]], "exceeds the square root"),
     ],
 )
 def test_an_indefinite_matrix_is_refused(matrix: list[list[float]], what: str) -> None:

@@ -56,10 +56,10 @@ def test_a_description_names_orders_groups_and_excludes(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("name = ", "is no TOML"),
+        ("name = ", "is not valid TOML"),
         ("nam = 'x'", "unknown key 'nam'; did you mean 'name'"),
-        ("name = 3", "name must be a text"),
-        ('name = "a\\nb"', "name must be a text in one line"),
+        ("name = 3", "name must be a string"),
+        ('name = "a\\nb"', "name must be a string without line breaks"),
         ("order = 'boxes'", "order must be a list of patterns"),
         ("order = [1]", "order must be a list of patterns"),
         ("groups = []", "groups must be a table"),
@@ -77,7 +77,7 @@ def test_a_description_that_makes_no_sense_gets_one_sentence(text: str, words: s
 
 def test_a_description_in_other_letters_or_without_end_is_refused(folder: Path) -> None:
     (folder / "suite.toml").write_bytes(b"name = '\xff'")
-    with pytest.raises(ProblemError, match="is no TOML"):
+    with pytest.raises(ProblemError, match="is not valid TOML"):
         list_folder(folder)
     (folder / "suite.toml").write_text("#" * 1_000_001)
     with pytest.raises(ProblemError, match="more than 1000000 bytes"):

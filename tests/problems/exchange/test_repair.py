@@ -46,7 +46,7 @@ def test_a_small_asymmetry_is_replaced_by_the_mean_and_recorded(tmp_path: Path) 
     assert abs(matrix - matrix.T).max() == 0.0
     assert matrix[1, 4] == pytest.approx(W[1, 4] + 0.5 * 1e-3 * np.abs(W).max(), rel=1e-15)
     assert problem.provenance["asymmetry"] == pytest.approx(1e-3)
-    said = "W misses symmetry by 1.0e-03 of its largest entry, and is replaced by (W + Wᵀ)/2"
+    said = "W is asymmetric by 1.0e-03 of its largest entry, and is replaced by (W + Wᵀ)/2"
     assert problem.provenance["matrix"] == said
     assert not problem.allow_asymmetric
 
@@ -55,7 +55,7 @@ def test_an_asymmetry_is_kept_bit_by_bit_on_request(tmp_path: Path) -> None:
     problem = read_fclib(write_data(tmp_path / "p.hdf5", crooked(0.3)), "keep")
     assert problem.allow_asymmetric
     assert problem.delassus()[1, 4] == W[1, 4] + 0.3 * np.abs(W).max()
-    assert "is kept so" in str(problem.provenance["matrix"])
+    assert "is kept unchanged" in str(problem.provenance["matrix"])
     write_fclib(problem, tmp_path / "again.hdf5")
     assert read_fclib(tmp_path / "again.hdf5", "keep").digest == problem.digest
 
@@ -76,7 +76,7 @@ def test_an_asymmetry_beyond_the_remedy_is_refused_with_its_size_and_a_remedy(
     matrix[0, 3] += by * np.abs(M).max()
     matrix[3, 0] += 0.001 * by
     data = crooked(by) if form == "W" else with_mass(matrix)
-    with pytest.raises(ProblemError, match=rf"{form} misses symmetry by \d\.\de-0\d of its largest entry") as caught:
+    with pytest.raises(ProblemError, match=rf"{form} is asymmetric by \d\.\de-0\d of its largest entry") as caught:
         read_fclib(write_data(tmp_path / "p.hdf5", data), symmetry)
     assert str(caught.value).endswith(f"--symmetry {'lower' if by > LARGEST_ASYMMETRY else 'mean'}")
 
@@ -85,7 +85,7 @@ def test_a_refused_matrix_is_named_with_the_argument_of_python_that_reads_it() -
     far = sp.csr_array(np.array([[1.0, 0.5], [0.1, 1.0]]))
     with pytest.raises(AsymmetricError) as caught:
         symmetric(far, "W", "mean")
-    reason = "W misses symmetry by 4.0e-01 of its largest entry, and either its lower or its upper triangle is wrong"
+    reason = "W is asymmetric by 4.0e-01 of its largest entry, and either its lower or its upper triangle is wrong"
     assert str(caught.value) == f"{reason}; read it with `symmetry` 'lower'."
     again = pickle.loads(pickle.dumps(caught.value))
     assert (again.reason, again.remedy) == (reason, "lower")
@@ -156,7 +156,7 @@ def test_a_delassus_matrix_with_a_small_negative_eigenvalue_is_taken_by_name_onl
 
 def test_a_matrix_that_is_far_from_semidefinite_is_refused_in_spite_of_the_name(tmp_path: Path) -> None:
     path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-2 * LARGEST_NEGATIVE)))
-    with pytest.raises(ProblemError, match="replaces those up to 1e-06"):
+    with pytest.raises(ProblemError, match="replaces negative ones up to 1e-06"):
         read_fclib(path, indefinite="project")
 
 

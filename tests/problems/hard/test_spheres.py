@@ -113,7 +113,7 @@ def test_a_hundred_balls_at_rest_that_resist_rolling_are_solved_to_eight_digits(
 
 @pytest.mark.parametrize("name", ["funnel-planar-30", "hard-mixed-laws", "hard-four-bar"])
 def test_only_spatial_contacts_of_balls_can_be_given_rolling_friction(name: str) -> None:
-    with pytest.raises(ProblemError, match="cannot be given rolling friction"):
+    with pytest.raises(ProblemError, match="cannot have rolling friction"):
         with_rolling_friction(load(name), 1e-3)
 
 

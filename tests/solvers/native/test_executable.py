@@ -71,9 +71,9 @@ def test_a_program_that_ends_is_an_error_of_the_solve(faulty_program: Path, faul
 
 
 def test_what_it_prints_beside_its_answers_is_refused(faulty_program: Path) -> None:
-    with pytest.raises(BrokenInterfaceError, match="begins no answer; write answers to standard output as messages"):
+    with pytest.raises(BrokenInterfaceError, match="does not begin an answer; write answers to standard output"):
         faulty(faulty_program, "garbage").prepare(load("hard-stack-10")).solve(Stop())
-    with pytest.raises(SolverError, match="sent b'Welcome to my so', which begins no answer"):
+    with pytest.raises(SolverError, match="sent b'Welcome to my so', which does not begin an answer"):
         faulty(faulty_program, "print")
 
 
@@ -92,7 +92,7 @@ def test_a_refusal_to_prepare_ends_as_unsupported(faulty_program: Path) -> None:
 def test_files_that_are_no_program_are_refused_with_the_remedy(faulty_program: Path, tmp_path: Path) -> None:
     text = tmp_path / "text"
     text.write_text("no program")
-    with pytest.raises(SolverError, match=r"may not be executed; run chmod \+x"):
+    with pytest.raises(SolverError, match=r"is not executable; run chmod \+x"):
         create(f"Executable({text})")
     text.chmod(0o700)
     with pytest.raises(SolverError, match="cannot be started: Exec format error; build it for this machine"):

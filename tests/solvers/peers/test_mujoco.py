@@ -85,7 +85,7 @@ def test_rolling_friction_and_large_problems_are_refused() -> None:
     laws = Laws.contacts(0.5, 3, 1).with_rolling(0.01, 1)
     rolling = ContactProblem.from_delassus(np.eye(4), np.zeros(4), laws=laws)
     assert MuJoCo().supports(rolling) == (
-        "MuJoCo has one bound for sliding and rolling friction, and this problem has two"
+        "MuJoCo has one bound for sliding and rolling friction, but this problem has two"
     )
     assert "dense matrices" in str(MuJoCo().supports(load("funnel-1000")))
 

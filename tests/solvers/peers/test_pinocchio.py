@@ -52,7 +52,7 @@ def test_units_of_mass_and_length_change_nothing(name: str) -> None:
     [
         (
             "funnel-planar-30",
-            "only contacts with spatial Coulomb friction, and the laws are planar friction, unilateral",
+            "only contacts with spatial Coulomb friction, but the laws are planar friction, unilateral",
         ),
         ("funnel-frictionless-30", "only contacts with spatial Coulomb friction"),
         ("hard-tresca-joint", "Pinocchio"),

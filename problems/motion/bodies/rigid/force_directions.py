@@ -1,4 +1,4 @@
-"""Force directions of contacts between rigid bodies, written straight into pieces."""
+"""Force directions of contacts between rigid bodies, written directly into pieces."""
 
 import numpy as np
 from numba import njit
@@ -14,7 +14,7 @@ ROLLING_LANES = ((), (0,), (1, 2), (1, 2, 0))
 
 
 def force_directions(contacts: ContactSet, poses: FloatArray, n_linear: int, n_rolling: int) -> Pieces:
-    """Return W of contacts: the relative velocity of each contact point, row by row, then that of rotation.
+    """Return W of contacts, with rows of the velocity of each contact point, then rows of its angular velocity.
 
     γ_d = d·(v_i + ω_i × r_i − v_j − ω_j × r_j) for d = N, T1, T2, and ω_d = d·(ω_i − ω_j), with n from j to i.
 
@@ -33,7 +33,7 @@ def force_directions(contacts: ContactSet, poses: FloatArray, n_linear: int, n_r
 
 @njit(cache=True)
 def _force_directions(first, second, points, normals, centres, rotations, n_linear, turning):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and values of W in pairs of pieces; that of a fixed body is zero on the idle chunk."""
+    """Return starts, chunks and values of W in pairs of pieces; that of a fixed body is zero, on the idle chunk."""
     n_contacts, n_bodies, width = len(first), len(centres), n_linear + len(turning)
     chunks = np.full(2 * n_contacts, n_bodies, dtype=np.int64)
     values = np.zeros((2 * n_contacts, width, 6))

@@ -1,14 +1,14 @@
-"""Joints between rigid bodies: what they hold together, their limits, friction and motors, and the rows of W.
+"""Joints between rigid bodies: constraints, limits, friction and motors, and their rows of W.
 
 A ball joint holds three distances along axes at zero, a revolute joint these and two orientations, a prismatic one two
 distances and three orientations, a fixed one three of each, and a distance joint holds |d| at its length; see
-``joint_rows``. Joints hold on velocities; a stepper with a depth takes the drift of positions out
-(``stepping.position_projection``). Beside what a joint holds,
+``joint_rows``. Joints constrain velocities; a stepper with a depth removes the drift of positions
+(``stepping.position_projection``). In addition to its constraints,
 
-    limits      s ≥ s_min and s ≤ s_max, gaps of unilateral laws that are active while g(q_M) < 0, as those of contacts
+    limits      s ≥ s_min and s ≤ s_max, gaps of unilateral laws that are active while g(q_M) < 0, like contacts
     a rope      |d| ≤ length, likewise
     friction    −ξ ∈ N_[−aΔt, aΔt](Λ) with ξ = ṡ: a force of at most a against ṡ
-    a motor     the same with ξ = ṡ − w: a force of at most a until the joint moves with its target speed w
+    a motor     the same with ξ = ṡ − w: a force of at most a until ṡ has the target speed w
 
 act on the coordinate s of the joint, the angle of a revolute joint or the displacement of a prismatic one.
 """
@@ -57,14 +57,14 @@ class Joint:
         first: index of a body.
         second: index of the other one, or ``WORLD``.
         first_point: the point of the first body [m], in its body axes.
-        second_point: the point of the second one.
+        second_point: the point of the second body, likewise.
         axis: direction of a revolute or prismatic joint, of any length, in the body axes of the second one.
-        rotation: a unit quaternion that turns vectors from the first body's axes into the second's where a prismatic
-            or fixed joint closes, and where the angle of a revolute joint is 0.
+        rotation: a unit quaternion that maps vectors from the first body's axes to the second's when a prismatic or
+            fixed joint is closed, and when the angle of a revolute joint is 0.
         length: length of a distance joint or of a rope [m].
         friction: largest moment [N m] of friction about the axis of a revolute joint, largest force [N] along that of
             a prismatic one.
-        limits: least and largest angle of a revolute joint [rad], by which its first body has turned in the second, or
+        limits: smallest and largest rotation angle of the first body in the second at a revolute joint [rad], or
             displacement of a prismatic one [m]; None for no limits.
         restitution: ε at the limits, or of a rope that tightens.
         motor_speed: target speed of the motor of a revolute [rad/s] or prismatic joint [m/s].
@@ -72,7 +72,7 @@ class Joint:
 
     Raises:
         ProblemError: for an unknown kind, a point that is not finite, an axis or a length that vanishes, a rotation
-            that is not a unit quaternion, a number out of range, or friction, limits or a motor where there is no axis.
+            that is not a unit quaternion, a number out of range, or friction, limits or a motor without an axis.
     """
 
     kind: Kind
@@ -141,10 +141,10 @@ class RigidJoints:
 
     Attributes:
         joints: the joints, in the order of their rows.
-        n_bodies: number of bodies that move.
-        restitution: ε of what joints hold at zero, Wᵀ (u_E + ε u_B) = 0. With 1 the midpoint rule has order 2 and
-            joints do no work; a stepper with a depth removes the error of Wᵀ u at the end of each step, others let it
-            grow. With 0 the order is 1, and energy is lost.
+        n_bodies: number of moving bodies.
+        restitution: ε of the constraints, Wᵀ (u_E + ε u_B) = 0. With 1 the midpoint rule has order 2 and
+            joints do no work; a stepper with a depth removes the error of Wᵀ u at the end of each step, other steppers
+            let it grow. With 0 the order is 1, and energy is lost.
 
     Raises:
         ProblemError: if a joint names a body that does not exist, or joins a body to itself, or restitution is outside
@@ -169,7 +169,7 @@ class RigidJoints:
 
     @property
     def pairs(self) -> IntArray:
-        """The bodies that are joined to each other, other than by a rope, first < second, shape (n, 2)."""
+        """Pairs of bodies connected by a joint other than a rope, first < second, shape (n, 2)."""
         joined = [
             sorted((joint.first, joint.second))
             for joint in self.joints
@@ -178,7 +178,7 @@ class RigidJoints:
         return np.array(joined, dtype=np.int64).reshape(-1, 2)
 
     def residual(self, poses: FloatArray) -> FloatArray:
-        """Return what the joints hold at zero [m or rad], shape (n_rows,), at poses of shape (n, 7)."""
+        """Return the residual of the constraints [m or rad], shape (n_rows,), at poses of shape (n, 7)."""
         return np.array([row.value for joint in self.joints for row in _held(joint, _pair(joint, poses))])
 
     def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
@@ -194,8 +194,8 @@ class RigidJoints:
     def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
         """Return rows, laws and W at poses of shape (n, 7), for a step of ``seconds``.
 
-        Friction and motor of a joint follow what it holds, bounded by a force times the step. Limits and ropes with a
-        gap below ``margin`` follow all joints.
+        Friction and motor of a joint, bounded by a force times the step, follow its constraints. Limits and ropes with
+        a gap below ``margin`` follow all joints.
         """
         rows: list[_LawRow] = []
         keys, gaps, counts = [], [], []
@@ -231,7 +231,7 @@ class RigidJoints:
         """Check that all joints close, and that none is beyond a limit.
 
         Raises:
-            ProblemError: for the joint that misses by most, if that is more than ``MAX_CLOSING_ERROR``.
+            ProblemError: for the joint with the largest error, if it exceeds ``MAX_CLOSING_ERROR``.
         """
         pairs = [_pair(joint, poses) for joint in self.joints]
         errors = [
@@ -241,7 +241,7 @@ class RigidJoints:
         if max(errors, default=0.0) > MAX_CLOSING_ERROR:
             worst = int(np.argmax(errors))
             raise ProblemError(
-                f"joint {worst} does not close at the start: it misses by {errors[worst]:.3g} m or rad; correct its "
+                f"joint {worst} does not close at the start: its error is {errors[worst]:.3g} m or rad; correct its "
                 "points and axes, or the poses of its bodies."
             )
         beyond = [-min((row.value for row in _gaps(joint, _pair(joint, poses))), default=0.0) for joint in self.joints]
@@ -283,7 +283,7 @@ class RigidJoints:
 
 @dataclass(frozen=True, eq=False)
 class _LawRow:
-    """A row with its law: its fixed bound [N s or N m s], its ε, and the speed at which it counts as at rest."""
+    """A row with its law: its fixed bound [N s or N m s], its ε, and the speed that counts as rest."""
 
     joint: Joint
     row: JointRow

@@ -12,17 +12,17 @@ from ....errors import ProblemError
 
 @dataclass(frozen=True, eq=False)
 class MaterialPairs:
-    """A coefficient for each pair of materials, which a system takes as its friction or its restitution.
+    """Coefficients by pairs of materials, which a system accepts as its friction or restitution.
 
     ``MaterialPairs(("steel", "steel", "wood"), {("steel", "steel"): 0.15, ("steel", "wood"): 0.4}, n_fixed=1)``
 
     Attributes:
         materials: the material of each body, fixed ones last.
-        coefficients: of each pair of materials, in either order.
-        n_fixed: number of fixed bodies, which touch no other fixed one.
+        coefficients: coefficient of each pair of materials, in either order.
+        n_fixed: number of fixed bodies, which do not touch each other.
 
     Raises:
-        ProblemError: if a coefficient is not finite or negative, or two bodies make a pair that has none.
+        ProblemError: if a coefficient is negative or not finite, or a pair of bodies has none.
     """
 
     materials: Sequence[str]
@@ -43,12 +43,12 @@ class MaterialPairs:
         """Check the number of materials of the coefficient ``name`` of a system.
 
         Raises:
-            ProblemError: if it is not ``n_bodies``, the number of all bodies, fixed ones included.
+            ProblemError: if it is not ``n_bodies``, the number of all bodies, including fixed ones.
         """
         if len(self.materials) != n_bodies:
             raise ProblemError(
                 f"{name} names the materials of {len(self.materials)} bodies, but there are {n_bodies}; give one "
-                "material a body, those of fixed bodies last."
+                "material per body, those of fixed bodies last."
             )
 
     @cached_property

@@ -1,6 +1,6 @@
-"""Orientations of rigid bodies: unit quaternions (w, x, y, z), which turn vectors in body axes into world axes.
+"""Orientations of rigid bodies: unit quaternions (w, x, y, z), which map vectors from body axes to world axes.
 
-A body that turns with the angular velocity ω [rad/s], in body axes, for s seconds goes from q to q ⊗ exp(s ω/2).
+A body that rotates with the angular velocity ω [rad/s], in body axes, for s seconds moves from q to q ⊗ exp(s ω/2).
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 """The orientation whose body axes are the world axes."""
 
 UNIT = 1e-6
-"""Difference from 1 up to which the length of a quaternion counts as 1."""
+"""Tolerated deviation of the length of a quaternion from 1."""
 
 
 def check_orientation(what: str, quaternion: Sequence[float]) -> None:
-    """Raise ``ProblemError``, which names ``what``, unless it is a quaternion of unit length, to 1e-6."""
+    """Raise ``ProblemError``, which names ``what``, unless the quaternion has unit length to 1e-6."""
     if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT:
         raise ProblemError(
             f"{what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its length."
@@ -56,7 +56,7 @@ def about(axis: tuple[float, float, float], angle: float) -> FloatArray:
 def rotation_matrices(quaternions: FloatArray) -> FloatArray:
     """Return the rotations from body to world axes, shapes (n, 4) and (n, 3, 3).
 
-    Quaternions need not have the length 1: extrapolated ones miss it by the error of a step.
+    Quaternions need not have length 1: extrapolated ones deviate from it by the error of a step.
     """
     matrices: FloatArray = _rotation_matrices(np.ascontiguousarray(quaternions, dtype=np.float64))
     return matrices
@@ -83,8 +83,8 @@ def free_spins(
     """Return ω_F = ω_E − J⁻¹ p, by the implicit midpoint rule on Euler's equations with the angular impulses p.
 
     J (ω_E − ω_B) = −Δt ω_m × J ω_m + p with ω_m = (ω_B + ω_E)/2. Multiplied by ω_m, the gyroscopic moment vanishes: it
-    does no work, whatever p is. Without p, multiplied by J ω_m, it vanishes as well: ½ ωᵀJω and |Jω| stay as they are,
-    and ω_F is ω_E. Where p has the error O(Δt²), ω_F has the error O(Δt³).
+    does no work, whatever p is. Without p, multiplied by J ω_m, it vanishes as well: ½ ωᵀJω and |Jω| are conserved,
+    and ω_F is ω_E. If p has the error O(Δt²), ω_F has the error O(Δt³).
 
     Args:
         spins: ω_B in body axes [rad/s], shape (n, 3).
@@ -160,7 +160,7 @@ def _moved(position, velocity, seconds):  # type: ignore[no-untyped-def]
 
 
 MAX_NEWTON_STEPS = 20
-"""Most Newton steps of one free rotation; a step that turns a body by less than a radian takes four."""
+"""Largest number of Newton steps per free rotation; a rotation by less than a radian takes four."""
 
 
 @njit(cache=True)

@@ -12,26 +12,26 @@ from ....arrays import FloatArray, IntArray
 from ....errors import ProblemError
 
 MAX_FACES = 64
-"""Most faces of a polyhedron."""
+"""Largest number of faces of a polyhedron."""
 
 MAX_CORNERS = 32
-"""Most corners of a face."""
+"""Largest number of corners of a face."""
 
 ALIKE = 1e-9
-"""Length over the size of a polyhedron, and angle, below which points, faces and directions count as one."""
+"""Tolerance for equal points, faces and directions: length divided by the size of a polyhedron, or angle."""
 
 FLATNESS = 1e-4
-"""Length over the size of a polyhedron by which corners may be off a face; triangles are united to 3e-5."""
+"""Tolerated distance of corners from their face divided by the size; triangles are merged to 3e-5."""
 
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
-    """A convex polyhedron; ``convex_polyhedron`` makes one from its corners.
+    """A convex polyhedron; ``convex_polyhedron`` creates one from its corners.
 
     Attributes:
         vertices: corners in body axes [m], shape (n, 3).
         faces: corners of each face, counter-clockwise seen from outside.
-        volume: [m³].
+        volume: volume [m³].
         inertia: principal moments of inertia for a density of 1 [m⁵], shape (3,).
 
     Raises:
@@ -61,7 +61,7 @@ class Polyhedron:
 
     @cached_property
     def bounding_radius(self) -> float:
-        """Radius of the sphere about the centre of mass that holds the shape [m]."""
+        """Radius of the sphere about the centre of mass that contains the shape [m]."""
         return float(np.linalg.norm(self.vertices, axis=1).max())
 
     @cached_property
@@ -78,7 +78,7 @@ class Polyhedron:
 
 
 def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
-    """Return a homogeneous convex polyhedron and its pose: where its corners are the given points.
+    """Return a homogeneous convex polyhedron and the pose at which its corners are the given points.
 
     Args:
         points: corners [m], shape (n, 3), in any order.
@@ -102,7 +102,7 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
     inside = np.setdiff1d(np.arange(len(corners)), hull.vertices)
     if len(inside):
         raise ProblemError(
-            f"point {inside[0]} of a polyhedron is not a corner of the convex hull; leave it out, or divide the body."
+            f"point {inside[0]} of a polyhedron is not a corner of the convex hull; omit it, or divide the body."
         )
     faces = _faces(corners, hull)
     if len(faces) > MAX_FACES or max(map(len, faces)) > MAX_CORNERS:
@@ -116,7 +116,7 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
 
 
 def _faces(corners: FloatArray, hull: ConvexHull) -> tuple[tuple[int, ...], ...]:
-    """Return the faces of a hull, triangles in one plane united, each counter-clockwise seen from outside."""
+    """Return the faces of a hull, with coplanar triangles merged, each counter-clockwise seen from outside."""
     size = np.ptp(corners, axis=0).max()
     scaled = hull.equations / np.array([1.0, 1.0, 1.0, size])
     faces: list[tuple[int, ...]] = []
@@ -141,7 +141,7 @@ def _mass_properties(corners: FloatArray, faces: tuple[tuple[int, ...], ...]) ->
     """Return volume, centre of mass and tensor of inertia about it, for a density of 1, as a sum over tetrahedra."""
     middle = corners.mean(axis=0)
     triangles = [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
-    edges = corners[np.array(triangles)] - middle  # from the apex that all tetrahedra share
+    edges = corners[np.array(triangles)] - middle  # relative to the common apex of all tetrahedra
     volumes = np.linalg.det(edges) / 6.0
     volume = float(volumes.sum())
     centre = np.einsum("t,tij->j", volumes, edges) / (4.0 * volume)

@@ -1,10 +1,10 @@
 """Systems of rigid bodies of any shape, among fixed ones.
 
-    q = (x, quaternion)   7 numbers a body: the centre of mass, and the rotation of its principal axes
-    u = (v, ω)            6 numbers a body: v in world axes, ω in body axes, so that M is constant and diagonal
+    q = (x, quaternion)   7 numbers per body: the centre of mass, and the rotation of its principal axes
+    u = (v, ω)            6 numbers per body: v in world axes, ω in body axes, so that M is constant and diagonal
 
-A contact has the row N, with friction T1 and T2 too, and after them the axes of rolling friction. Contacts are written
-straight into W in pieces, two bodies a contact or one; where there are joints, their rows follow those of the contacts.
+A contact has the row N, with friction also T1 and T2, then the axes of rolling friction. Contacts are written directly
+into W in pieces, one or two bodies per contact. Rows of joints follow those of the contacts.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,10 +37,10 @@ class FixedBody:
     Attributes:
         shape: its shape.
         centre: the origin of its body axes [m].
-        orientation: their rotation, a unit quaternion.
+        orientation: rotation of its body axes, a unit quaternion.
 
     Raises:
-        ProblemError: if a number is not finite, or the quaternion not of unit length.
+        ProblemError: if a number is not finite, or the quaternion has not unit length.
     """
 
     shape: Shape
@@ -55,7 +55,7 @@ class FixedBody:
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """The rows of all joints at one position, and those of the limits that are reached.
+    """The rows of all joints at one position, and of the limits that are reached.
 
     Attributes:
         keys: identity of each joint and limit, from 0, ascending, shape (n,).
@@ -77,11 +77,11 @@ class JointRows:
 
 
 class Joints(Protocol):
-    """What the system asks of its joints; poses are (x, quaternion), shape (n, 7)."""
+    """The interface of joints to the system; poses are (x, quaternion), shape (n, 7)."""
 
     @property
     def pairs(self) -> IntArray:
-        """The bodies that are joined, first < second, which do not touch each other, shape (n, 2)."""
+        """Pairs of joined bodies, first < second, which do not touch each other, shape (n, 2)."""
         ...
 
     def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
@@ -93,7 +93,7 @@ class Joints(Protocol):
         ...
 
     def residual(self, poses: FloatArray) -> FloatArray:
-        """Return what the joints hold at zero [m or rad]."""
+        """Return the residual of the joints [m or rad]."""
         ...
 
     def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
@@ -107,27 +107,27 @@ class Joints(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RigidBodies:
-    """Rigid bodies, fixed ones, and the effects on them; ``scenes.effects`` adds an effect.
+    """Moving and fixed rigid bodies, and the effects on them, which ``scenes.effects`` adds.
 
     Attributes:
-        shapes: one a body.
+        shapes: shape of each moving body.
         masses: m [kg], shape (n,).
-        fixed: bodies without degrees of freedom; they count on after the others.
+        fixed: bodies without degrees of freedom; their indices follow those of the moving ones.
         inertias: principal moments J [kg m²], shape (n, 3); those of homogeneous bodies if None.
         accelerations: accelerations of the centres by forces other than contact forces.
-        potentials: potential energy of each of ``accelerations``, None where it is not known.
-        friction: μ of all contacts, or keys of pairs of bodies ↦ μ of each; None for contacts without friction.
-        restitution_normal: ε_N of all contacts, or keys of pairs ↦ ε_N of each.
+        potentials: potential energy of each of ``accelerations``, None if it is not known.
+        friction: μ of all contacts, or a function of the keys of pairs of bodies; None for no friction.
+        restitution_normal: ε_N of all contacts, or a function of the keys of pairs of bodies.
         restitution_tangential: ε_T of all contacts.
         rolling_friction: μ_r [m] of all contacts.
         rolling_axes: rows of rolling friction: 0 none, 1 spinning about the normal, 2 rolling, 3 both with one bound.
-        is_gyroscopic: whether ω × Jω turns the axis of rotation; else ω stays in body axes unless a moment acts.
+        is_gyroscopic: whether ω × Jω acts; otherwise ω is constant in body axes unless another moment acts.
         joints: joints between bodies; bodies that are joined do not touch each other.
         margin: gap [m] below which contacts are active; 0 in motion.
 
     Raises:
-        ProblemError: if arrays are of unequal length, a body that moves is unbounded, a mass or a moment of inertia is
-            not positive, no body has such moments, a coefficient is out of range, or materials are not one a body.
+        ProblemError: if arrays have unequal lengths, a moving body is unbounded, a mass or a moment of inertia is not
+            positive, no body can have such moments, a coefficient is out of range, or materials are missing.
     """
 
     shapes: Sequence[Shape]
@@ -148,7 +148,7 @@ class RigidBodies:
     def __post_init__(self) -> None:
         masses = np.ascontiguousarray(self.masses, dtype=np.float64)
         if masses.shape != (len(self.shapes),) or not (masses > 0).all() or not np.isfinite(masses).all():
-            raise ProblemError(f"masses must be {len(self.shapes)} positive numbers, one a shape.")
+            raise ProblemError(f"masses must be {len(self.shapes)} positive numbers, one per shape.")
         object.__setattr__(self, "masses", masses)
         for body, shape in enumerate(self.shapes):
             if shape.bounding_radius == np.inf:
@@ -195,17 +195,17 @@ class RigidBodies:
 
     @property
     def n_bodies(self) -> int:
-        """Number of bodies that move."""
+        """Number of moving bodies."""
         return len(self.masses)
 
     @property
     def linear_rows(self) -> int:
-        """Rows of a contact for velocities: 1 without friction, else 3."""
+        """Number of velocity rows of a contact: 1 without friction, else 3."""
         return 1 if self.friction is None else 3
 
     @property
     def rows_per_contact(self) -> int:
-        """Rows of one contact."""
+        """Number of rows of one contact."""
         return self.linear_rows + self.rolling_axes
 
     @cached_property
@@ -228,12 +228,12 @@ class RigidBodies:
 
     @cached_property
     def radii(self) -> FloatArray:
-        """Bounding radii [m] of all bodies, fixed ones after the others."""
+        """Bounding radii [m] of all bodies, fixed ones last."""
         return np.array([shape.bounding_radius for shape in self._all_shapes])
 
     @cached_property
     def thicknesses(self) -> FloatArray:
-        """Diameters [m] of the largest spheres inside all bodies, fixed ones after the others."""
+        """Diameters [m] of the largest spheres inside all bodies, fixed ones last."""
         return np.array([shape.thickness for shape in self._all_shapes])
 
     @cached_property
@@ -261,7 +261,7 @@ class RigidBodies:
         return replace(self, margin=margin)
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        """Return the bodies moved along v and turned by ω; quaternions stay of unit length."""
+        """Return the bodies moved along v and rotated by ω, with unit quaternions."""
         return moved(position, velocity, seconds)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
@@ -310,12 +310,12 @@ class RigidBodies:
         return Overlaps(np.concatenate([found.gap, limit_gap]), normals, self.inverse_mass, joined)
 
     def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
-        """Return the contacts with a gap of less than ``margin`` [m], ordered by bodies and feature."""
+        """Return the contacts with a gap below ``margin`` [m], sorted by bodies and feature."""
         everything = np.concatenate([poses, self._fixed_poses])
         return find_contacts(self._all_shapes, everything, self._near_pairs(everything[:, :3], margin), margin)
 
     def _near_pairs(self, centres: FloatArray, margin: float) -> IntArray:
-        """Return the pairs whose bounding spheres are closer than ``margin``, by first, then second body."""
+        """Return the pairs whose bounding spheres are closer than ``margin``, sorted by first, then second body."""
         n = self.n_bodies
         near = [overlapping_pairs(centres[:n], self.radii[:n] + 0.5 * margin)]
         for body in range(n, len(centres)):
@@ -329,7 +329,7 @@ class RigidBodies:
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def keys_of(self, found: ContactSet) -> IntArray:
-        """Return the keys of contacts, as in ``assemble``."""
+        """Return the keys of contacts that ``assemble`` uses."""
         return self._keys.encode(found.first, found.second, found.feature)
 
     def _active_contacts(self, poses: FloatArray) -> ActiveContacts | None:
@@ -355,7 +355,7 @@ class RigidBodies:
         return self._keys.n_bodies**2 * self._keys.n_features
 
     def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts | None:
-        """Return the contacts with the rows of the joints after theirs."""
+        """Return the contacts followed by the rows of the joints."""
         counts, rebound, drive = joints.row_counts, joints.restitution, joints.drive
         if not len(counts):
             return contacts
@@ -378,7 +378,7 @@ class RigidBodies:
 
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
-        """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
+        """The function q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
         known = known_potential(self.potentials, len(self.accelerations))
         return None if known is None else lambda position: known(self.centres(position), self.masses)
 

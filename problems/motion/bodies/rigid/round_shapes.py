@@ -1,4 +1,4 @@
-"""Round shapes of rigid bodies: spheres, capsules and cylinders; the axis is z of the body axes."""
+"""Round shapes of rigid bodies: spheres, capsules and cylinders; their axis is the z axis of the body."""
 
 from dataclasses import dataclass
 from math import hypot, isfinite, pi
@@ -37,7 +37,7 @@ class Sphere:
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere about the centre of mass that holds the shape [m]."""
+        """Radius of the sphere about the centre of mass that contains the shape [m]."""
         return self.radius
 
     @property
@@ -81,7 +81,7 @@ class Capsule:
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere about the centre of mass that holds the shape [m]."""
+        """Radius of the sphere about the centre of mass that contains the shape [m]."""
         return self.radius + 0.5 * self.length
 
     @property
@@ -96,7 +96,7 @@ class Cylinder:
 
     Attributes:
         radius: r [m].
-        length: distance of its flat ends [m].
+        length: distance between its flat ends [m].
 
     Raises:
         ProblemError: if a length is not positive and finite.
@@ -121,7 +121,7 @@ class Cylinder:
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere about the centre of mass that holds the shape [m]."""
+        """Radius of the sphere about the centre of mass that contains the shape [m]."""
         return hypot(self.radius, 0.5 * self.length)
 
     @property

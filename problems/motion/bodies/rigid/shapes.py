@@ -45,7 +45,7 @@ class Box:
 
     @property
     def bounding_radius(self) -> float:
-        """Radius of the sphere about the centre of mass that holds the shape [m]."""
+        """Radius of the sphere about the centre of mass that contains the shape [m]."""
         return 0.5 * hypot(*self.size)
 
     @property

@@ -1,4 +1,4 @@
-"""The state in which a motion of rigid bodies may start."""
+"""Checks of the initial state of a motion of rigid bodies."""
 
 import numpy as np
 
@@ -8,22 +8,22 @@ from .orientation import check_orientation
 from .rigid_bodies import RigidBodies
 
 MAX_START_DEPTH = 0.05
-"""Deepest penetration at the start of a motion over the thickness of the thinner body."""
+"""Largest initial penetration divided by the thickness of the thinner body."""
 
 
 def check_start(bodies: RigidBodies, start: State) -> None:
-    """Check that a motion may start: its numbers, that joints close, and that bodies do not penetrate deeply.
+    """Check that numbers are valid, joints close, and bodies do not penetrate deeply.
 
     Raises:
-        ProblemError: for a vector of another length or with NaN, a quaternion not of unit length, the joint that
-            misses by most, or the deepest contact, if it is deeper than ``MAX_START_DEPTH`` times the thickness
+        ProblemError: for a vector of another length or with NaN, a quaternion without unit length, the joint with
+            the largest error, or the deepest contact, if it is deeper than ``MAX_START_DEPTH`` times the thickness
             of the thinner body.
     """
     for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):
         shape = (count * bodies.n_bodies,)
         if np.shape(values) != shape:
             raise ProblemError(
-                f"{name} at the start must have shape {shape}, {count} numbers a body, got {np.shape(values)}."
+                f"{name} at the start must have shape {shape}, {count} numbers per body, got {np.shape(values)}."
             )
         if not np.isfinite(values).all():
             worst = int(np.flatnonzero(~np.isfinite(values))[0]) // count
@@ -42,6 +42,6 @@ def check_start(bodies: RigidBodies, start: State) -> None:
             for body in (int(found.first[worst]), int(found.second[worst]))
         )
         raise ProblemError(
-            f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart, to less than "
+            f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart to less than "
             f"{MAX_START_DEPTH:g} of the thickness of the thinner one."
         )

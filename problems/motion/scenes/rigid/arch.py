@@ -1,12 +1,12 @@
 """A semicircular masonry arch of equal stones on the ground.
 
 The arch stands if it is thick enough, t/R above a limit that depends on its n stones and on μ. With μ > 0.396 it
-collapses by hinges, and the limit rises with n to 0.1074. Below, hinges and sliding mix, up to t/R = 0.2006 at
-μ = 0.309; with less friction no semicircular arch stands, however thick (Cocchetti & Rizzi 2020, *Analytical and
+collapses by hinges, and the limit rises with n to 0.1074. For smaller μ, hinges and sliding mix, up to t/R = 0.2006 at
+μ = 0.309; with less friction no semicircular arch of any thickness stands (Cocchetti & Rizzi 2020, *Analytical and
 numerical analysis on the collapse modes of least-thickness circular masonry arches at decreasing friction*).
 
-Joints are radial, at the angles π k/n. Stones are cut straight from joint to joint. For few of them the limit is a
-little lower than for stones with round faces, whose centres of mass are farther out: 0.0957 and 0.0962 for n = 7.
+Joints are radial, at the angles π k/n. Stones are cut straight from joint to joint. For a few stones the limit is
+slightly lower than for stones with round faces, whose centres of mass are farther out: 0.0957 and 0.0962 for n = 7.
 """
 
 from collections.abc import Sequence
@@ -30,10 +30,10 @@ class Arch(PrismScene):
         thickness: t/R.
         friction: μ of all joints.
         radius: R of the centre line [m].
-        width: along y [m].
-        density: of the stones [kg/m³].
+        width: width along y [m].
+        density: density of the stones [kg/m³].
         gravity: g [m/s²].
-        overlap: depth of every contact at the start over R.
+        overlap: initial depth of each contact divided by R.
 
     Raises:
         ProblemError: if there are fewer than two stones, the thickness is outside (0, 1), or the overlap outside
@@ -70,7 +70,7 @@ class Arch(PrismScene):
         return np.array([-sin(angle), cos(angle)])
 
     def sections(self) -> Sequence[FloatArray]:
-        """Return the stones, which pass each of their joints by half of the overlap."""
+        """Return the stones, which extend beyond each of their joints by half of the overlap."""
         excess = 0.5 * self.overlap * self.radius
         begins = [self.joint(index) - excess * self.normal(index) for index in range(self.stones)]
         ends = [self.joint(index) + excess * self.normal(index) for index in range(1, self.stones + 1)]

@@ -1,4 +1,4 @@
-"""Boxes on a plane and on each other: on an incline, tipping, thrown, and in a stack."""
+"""Boxes on an incline, tipping, thrown, and in a stack."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ def downhill(slope: float) -> FloatArray:
 
 
 def upright(centres: FloatArray) -> FloatArray:
-    """Return the poses of bodies whose axes are those of the world, at centres [m] of shape (n, 3), shape (n, 7)."""
+    """Return the poses, shape (n, 7), of bodies aligned with the world axes, at centres [m] of shape (n, 3)."""
     poses = np.zeros((len(centres), 7))
     poses[:, :3], poses[:, 3] = centres, 1.0
     return poses
@@ -84,16 +84,16 @@ class SlidingBox(ClosedFormScene):
     def check(self) -> None:
         """Raise ``ProblemError`` if a number is out of range, or the box would tip.
 
-        Friction μ N, or what it takes to hold the box, at the base and half the height below the centre is balanced by
-        pressure at the distance μ h/2 from the middle, which must be under the box.
+        Friction μ N, or the friction that holds the box, acts at the base, half the height below the centre. It is
+        balanced by pressure at the distance μ h/2 from the middle, which must be under the box.
         """
         _check_box(self.size, self.slope, self.overlap)
         check_positive(self, "a box", "mass")
         held = min(self.friction, tan(self.slope)) if self.speed == 0.0 else self.friction
         if 0.5 * held * self.size[2] > self.reach:
             raise ProblemError(
-                f"a box of size {self.size} tips when friction of {held:.4g} holds its base; "
-                "lower its friction or its height, or simulate a tipping_box."
+                f"a box of size {self.size} tips if friction of {held:.4g} acts on its base; "
+                "reduce its friction or its height, or simulate a tipping_box."
             )
 
     def system(self) -> RigidBodies:
@@ -111,11 +111,11 @@ class SlidingBox(ClosedFormScene):
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """How far the centre is above its height at the start, normal to the incline."""
+        """The rise of the centre since the start, normal to the incline."""
         return (Observable("lift", self.lift, label="lift [m]", head="lift"),)
 
     def lift(self, state: State) -> float:
-        """Return how far the centre is above its height at the start, normal to the incline [m]."""
+        """Return the rise of the centre since the start, normal to the incline [m]."""
         return float(state.position[:3] @ upward(self.slope)) - 0.5 * self.size[2] + self.overlap
 
 
@@ -208,7 +208,7 @@ class TippingBox:
         if self.holding_friction > self.friction:
             raise ProblemError(
                 f"friction of a tipping box must be at least {self.holding_friction:.4g} to hold its lower edge, got "
-                f"{self.friction}; raise it, or simulate a box_on_incline."
+                f"{self.friction}; increase it, or simulate a box_on_incline."
             )
 
     @property
@@ -266,16 +266,16 @@ class TippingBox:
 
 @dataclass(frozen=True)
 class BoxStack(ClosedFormScene):
-    """Equal boxes one upon the other, at rest on level ground; their masses grow or fall from below by equal factors.
+    """A stack of boxes of equal size, at rest on level ground; each mass is the same multiple of the one below.
 
     Attributes:
         n_boxes: number of boxes.
-        ratio: mass of the heaviest box over that of the lightest.
-        heavy_on_top: whether masses grow upwards.
+        ratio: mass of the heaviest box divided by that of the lightest.
+        heavy_on_top: whether masses increase upwards.
         friction: μ, or None for contacts without friction.
         overlap: depth of every contact at the start [m].
         size: edge lengths of a box [m].
-        mass: that of the lightest box [kg].
+        mass: mass of the lightest box [kg].
         gravity: g [m/s²].
 
     Raises:
@@ -299,7 +299,7 @@ class BoxStack(ClosedFormScene):
 
     @property
     def masses(self) -> FloatArray:
-        """Masses from below [kg], shape (n_boxes,)."""
+        """Masses from the lowest box up [kg], shape (n_boxes,)."""
         growing = self.mass * self.ratio ** np.linspace(0.0, 1.0, self.n_boxes)
         return growing if self.heavy_on_top else growing[::-1]
 
@@ -311,17 +311,17 @@ class BoxStack(ClosedFormScene):
         return rigid_bodies([Box(self.size)] * self.n_boxes, self.masses, [incline(0.0)], effects)
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: it stays as it is."""
+        """Return the state at ``time`` [s]: the boxes stay at rest."""
         centres, below = np.zeros((self.n_boxes, 3)), np.arange(self.n_boxes)
         centres[:, 2] = (below + 0.5) * self.size[2] - (below + 1) * self.overlap
         return State(time, upright(centres).ravel(), np.zeros(6 * self.n_boxes))
 
     def drift(self, state: State) -> float:
-        """Return the largest distance of a centre from its place at the start [m]."""
+        """Return the largest displacement of a centre from the start [m]."""
         way = (state.position - self.exact(0.0).position).reshape(-1, 7)[:, :3]
         return float(np.linalg.norm(way, axis=1).max())
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """The largest distance of a box from its place."""
+        """The largest displacement of a box from the start."""
         return (Observable("drift", self.drift, label="drift [m]", head="drift"),)

@@ -1,7 +1,7 @@
-"""A house of cards: storeys of leaning pairs, with a card laid from pair to pair.
+"""A house of cards: storeys of leaning pairs, with a level card between adjacent pairs.
 
-A pair of thin cards that lean by α stands with μ ≥ tan α/2. Load on top of it raises the limit towards tan α, so that
-the lowest storey decides how much friction a house needs; ``equilibrium.least_friction`` finds it.
+A pair of thin cards that lean by α stands with μ ≥ tan α/2. A load on top raises the limit towards tan α, so that
+the lowest storey determines how much friction a house needs; ``equilibrium.least_friction`` computes it.
 """
 
 from collections.abc import Sequence
@@ -18,21 +18,21 @@ from .prisms import PrismScene
 
 @dataclass(frozen=True)
 class CardHouse(PrismScene):
-    """A house of cards in the plane (x, z), with one pair less in each storey than in the one below.
+    """A house of cards in the plane (x, z), with one pair fewer in each storey than in the one below.
 
     Leaning cards are cut level at foot and head, and upright where the two of a pair meet, so that faces touch faces.
-    Pairs come first, from left to right and from below, the left card before the right one; then the level cards.
+    Pairs come first, from left to right and from the lowest storey up, the left card first; then the level cards.
 
     Attributes:
         storeys: k.
         lean: α of a leaning card from the vertical [rad].
         friction: μ of all contacts.
-        length: of a card [m].
-        thickness: of a card [m].
-        width: of a card along y [m].
-        density: of the cards [kg/m³].
+        length: length of a card [m].
+        thickness: thickness of a card [m].
+        width: width of a card along y [m].
+        density: density of the cards [kg/m³].
         gravity: g [m/s²].
-        overlap: depth of every contact at the start [m].
+        overlap: initial depth of each contact [m].
 
     Raises:
         ProblemError: if there is no storey, a length is not positive, or pairs would not fit beside each other.
@@ -57,7 +57,7 @@ class CardHouse(PrismScene):
                 f"overlap of a house of cards must be below a tenth of its thickness, got {self.overlap}."
             )
         if self.lean > 0.5 or self.foot + 2.0 * self.base > self.length:
-            raise ProblemError(f"pairs that lean by {self.lean} are too wide for cards of this length; lower the lean.")
+            raise ProblemError(f"pairs that lean by {self.lean} are too wide for cards of this length; lean them less.")
 
     @property
     def base(self) -> float:

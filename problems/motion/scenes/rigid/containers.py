@@ -1,18 +1,18 @@
 """Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
 
 The staves of the drum are bodies, ``HEAVY`` times heavier than a box, on circles about the axis: they move as a ring
-that nothing slows down. The walls at the ends of both containers are planes without friction.
+at constant speed. The walls at the ends of both containers are planes without friction.
 
-Both answers are empirical, and bands rather than limits. The angle of repose of dry grains is between 25 and 45° for
-most, and larger for angular ones than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of
+Both reference results are empirical bands. The angle of repose of most dry grains is between 25 and 45°,
+and larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of
 repose of granular materials*, Powder Technology 330, 397, 2018); the surface in a slowly turning drum is near it.
 
-The flow through a round outlet of the diameter D, of grains of the diameter d and a bulk density ρ, is
+The flow through a round outlet of diameter D, for grains of diameter d and bulk density ρ, is
 
     W = 0.58 ρ √g (D − k d)^(5/2) = 0.58 · 4/π ρ A √(g D_h),      k ≈ 1.4,      A = π (D − k d)²/4
 
 (Beverloo, Leniger & van de Velde, *The flow of granular solids through orifices*, Chem. Eng. Sci. 15, 260, 1961). With
-the hydraulic diameter D_h = 4 A over the perimeter, which is D − k d there and 2 (D − k d) for a long slot of width D
+the hydraulic diameter D_h = 4 A/perimeter, which is D − k d there and 2 (D − k d) for a long slot of width D
 and depth w, the same law is
 
     W = C ρ √g w (D − k d)^(3/2),      C = 0.58 · 4 √2/π = 1.04
@@ -41,28 +41,28 @@ from ..scene import EndingRule, Observable, SceneEnding, check_positive
 from .effects import BodyEffect, rigid_bodies
 
 PITCH = 1.3
-"""Distance of boxes at the start over their edge."""
+"""Initial distance of boxes divided by their edge."""
 
 TILT = 0.15
-"""Largest rotation of a box at the start about each axis [rad]."""
+"""Largest initial rotation of a box about each axis [rad]."""
 
 HEAVY = 1e9
-"""Mass of a stave over that of a box."""
+"""Mass of a stave divided by that of a box."""
 
 STAVES = 24
-"""Staves of a drum."""
+"""Number of staves of a drum."""
 
 GAP = 1e-3
-"""Gap between staves over the inner radius, and between staves and end walls."""
+"""Gap between staves divided by the inner radius; also sets the gap between staves and end walls."""
 
 JAM_SECONDS = 0.5
-"""Time without a box that passes after which a hopper counts as jammed [s]."""
+"""Time without a passing box after which a hopper counts as jammed [s]."""
 
 BEVERLOO = (1.03, 1.4)
 """C and k of a slot."""
 
 PACKING = 0.6
-"""Part of space that a random pile of boxes fills."""
+"""Volume fraction of a random pile of boxes."""
 
 DOWN = (0.0, 0.0, -1.0)
 
@@ -71,12 +71,12 @@ ACROSS = (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True)
 class DrivenRing(Force):
-    """Weight of boxes, and what keeps the bodies after them on circles about the y axis.
+    """Weight of boxes, and the force that keeps the bodies after them on circles about the y axis.
 
     Attributes:
         n_boxes: number of bodies with weight.
         gravity: g [m/s²].
-        speed: angular velocity of the others [rad/s].
+        speed: angular velocity of the other bodies [rad/s].
     """
 
     n_boxes: int
@@ -103,15 +103,15 @@ def lattice(
 ) -> FloatArray:
     """Return poses of boxes on a lattice, filled from its lowest row and its middle, shape (count, 7).
 
-    Each box is turned by a small random rotation.
+    Each box has a small random rotation.
 
     Args:
         count: number of boxes.
-        edge: of a box [m].
-        layers: layers across, along y.
-        seed: of the rotations.
+        edge: edge of a box [m].
+        layers: number of layers along y.
+        seed: seed of the rotations.
         has_room: (x, z) [m] ↦ whether a box with its centre there is inside.
-        lowest: least z of a centre [m].
+        lowest: smallest z of a centre [m].
 
     Raises:
         ProblemError: if the boxes do not fit.
@@ -124,7 +124,7 @@ def lattice(
         if layers * len(sites) >= count or (sites and not any(has_room(x, z) for x in columns.tolist())):
             break
     if layers * len(sites) < count:
-        raise ProblemError(f"{count} boxes do not fit; there is room for {layers * len(sites)}.")
+        raise ProblemError(f"{count} boxes do not fit, only {layers * len(sites)}.")
     poses = np.zeros((count, 7))
     for box in range(count):
         x, z = sites[box // layers]
@@ -153,11 +153,11 @@ class BoxContainer:
         return Box((self.edge, self.edge, self.edge))
 
     def box_friction(self, n_parts: int, n_fixed: int) -> Friction:
-        """Return friction of boxes on each other and on ``n_parts`` parts; the last two of all bodies are end walls.
+        """Return the friction of boxes on each other and on ``n_parts`` parts; the last two bodies are the end walls.
 
         Args:
             n_parts: bodies after the boxes and before the end walls, whether they move or not.
-            n_fixed: bodies without degrees of freedom, with the end walls.
+            n_fixed: bodies without degrees of freedom, including the end walls.
         """
         materials = (*["box"] * (self.n_boxes + n_parts), "end", "end")
         return Friction(MaterialPairs(materials, {("box", "box"): self.friction, ("box", "end"): 0.0}, n_fixed=n_fixed))
@@ -171,12 +171,12 @@ class RotatingDrum(BoxContainer):
         n_boxes: number of boxes.
         speed: angular velocity of the drum [rad/s].
         friction: μ between boxes, and on the staves.
-        edge: of a box [m].
+        edge: edge of a box [m].
         radius: inner radius of the drum [m].
-        layers: layers of boxes along the axis, which give the depth of the drum.
-        density: of boxes [kg/m³].
+        layers: layers of boxes along the axis, which determine the depth of the drum.
+        density: density of boxes [kg/m³].
         gravity: g [m/s²].
-        seed: of the rotations at the start.
+        seed: seed of the initial rotations.
 
     Raises:
         ProblemError: if a number is not positive, the boxes do not fit, or centrifugal forces exceed weight.
@@ -198,7 +198,7 @@ class RotatingDrum(BoxContainer):
     def __post_init__(self) -> None:
         check_positive(self, "a drum", "n_boxes", "speed", "edge", "radius", "layers", "density", "gravity")
         if self.speed**2 * self.radius >= self.gravity:
-            raise ProblemError(f"boxes stick to a drum that turns with {self.speed} rad/s; lower its speed or radius.")
+            raise ProblemError(f"boxes stick to a drum that turns with {self.speed} rad/s; reduce its speed or radius.")
 
     @property
     def _stave(self) -> Box:
@@ -237,7 +237,7 @@ class RotatingDrum(BoxContainer):
     def slope(self, state: State) -> float:
         """Return the angle of the line from the axis to the centre of all boxes against the vertical [degrees].
 
-        It is that of the surface, if this is a plane.
+        It equals the slope of the surface if that is a plane.
         """
         x, _, z = state.position.reshape(-1, 7)[: self.n_boxes, :3].mean(axis=0)
         return float(np.degrees(np.arctan2(-x, -z)))
@@ -254,13 +254,13 @@ class Hopper(BoxContainer):
 
     Attributes:
         n_boxes: number of boxes.
-        outlet: width of the slot over the edge of a box.
+        outlet: width of the slot divided by the edge of a box.
         friction: μ between boxes, and on the wedge.
-        edge: of a box [m].
-        layers: layers of boxes along the slot, which give its length.
-        density: of boxes [kg/m³].
+        edge: edge of a box [m].
+        layers: layers of boxes along the slot, which determine its length.
+        density: density of boxes [kg/m³].
         gravity: g [m/s²].
-        seed: of the rotations at the start.
+        seed: seed of the initial rotations.
 
     Raises:
         ProblemError: if a number is not positive.
@@ -288,7 +288,7 @@ class Hopper(BoxContainer):
 
     @cached_property
     def flow_rate(self) -> float:
-        """Boxes per second by Beverloo's law, with d of the sphere that has the volume of a box; 0 if they jam."""
+        """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if they jam."""
         coefficient, offset = BEVERLOO
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free = max(self.outlet * self.edge - offset * diameter, 0.0)
@@ -322,18 +322,18 @@ class Hopper(BoxContainer):
         return State(0.0, poses.ravel(), np.zeros(6 * self.n_boxes))
 
     def boxes_through(self, state: State) -> int:
-        """Return how many boxes have their centre below the outlet."""
+        """Return the number of boxes whose centres are below the outlet."""
         return int(np.count_nonzero(state.position[2::7] < 0.0))
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """How many boxes are through."""
+        """The number of boxes that have passed the outlet."""
         count = Observable("boxes_through", self.boxes_through, True, "boxes through", "through", "flow rate")
         return (count,)
 
     @property
     def ending(self) -> EndingRule:
-        """It ends when all boxes are through, or none has passed for ``JAM_SECONDS``."""
+        """The simulation ends when all boxes have passed, or none has passed for ``JAM_SECONDS``."""
         return EndingRule(JAM_SECONDS, self._find_ending)
 
     def _find_ending(self, steps: NDArray[np.void]) -> SceneEnding | None:

@@ -6,7 +6,7 @@ apart, and do not slip on the ground, lean by angles with
 
     h sin(θ_{i−1} − θ_i) = p cos θ_i − d,
 
-so that the train moves with one degree of freedom. Without friction between dominoes it keeps its energy between two
+so that the train moves with one degree of freedom. Without friction between dominoes it conserves its energy between
 impacts. At an impact, contact forces do no work on the motion of the longer train, Σ w_j (ω_j⁺ − ω_j⁻) = 0 with
 w_j = ω_j/ω_n. The speed of the wave tends to a limit that is independent of the push. Friction slows the wave (J. M.
 J. van Leeuwen, *The domino effect*, Am. J. Phys. 78, 721, 2010, arXiv:physics/0401018). For thin dominoes, speeds scale
@@ -32,13 +32,13 @@ from .boxes import Size, incline, upright
 from .effects import rigid_bodies
 
 RESTING_DEPTH = 1e-6
-"""Depth [m] of standing dominoes in the ground; see ``scene.RESTING_OVERLAP``. It shortens levers."""
+"""Depth [m] of standing dominoes in the ground; see ``scene.RESTING_OVERLAP``. It reduces levers."""
 
 TRAIN = 40
-"""Impacts after which the speed of the wave counts as its limit."""
+"""Number of impacts after which the speed of the wave counts as its limit."""
 
 ANGLES = 200
-"""Angles between two impacts at which the theory computes the speed of the train."""
+"""Number of angles between two impacts at which the theory computes the speed of the train."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,16 @@ class Dominoes:
 
     Attributes:
         n_dominoes: number of dominoes.
-        spacing: free distance of two dominoes [m].
+        spacing: gap between two dominoes [m].
         push: angular velocity of the first domino [rad/s].
         friction: μ between dominoes.
         ground_friction: μ of dominoes on the ground.
         size: thickness along x, width and height of a domino [m].
-        mass: of a domino [kg].
+        mass: mass of a domino [kg].
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if a number is not positive, a domino falls short of the next one, or the push does not topple
+        ProblemError: if a number is not positive, a domino cannot reach the next one, or the push does not topple
             the first one.
     """
 
@@ -79,23 +79,23 @@ class Dominoes:
         if self.push <= self.toppling_push:
             raise ProblemError(
                 f"push of the first domino must be above {self.toppling_push:.4g} to topple it, got {self.push}; "
-                "raise it."
+                "increase it."
             )
 
     @property
     def pitch(self) -> float:
-        """Distance p of two dominoes [m]."""
+        """Distance p between equal points of adjacent dominoes [m]."""
         return self.spacing + self.size[0]
 
     @property
     def toppling_push(self) -> float:
-        """Least angular velocity of a domino that topples [rad/s]: ½ J ω² lifts its centre above its edge."""
+        """Smallest angular velocity that topples a domino [rad/s]: ½ J ω² lifts its centre above its edge."""
         diagonal = hypot(self.size[0], self.size[2])
         return sqrt(3.0 * self.gravity * (diagonal - self.size[2])) / diagonal
 
     @property
     def hitting_angle(self) -> float:
-        """Angle at which a domino hits the next one while that stands [rad]."""
+        """Angle at which a domino hits the next one, which stands [rad]."""
         return asin(self.spacing / self.size[2])
 
     def system(self) -> RigidBodies:
@@ -118,18 +118,18 @@ class Dominoes:
         return State(0.0, upright(centres).ravel(), twists.ravel())
 
     def angles(self, state: State) -> FloatArray:
-        """Return the angles by which dominoes have turned [rad], shape (n_dominoes,)."""
+        """Return the rotation angles of the dominoes [rad], shape (n_dominoes,)."""
         poses = state.position.reshape(-1, 7)
         turned: FloatArray = 2.0 * np.arctan2(poses[:, 5], poses[:, 3])
         return turned
 
     def front(self, state: State) -> float:
-        """Return how far the wave has come [m]: a domino counts as far as it has turned to the angle of its impact."""
+        """Return the position of the wave [m]; each domino counts by its angle divided by that of its impact."""
         return self.pitch * float(np.clip(self.angles(state) / self.hitting_angle, 0.0, 1.0).sum())
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """The way of the wave."""
+        """The position of the wave."""
         return (Observable("front", self.front, label="front of the wave [m]", head="front", rate="wave speed"),)
 
     @cached_property
@@ -142,12 +142,12 @@ class Dominoes:
         potential = 0.5 * self.gravity * (height * np.cos(angles) + thickness * np.sin(angles))
         head_speed, seconds = self.push, inf  # of the head after an impact; time from it to the next one
         for n in range(1, TRAIN):
-            # n dominoes move; inertia and energies are over the mass
+            # n dominoes move; inertia and energies are divided by the mass
             inertia = moment * (rates[:n] ** 2).sum(axis=0)
             released = (potential[:n, :1] - potential[:n]).sum(axis=0)
             squared = (inertia[0] * head_speed**2 + 2.0 * released) / inertia
             if not (squared > 0.0).all():
-                raise ProblemError("the wave stops, for the push of the first domino is too weak; raise it.")
+                raise ProblemError("the wave stops because the push of the first domino is too weak; increase it.")
             head_speeds = np.sqrt(squared)
             seconds = float(np.trapezoid(1.0 / head_speeds, heads))
             before, after = rates[:n, -1] * head_speeds[-1], rates[: n + 1, 0]
@@ -155,7 +155,7 @@ class Dominoes:
         return self.pitch / seconds
 
     def _train(self, heads: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the angles [rad] and the rates w of a train where its head leans by ``heads`` [rad].
+        """Return the angles [rad] and the rates w of a train whose head leans by ``heads`` [rad].
 
         Returns:
             From the head backwards, shape (TRAIN + 1, len(heads)) each.

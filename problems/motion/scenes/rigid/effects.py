@@ -1,4 +1,4 @@
-"""Effects that only rigid bodies with faces have; those of ``scenes.effects`` act on them as well."""
+"""Effects for rigid bodies only; those of ``scenes.effects`` also apply to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ class RollingResistance:
 
 @dataclass(frozen=True)
 class GyroscopicMoment:
-    """The moment −ω × Jω in body axes, which turns the axis of a free rotation."""
+    """The moment −ω × Jω in body axes, which changes the axis of a free rotation."""
 
     def added_to(self, system: RigidBodies) -> RigidBodies:
         """Return the system with Euler's equations."""

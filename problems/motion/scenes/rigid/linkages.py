@@ -1,4 +1,4 @@
-"""Rods that joints hold together: a pendulum, chains, and a four-bar linkage.
+"""Rods connected by joints: a pendulum, chains, and a four-bar linkage.
 
 All of them move in the plane y = 0. Angles are rotations about the y axis; a rod of angle 0 hangs down from its joint.
 """
@@ -29,7 +29,7 @@ ACROSS = (0.0, 1.0, 0.0)
 """The axis of all revolute joints."""
 
 SLENDERNESS = 0.05
-"""Thickness of a rod over its length."""
+"""Thickness of a rod divided by its length."""
 
 DEPTH = 1e-6
 """Depth [m] to which limits are projected; joints are closed to rounding."""
@@ -48,7 +48,7 @@ def downward(angle: float) -> FloatArray:
 def jointed(
     shapes: Sequence[Shape], masses: FloatArray, joints: Sequence[Joint], gravity: float, restitution: float = 1.0
 ) -> RigidBodies:
-    """Return bodies that joints of ``restitution`` hold together, under gravity."""
+    """Return bodies connected by joints with ``restitution``, under gravity."""
     system = rigid_bodies(shapes, masses, [], [Gravity(gravity)] if gravity else [])
     return replace(system, joints=RigidJoints(joints, len(shapes), restitution))
 
@@ -68,17 +68,17 @@ def opening(system: RigidBodies) -> Observable:
 def swing_modes(
     lengths: FloatArray, offsets: FloatArray, masses: FloatArray, moments: FloatArray, gravity: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return angular frequencies [rad/s], ascending, and angles, one column a mode, of a hanging chain of bodies.
+    """Return ascending angular frequencies [rad/s], and angles with one column per mode, of a hanging chain of bodies.
 
-    The lever a_ki of the angle of body i on the centre of body k is the length of i for i < k, the offset for i = k,
-    and else 0. Small oscillations in the plane have the kinetic energy ½ Σ (Σ_k m_k a_ki a_kj + J_i δ_ij) θ̇_i θ̇_j and
+    The lever a_ki of the centre of body k for the angle of body i is the length of i for i < k, the offset for i = k,
+    else 0. Small oscillations in the plane have the kinetic energy ½ Σ (Σ_k m_k a_ki a_kj + J_i δ_ij) θ̇_i θ̇_j and
     the potential energy ½ Σ g m_k a_ki θ_i².
 
     Args:
-        lengths: from the upper joint of each body to its lower one [m].
-        offsets: from the upper joint of each body to its centre [m].
+        lengths: distances from the upper joint of each body to its lower one [m].
+        offsets: distances from the upper joint of each body to its centre [m].
         masses: m [kg].
-        moments: J about the centre, across the plane [kg m²].
+        moments: J about the centre, about the normal of the plane [kg m²].
         gravity: g [m/s²].
     """
     levers = np.tril(np.tile(lengths, (len(masses), 1)), -1) + np.diag(offsets)
@@ -154,11 +154,11 @@ class Pendulum(ClosedFormScene):
 
 @dataclass(frozen=True)
 class Chain:
-    """Equal rods on ball joints, one below the other, released at rest with all angles equal.
+    """A hanging chain of equal rods on ball joints, released at rest with equal angles.
 
     Attributes:
         n_links: number of rods.
-        angle: that of all rods at the start [rad].
+        angle: initial angle of all rods [rad].
         length: length of a rod [m].
         mass: mass of a rod [kg].
         gravity: g [m/s²].
@@ -180,7 +180,7 @@ class Chain:
 
     @property
     def joints(self) -> list[Joint]:
-        """The joints from above."""
+        """The joints from the top down."""
         top, bottom = (0.0, 0.0, 0.5 * self.length), (0.0, 0.0, -0.5 * self.length)
         lower = [Joint("ball", link, link - 1, top, bottom) for link in range(1, self.n_links)]
         return [Joint("ball", 0, WORLD, top), *lower]
@@ -218,15 +218,15 @@ class Chain:
 class BallOnChain:
     """A heavy ball at the lower end of a light chain, released at rest.
 
-    Under its pull rods oscillate with up to ``highest_frequency`` ω. Directions of joints are taken at an explicit
-    midpoint, so that the motion diverges with steps above 2/ω.
+    Under its weight, rods oscillate with frequencies ω up to ``highest_frequency``. Directions of joints are taken at
+    an explicit midpoint, so that the motion diverges with steps above 2/ω.
 
     Attributes:
         n_links: number of rods.
-        ratio: mass of the ball over that of a rod.
-        angle: that of the chain at the start [rad].
+        ratio: mass of the ball divided by that of a rod.
+        angle: initial angle of the chain [rad].
         length: length of a rod [m].
-        radius: that of the ball [m].
+        radius: radius of the ball [m].
         mass: mass of a rod [kg].
         gravity: g [m/s²].
 
@@ -261,14 +261,14 @@ class BallOnChain:
 
     @property
     def highest_frequency(self) -> float:
-        """Highest angular frequency of small oscillations [rad/s], of rods across the pull of the ball."""
+        """Highest angular frequency of small oscillations [rad/s], of rods transverse to the pull of the ball."""
         every, system = np.ones(self.n_links), self.system()
         lengths, offsets = self.length * np.append(every, 1.0), np.append(0.5 * self.length * every, self.radius)
         return float(swing_modes(lengths, offsets, system.masses, system.moments[:, 1], self.gravity)[0][-1])
 
     @property
     def step_size(self) -> float:
-        """Δt [s], half of that above which the motion diverges, rounded; at most a millisecond."""
+        """Δt [s], half the step above which the motion diverges, rounded; at most a millisecond."""
         return min(1e-3, float(f"{1.0 / self.highest_frequency:.2g}"))
 
     @property
@@ -289,17 +289,17 @@ class FourBar(ClosedFormScene):
     """A crank, a coupler and a rocker on revolute joints, without gravity; the crank starts with an angular velocity.
 
     With the kinetic energy ½ I(θ) θ̇² at the angle θ of the crank, θ̇ = θ̇₀ (I(θ₀)/I(θ))^½. The joints at the ground are
-    at (0, 0) and (base, 0) of the plane. Four revolute joints hold 20 scalars of 18 velocities and leave one free:
-    three of them are redundant.
+    at (0, 0) and (base, 0) of the plane. Four revolute joints impose 20 constraints on 18 velocities and leave one
+    free: three of them are redundant.
 
     Attributes:
-        crank: its length [m].
-        coupler: its length [m].
-        rocker: its length [m].
+        crank: length of the crank [m].
+        coupler: length of the coupler [m].
+        rocker: length of the rocker [m].
         base: distance of the joints at the ground [m].
-        angle: angle of the crank against the base at the start [rad].
-        speed: angular velocity of the crank at the start [rad/s].
-        density: mass over length [kg/m].
+        angle: initial angle between crank and base [rad].
+        speed: initial angular velocity of the crank [rad/s].
+        density: mass per length [kg/m].
 
     Raises:
         ProblemError: if the crank cannot turn fully, or a number is not positive.
@@ -333,7 +333,7 @@ class FourBar(ClosedFormScene):
     def angles(self, crank: float) -> FloatArray:
         """Return the angles of crank, coupler and rocker against the base [rad], shape (3,), by the law of cosines.
 
-        The coupler leads from the end of the crank to that of the rocker, the rocker from its joint at the ground.
+        The coupler points from the end of the crank to that of the rocker, and the rocker from its joint at the ground.
         """
         x, z = self.base - self.crank * cos(crank), -self.crank * sin(crank)
         distance = hypot(x, z)
@@ -350,7 +350,7 @@ class FourBar(ClosedFormScene):
         return np.array([speed, coupler, rocker])
 
     def system(self) -> RigidBodies:
-        """Return crank, coupler and rocker, whose rods lead along their x axes."""
+        """Return crank, coupler and rocker, which are rods along their x axes."""
         a, b, c = (0.5 * length for length in self.lengths)
         joints = [
             Joint("revolute", 0, WORLD, (-a, 0.0, 0.0), axis=ACROSS),
@@ -375,7 +375,7 @@ class FourBar(ClosedFormScene):
         return State(0.0, np.hstack([centres, turns]).ravel(), np.hstack([velocities, spins]).ravel())
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s], to a relative 1e-12: by integration of θ̇ over one angle."""
+        """Return the state at ``time`` [s] by integration of θ̇, to a relative tolerance of 1e-12."""
         system = self.system()
 
         def energy(angle: float) -> float:

@@ -1,4 +1,4 @@
-"""Scenes of prisms across the plane (x, z), each given by its cross-section where it starts."""
+"""Scenes of prisms across the plane (x, z), each given by its initial cross-section."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from .effects import rigid_bodies
 class PrismScene(ABC):
     """Homogeneous prisms at rest on the ground z = 0; subclasses are frozen dataclasses, whose fields are its options.
 
-    Bodies overlap a little where they touch at the start. With less than what the error of a step moves them, contacts
-    would be lost and found again, and the bodies would fall by up to g Δt² each time.
+    Touching bodies overlap slightly at the start. If the overlap were less than the error of a step, contacts would be
+    lost and found again, and the bodies would fall by up to g Δt² each time.
     """
 
     friction: float
@@ -50,7 +50,7 @@ class PrismScene(ABC):
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """How far the centre of a body has moved at most."""
+        """The largest displacement of the centre of a body."""
         return (Observable("moved", self.moved, label="largest displacement [m]", head="moved"),)
 
     def moved(self, state: State) -> float:

@@ -25,7 +25,7 @@ class RollingBody(ClosedFormScene):
 
     Attributes:
         inertia_factor: J/(m r²) about its axis.
-        upright: its orientation at the start.
+        upright: its initial orientation.
         spin_axis: the horizontal direction across the motion in body axes.
     """
 
@@ -47,21 +47,21 @@ class RollingBody(ClosedFormScene):
 
     @property
     def stop_time(self) -> float:
-        """Time at which it comes to rest [s]."""
+        """Time at which the body comes to rest [s]."""
         return self.speed / self.deceleration
 
     def check(self) -> None:
-        """Raise ``ProblemError`` if a number is not positive, or friction does not make it roll."""
+        """Raise ``ProblemError`` if a number is not positive, or friction is too low for rolling."""
         check_positive(self, "a rolling body", "speed", "resistance", "radius", "mass", "gravity")
         if self.friction * self.gravity < self.deceleration:
             least = self.deceleration / self.gravity
             raise ProblemError(
-                f"friction of a rolling body must be at least {least:.4g}, got {self.friction}; raise it."
+                f"friction of a rolling body must be at least {least:.4g}, got {self.friction}; increase it."
             )
 
     @abstractmethod
     def shape(self) -> Shape:
-        """Return its shape."""
+        """Return the shape of the body."""
 
     def system(self) -> RigidBodies:
         """Return the body on the ground z = 0."""
@@ -69,7 +69,7 @@ class RollingBody(ClosedFormScene):
         return rigid_bodies([self.shape()], np.array([self.mass]), [incline(0.0)], effects)
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: uniformly slowed until it rests."""
+        """Return the state at ``time`` [s]: uniform deceleration, then rest."""
         rolling = min(time, self.stop_time)
         way = self.speed * rolling - 0.5 * self.deceleration * rolling**2
         speed = self.speed - self.deceleration * rolling
@@ -92,7 +92,7 @@ class RollingSphere(RollingBody):
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if a number is not positive, or friction does not make it roll.
+        ProblemError: if a number is not positive, or friction is too low for rolling.
     """
 
     speed: float = 1.0
@@ -123,12 +123,12 @@ class RollingCylinder(RollingBody):
         resistance: μ_r [m].
         friction: μ.
         radius: r [m].
-        length: of its axis [m].
+        length: length along its axis [m].
         mass: m [kg].
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if a number is not positive, or friction does not make it roll.
+        ProblemError: if a number is not positive, or friction is too low for rolling.
     """
 
     speed: float = 1.0

@@ -1,14 +1,15 @@
 """A symmetric top that spins on its tip and precesses steadily about the vertical.
 
-With l from the tip to the centre of mass, A about an axis across the top through its tip, C about its own axis, the
-tilt θ, and n the component of the angular velocity along the axis, the precession Ω of constant tilt follows from
+Let l be the distance of the centre of mass from the tip, A the moment of inertia about a transverse axis through the
+tip, C that about its own axis, θ the tilt, and n the angular velocity along the axis. At constant tilt, the precession
+Ω follows from
 
     A cos θ Ω² − C n Ω + m g l = 0,      real for C² n² ≥ 4 A m g l cos θ
 
 (Goldstein, *Classical Mechanics*, section 5.7). The smaller root, about m g l/(C n), is the slow precession.
 
-The midpoint rule follows it with order 2 on a joint. On the ground its order is 1: the tip rests as Wᵀ u_E = 0 with the
-directions of the midpoint, half a step behind u_E.
+The midpoint rule follows it with order 2 on a joint. On the ground its order is 1, because Wᵀ u_E = 0 has
+the directions at the midpoint, half a step before u_E.
 """
 
 from collections.abc import Sequence
@@ -31,7 +32,7 @@ from ..scene import OVERLAP, ClosedFormScene, Observable, check_positive
 from .effects import BodyEffect, GyroscopicMoment, rigid_bodies
 
 SIDES = 12
-"""Sides of the pyramid; its moments of inertia across the axis are all equal, as those of a cone."""
+"""Sides of the pyramid; its transverse moments of inertia are equal, as those of a cone."""
 
 ACROSS = (0.0, 1.0, 0.0)
 
@@ -47,8 +48,8 @@ class SpinningTop(ClosedFormScene):
         tilt: θ, of the axis from the vertical [rad].
         fast: whether it precesses with the larger root Ω.
         friction: μ of the tip on the ground; None for a ball joint at the tip.
-        radius: of the upper face [m].
-        height: of the upper face above the tip [m].
+        radius: radius of the upper face [m].
+        height: height of the upper face above the tip [m].
         mass: m [kg].
         gravity: g [m/s²].
 
@@ -71,7 +72,7 @@ class SpinningTop(ClosedFormScene):
     def __post_init__(self) -> None:
         check_positive(self, "a spinning top", "spin", "tilt", "radius", "height", "mass", "gravity")
         if self.tilt >= 0.5 * pi or self.radius * sin(self.tilt) >= self.height * cos(self.tilt):
-            raise ProblemError(f"the upper face of a top that tilts by {self.tilt} reaches the ground; lower the tilt.")
+            raise ProblemError(f"the upper face of a top that tilts by {self.tilt} reaches the ground; tilt it less.")
         if self.spin < self.least_spin:
             raise ProblemError(
                 f"spin of a top must be at least {self.least_spin:.4g} to precess steadily, got {self.spin}; raise it."
@@ -79,7 +80,7 @@ class SpinningTop(ClosedFormScene):
         if self.friction is not None and self.holding_friction > self.friction:
             raise ProblemError(
                 f"friction of a top must be at least {self.holding_friction:.4g} to hold its tip, got {self.friction}; "
-                "raise it, or choose None for a ball joint."
+                "increase it, or choose None for a ball joint."
             )
 
     @cached_property
@@ -106,13 +107,13 @@ class SpinningTop(ClosedFormScene):
 
     @property
     def least_spin(self) -> float:
-        """Least spin of a steady precession [rad/s]."""
+        """Smallest spin with a steady precession [rad/s]."""
         across, along = self._moments
         return sqrt(4.0 * across * self.mass * self.gravity * self.lever * cos(self.tilt)) / along
 
     @property
     def precession(self) -> float:
-        """Ω [rad/s]."""
+        """Angular velocity Ω of the precession [rad/s]."""
         across, along = self._moments
         a, b, c = across * cos(self.tilt), along * self.spin, self.mass * self.gravity * self.lever
         root = b + sqrt(b * b - 4.0 * a * c)
@@ -120,7 +121,7 @@ class SpinningTop(ClosedFormScene):
 
     @property
     def holding_friction(self) -> float:
-        """Friction over normal force at the tip, l sin θ Ω²/g: the centre of mass moves in a level circle."""
+        """Ratio of friction to normal force at the tip, l sin θ Ω²/g: the centre of mass moves in a level circle."""
         return self.lever * sin(self.tilt) * self.precession**2 / self.gravity
 
     def system(self) -> RigidBodies:

@@ -1,7 +1,7 @@
 """A wall of bricks in running bond, at rest or struck by a ball.
 
 The bricks are dry. They stand with any friction: each one lies level on two others, so that normal forces balance its
-weight, and the equilibrium program agrees at μ = 0. The ball arrives level at the height of the middle of the wall.
+weight, and the equilibrium program confirms this at μ = 0. The ball flies horizontally at half the height of the wall.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ from .boxes import Size, incline, upright
 from .effects import BodyEffect, rigid_bodies
 
 JOINT = 1e-3
-"""Free distance of bricks beside each other over the length of a brick."""
+"""Gap between adjacent bricks of a row divided by the length of a brick."""
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class BrickWall:
     Attributes:
         rows: number of rows.
         columns: number of bricks in a full row.
-        speed: that of the ball along y [m/s]; 0 for a wall without a ball.
+        speed: velocity of the ball along y [m/s]; 0 for a wall without a ball.
         friction: μ of all contacts.
         size: length, thickness and height of a brick [m].
-        radius: that of the ball [m].
-        density: of bricks [kg/m³].
-        ball_density: of the ball [kg/m³].
+        radius: radius of the ball [m].
+        density: density of bricks [kg/m³].
+        ball_density: density of the ball [kg/m³].
         gravity: g [m/s²].
-        overlap: depth of every contact at the start [m].
+        overlap: initial depth of each contact [m].
 
     Raises:
         ProblemError: if there is no brick, a number is not positive, or the overlap is out of range.
@@ -60,11 +60,11 @@ class BrickWall:
         check_positive(self, "a wall", "rows", "columns", "radius", "density", "ball_density", "gravity")
         Box(self.size)
         if not 0.0 <= self.speed < inf:
-            raise ProblemError(f"speed of the ball must not be negative, got {self.speed}; 0 leaves it out.")
+            raise ProblemError(f"speed of the ball must not be negative, got {self.speed}; 0 omits the ball.")
         if not 0.0 <= self.overlap < 0.1 * self.size[2]:
             raise ProblemError(f"overlap of a wall must be below a tenth of the height of a brick, got {self.overlap}.")
         if self.speed and self.radius > self.middle:
-            raise ProblemError("the ball touches the ground at the middle of the wall; lower its radius, or add rows.")
+            raise ProblemError("the ball touches the ground at half the wall's height; reduce its radius, or add rows.")
 
     @property
     def middle(self) -> float:
@@ -72,7 +72,7 @@ class BrickWall:
         return 0.5 * self.rows * self.size[2]
 
     def _bricks(self) -> Iterator[tuple[float, float, float]]:
-        """Yield row, middle and length of each brick over the length of a brick, from below and from the left."""
+        """Yield row, middle and length of each brick in brick lengths, from the bottom left."""
         for row in range(self.rows):
             begin = -0.5 * self.columns
             lengths = [1.0] * self.columns if row % 2 == 0 else [0.5, *[1.0] * (self.columns - 1), 0.5]
@@ -113,5 +113,5 @@ class BrickWall:
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """How far a brick has moved at most."""
+        """The largest displacement of a brick."""
         return (Observable("moved", self.moved, label="largest displacement [m]", head="moved"),)

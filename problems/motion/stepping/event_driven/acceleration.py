@@ -1,4 +1,4 @@
-"""Contact laws on acceleration level: what rules the motion between two events.
+"""Contact laws at acceleration level, which govern the motion between two events.
 
 A closed contact has g = 0 and γ_N = 0. Differentiating these constraints (index 3 and 2) once and twice gives them as
 
@@ -8,12 +8,12 @@ an algebraic system for the forces λ (index 1), and the set-valued laws keep th
 place of velocities (Glocker 2001, *Set-Valued Force Laws*, chapter 5; Pfeiffer & Glocker 1996, chapter 5):
 
     closed contact              −γ̇_N ∈ N_{R₀⁺}(λ_N)                     it stays closed, or opens with λ_N = 0
-    with γ_T = 0                −γ̇_T ∈ N_{[−μ λ_N, μ λ_N]}(λ_T)         it goes on to stick, or begins to slip
-    with γ_T ≠ 0                λ_T = −μ λ_N sign(γ_T)                  it slips; no law of its own
+    with γ_T = 0                −γ̇_T ∈ N_{[−μ λ_N, μ λ_N]}(λ_T)         it continues to stick, or begins to slip
+    with γ_T ≠ 0                λ_T = −μ λ_N sign(γ_T)                  it slips without a further law
     open contact                λ = 0
 
-Sticking and closed contacts are one contact problem in λ and γ̇ with G = Wᵀ M⁻¹ W and c = Wᵀ M⁻¹ h + Ẇᵀ u. A slipping
-contact has a unilateral law alone, whose force acts along w_N − μ sign(γ_T) w_T, and its column of G is not its row.
+Sticking and closed contacts form one contact problem in λ and γ̇ with G = Wᵀ M⁻¹ W and c = Wᵀ M⁻¹ h + Ẇᵀ u. A slipping
+contact has only a unilateral law, whose force acts along w_N − μ sign(γ_T) w_T, so that G is not symmetric.
 """
 
 from dataclasses import dataclass
@@ -27,12 +27,12 @@ from ....contact.problem import ContactProblem
 from ...bodies.system import MechanicalSystem
 
 SINGULAR = 1e-12
-"""Ratio of singular values below which constraints count as redundant, and forces of least norm are taken."""
+"""Ratio of singular values below which constraints count as redundant, and forces have the least norm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """What each contact does during one phase of smooth motion.
+    """The mode of each contact during one phase of smooth motion.
 
     Attributes:
         closed: whether γ_N = 0 is kept, shape (n_contacts,).
@@ -68,17 +68,17 @@ class Constraints:
 
 @dataclass(frozen=True, eq=False)
 class AccelerationLaws:
-    """The contact laws of a system on acceleration level.
+    """The contact laws of a system at acceleration level.
 
     Attributes:
-        system: with planar friction or none.
+        system: the system, with planar friction or none.
     """
 
     system: MechanicalSystem
 
     @property
     def width(self) -> int:
-        """Rows of a contact, 1 or 2."""
+        """Number of rows of a contact, 1 or 2."""
         return self.system.width
 
     def constraints(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> Constraints:
@@ -118,7 +118,7 @@ class AccelerationLaws:
         Its rows are those of ``constraints``.
 
         Raises:
-            ProblemError: if a slipping contact is drawn in by its force (Painlevé), which makes G_ii negative.
+            ProblemError: if the force of a slipping contact pulls it in (Painlevé), so that G_ii is negative.
         """
         equations = self.constraints(position, velocity, candidates)
         _, normal = _rows(candidates, self.width)

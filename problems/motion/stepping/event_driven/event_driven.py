@@ -23,17 +23,17 @@ from .motion import Motion
 
 @dataclass(frozen=True)
 class EventDriven(Stepper):
-    """The event-driven reference: smooth motion between events, for systems of few contacts given by functions.
+    """The event-driven reference: smooth motion between events, for systems with few contacts given by functions.
 
-    Its solver finds the impulses of impacts and the forces after events, to a residual of 1e-9 or better; Enumeration
-    finds them exactly.
+    Its solver must find the impulses of impacts and the forces after events to a residual of 1e-9 or better;
+    Enumeration finds them exactly.
 
     Attributes:
         tolerance: relative error of the integration of smooth motion.
-        max_step: longest time between two states [s], the scene's if None; two events of one contact within it may be
-            missed.
-        flight: time between two impacts [s] below which a bouncing contact is taken to come to rest by infinitely many
-            impacts; flights of 1e-7 s are 1e-14 m high under gravity, which positions of decimetres just resolve.
+        max_step: longest time between two states [s], that of the scene if None; two events of one contact within it
+            may be missed.
+        flight: time between two impacts [s] below which a bouncing contact is assumed to come to rest by infinitely
+            many impacts; flights of 1e-7 s are 1e-14 m high under gravity, the rounding of positions of decimetres.
     """
 
     tolerance: float = 1e-13
@@ -84,9 +84,9 @@ class EventDriven(Stepper):
         """Return the motion from ``start`` to the time ``until`` [s].
 
         Raises:
-            AccumulationError: where impacts accumulate.
-            MotionError: if the start penetrates, M, h, g or W are not what they must be, a contact problem has no
-                solution, or no mode is consistent; like AccumulationError it holds the motion found so far.
+            AccumulationError: if impacts accumulate.
+            MotionError: if the start penetrates, M, h, g or W are invalid, a contact problem has no solution, or no
+                mode is consistent; like AccumulationError it contains the motion found so far.
             ProblemError: as ``check`` does, or if W depends on q while the system has no ``direction_rates``.
         """
         run = self._begin(MotionSetup(scene, solver, stop, start, until))
@@ -99,7 +99,7 @@ class EventDriven(Stepper):
         run = self._begin(setup)
         n_events = n_phases = 0
         for _ in run.advance_to(setup.until):
-            if len(run.phases) > n_phases:  # an event that is due at once has none
+            if len(run.phases) > n_phases:  # an event that is due at once has no phase
                 yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
                 n_events, n_phases = len(run.events), len(run.phases)
 
@@ -114,11 +114,11 @@ def _check_system(scene: Scene) -> MechanicalSystem:
     """Return the system of ``scene``, or raise ``ProblemError`` if it is of another kind."""
     system = scene.system
     if not isinstance(system, MechanicalSystem):
-        raise ProblemError("EventDriven follows scenes given by functions M, h, g and W (woodpecker), not this one.")
+        raise ProblemError("EventDriven supports scenes given by functions M, h, g and W (woodpecker), not this one.")
     if not system.has_equal_rows:
-        raise ProblemError("EventDriven follows contacts with equally many rows and no joints; choose another stepper.")
+        raise ProblemError("EventDriven needs contacts with equal numbers of rows and no joints; use another stepper.")
     if system.width > 2:
-        raise ProblemError("EventDriven follows planar friction or none; this scene has spatial friction.")
+        raise ProblemError("EventDriven supports planar friction or none; this scene has spatial friction.")
     return system
 
 
@@ -134,6 +134,6 @@ class _CountingSolver:
         return self.solver.prepare(problem)
 
     def pop_count(self) -> int:
-        """Return how many problems there were since the last call."""
+        """Return the number of problems since the last call."""
         count, self.count = self.count, 0
         return count

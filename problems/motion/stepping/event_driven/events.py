@@ -1,4 +1,4 @@
-"""Triggers that end a phase of smooth motion: functions of the state that fall through zero at an event."""
+"""Triggers that end a phase of smooth motion: functions of the state that cross zero from above at an event."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from ....arrays import FloatArray
 from .acceleration import AccelerationLaws, Modes
 
 MARGIN = 1e-13
-"""Depth below zero, as a fraction of the largest force or velocity, at which a force or a velocity has changed sign."""
+"""Depth below zero, as a fraction of the largest force or velocity, at which it counts as having changed sign."""
 
 Kind = Literal["hit", "turn", "open", "slip", "stick"]
 StateFunction = Callable[[FloatArray, FloatArray], float]
@@ -24,9 +24,9 @@ class Trigger:
     Attributes:
         kind: "hit" (g of an open contact), "turn" (γ_N of one that has just opened), "open" (λ_N), "slip" (the reserve
             of friction μ λ_N ∓ λ_T), "stick" (|γ_T|).
-        contact: whose event it is.
-        function: (q, u) ↦ the number that falls through zero.
-        direction: sign of γ_T that begins with "slip".
+        contact: the contact of the event.
+        function: function of (q, u) that crosses zero.
+        direction: sign of γ_T after a "slip" event.
     """
 
     kind: Kind
@@ -51,12 +51,12 @@ class Trigger:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Makes the triggers of one phase.
+    """Factory of the triggers of one phase.
 
     Attributes:
-        laws: of the system on acceleration level.
-        modes: of the phase.
-        armed: open contacts whose gap is watched; of the others it is the gap velocity, shape (n_contacts,).
+        laws: laws of the system at acceleration level.
+        modes: modes of the phase.
+        armed: whether the gap of an open contact is watched, or else its gap velocity, shape (n_contacts,).
     """
 
     laws: AccelerationLaws
@@ -67,7 +67,7 @@ class Watch:
         """Return the triggers of the phase that begins with q and u, which give the scale of forces and velocities."""
         _, forces = self.laws.motion(position, velocity, self.modes)
         contact_velocity = self.laws.system.directions(position).T @ velocity
-        tiny = np.finfo(np.float64).tiny  # keeps a force or a velocity that is zero throughout from being an event
+        tiny = np.finfo(np.float64).tiny  # prevents events of forces and velocities that remain zero
         force = MARGIN * float(np.abs(forces).max(initial=0.0)) + tiny
         speed = MARGIN * float(np.abs(contact_velocity).max(initial=0.0)) + tiny
         found = []

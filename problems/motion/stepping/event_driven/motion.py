@@ -1,4 +1,4 @@
-"""Motions of an event-driven integrator: smooth phases, the events between them, and why a motion may end early."""
+"""Motions of an event-driven integrator: smooth phases, the events between them, and errors that end a motion early."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -15,16 +15,16 @@ from ..step import LawName, LawState
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A contact that changes its state; an impact that a contact leaves at once is two events at the same time.
+    """A change of the state of a contact; an impact after which it opens at once is two events at the same time.
 
     Attributes:
         time: t [s].
-        law: which of its laws changes.
+        law: the law that changes.
         contact: index of the contact.
         before: its state before.
         after: its state after.
-        state: the system just after.
-        impulses: Λ of this contact [N s] where it closes in an impact, else zeros, shape (rows per contact,).
+        state: state of the system just after the event.
+        impulses: Λ of this contact [N s] if it closes in an impact, else zeros, shape (rows per contact,).
     """
 
     time: float
@@ -41,9 +41,9 @@ class Phase:
     """Smooth motion between two events.
 
     Attributes:
-        begin: t at its begin [s].
+        begin: t at its beginning [s].
         end: t at its end [s].
-        interpolant: t ↦ (q, u), one after the other.
+        interpolant: function t ↦ (q, u) in one array.
     """
 
     begin: float
@@ -56,9 +56,9 @@ class Motion:
     """A motion.
 
     Attributes:
-        events: in the order of time.
+        events: events in the order of time.
         phases: the smooth motion between them.
-        end: the state in which it ends.
+        end: the final state.
     """
 
     events: Sequence[Event]
@@ -87,7 +87,7 @@ class MotionError(ProxbenchError):
     """A motion cannot be continued.
 
     Attributes:
-        motion: what was found up to there.
+        motion: the motion up to the error.
     """
 
     def __init__(self, message: str, motion: Motion) -> None:
@@ -96,12 +96,12 @@ class MotionError(ProxbenchError):
 
 
 class AccumulationError(MotionError):
-    """Infinitely many impacts follow in finite time, which no integration from event to event can pass.
+    """Infinitely many impacts follow in finite time, which event-driven integration cannot pass.
 
     Attributes:
-        contact: which contact bounces.
-        impacts: how many impacts were resolved.
-        accumulation_time: where they accumulate [s], by the ratio of the last two flights.
+        contact: the bouncing contact.
+        impacts: number of resolved impacts.
+        accumulation_time: time at which they accumulate [s], from the ratio of the last two flights.
     """
 
     def __init__(self, motion: Motion, contact: int, impacts: int, flight: float, accumulation_time: float) -> None:

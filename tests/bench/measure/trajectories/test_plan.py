@@ -101,7 +101,7 @@ def test_a_solver_that_is_named_is_compared_too() -> None:
         ("funnel", {"duration": -1.0}, "duration"),
         ("funnel", {"duration": 1e-9}, "step of Moreau"),
         ("funnel", {"solvers": ["SORprx"]}, "SORprox"),
-        ("funnel", {"methods": {"EventDriven with Enumeration": [1e-9]}}, "EventDriven follows"),
+        ("funnel", {"methods": {"EventDriven with Enumeration": [1e-9]}}, "EventDriven supports"),
         ("woodpecker", {"methods": {"Extrapolated(min_step=1e-30) with NSGS": [1e-3]}}, "too short to separate"),
     ],
 )

@@ -47,9 +47,9 @@ def eye_with_index(form: str, index: int) -> sp.sparray:
 @pytest.mark.parametrize("index", [-1, 3, 2**31 + 1])
 @pytest.mark.parametrize("form", ["csr", "csc", "bsr", "coo"])
 def test_an_index_outside_the_shape_is_refused(form: str, index: int) -> None:
-    with pytest.raises(ProblemError, match="G is no valid sparse matrix"):
+    with pytest.raises(ProblemError, match="G is not a valid sparse matrix"):
         ContactProblem.from_delassus(eye_with_index(form, index), -np.ones(3))
-    with pytest.raises(ProblemError, match="W is no valid sparse matrix"):
+    with pytest.raises(ProblemError, match="W is not a valid sparse matrix"):
         ContactProblem.from_factors(eye_with_index(form, index), np.ones(3), -np.ones(3))
 
 
@@ -58,5 +58,5 @@ def test_an_index_outside_the_shape_is_refused(form: str, index: int) -> None:
 def test_a_matrix_whose_arrays_do_not_fit_together_is_refused(form: str, starts: list[int]) -> None:
     matrix = sp.eye_array(3, format=form)
     matrix.indptr = np.array(starts, dtype=np.int32)
-    with pytest.raises(ProblemError, match="G is no valid sparse matrix"):
+    with pytest.raises(ProblemError, match="G is not a valid sparse matrix"):
         ContactProblem.from_delassus(matrix, -np.ones(3))

@@ -68,8 +68,8 @@ def reserved(file: h5py.File, folder: Path) -> None:
         (dangling_link, "/v is a link"),
         (external_storage, "keeps its data in other files"),
         (virtual, "keeps its data in other files"),
-        (claimed, "in chunks or packed, which FCLIB does not do; write it again with: h5repack"),
-        (packed_bomb, "in chunks or packed"),
+        (claimed, "is chunked or compressed, and FCLIB files are not; write it again with: h5repack"),
+        (packed_bomb, "chunked or compressed"),
         (reserved, "/v was reserved and never written"),
     ],
 )
@@ -94,15 +94,15 @@ def test_a_group_behind_a_link_to_another_file_is_not_entered(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("value", "look", "words"),
     [
-        (np.zeros(3, dtype=np.float32), lambda root: root.floats("v"), "must hold 64-bit numbers"),
-        (np.zeros(3, dtype=np.int32), lambda root: root.floats("v"), "must hold 64-bit numbers"),
+        (np.zeros(3, dtype=np.float32), lambda root: root.floats("v"), "must contain 64-bit numbers"),
+        (np.zeros(3, dtype=np.int32), lambda root: root.floats("v"), "must contain 64-bit numbers"),
         (np.zeros((3, 3)), lambda root: root.floats("v"), "must be a vector"),
-        (np.zeros(3), lambda root: root.integers("v"), "must hold integers"),
-        (np.zeros(3, dtype=np.int16), lambda root: root.integers("v"), "must hold integers"),
-        (np.zeros(3, dtype=np.int32), lambda root: root.integer("v"), "must be one number, and has 3"),
-        (b"text", lambda root: root.floats("v"), "must hold 64-bit numbers"),
-        (np.zeros(3), lambda root: root.text("v"), "must be one text"),
-        (np.zeros(3), lambda root: root.group("v"), "/v is no group"),
+        (np.zeros(3), lambda root: root.integers("v"), "must contain integers"),
+        (np.zeros(3, dtype=np.int16), lambda root: root.integers("v"), "must contain integers"),
+        (np.zeros(3, dtype=np.int32), lambda root: root.integer("v"), "must be one number, got 3"),
+        (b"text", lambda root: root.floats("v"), "must contain 64-bit numbers"),
+        (np.zeros(3), lambda root: root.text("v"), "must be one string"),
+        (np.zeros(3), lambda root: root.group("v"), "/v is not a group"),
         (np.zeros(3), lambda root: root.group("elsewhere"), "/elsewhere is missing"),
         (np.zeros(3), lambda root: root.floats("elsewhere"), "/elsewhere is missing"),
     ],
@@ -154,15 +154,15 @@ def test_what_is_no_file_of_ours_to_read_is_refused_at_once(tmp_path: Path, monk
     (tmp_path / "folder.hdf5").mkdir()
     os.mkfifo(tmp_path / "pipe.hdf5")  # opening it would wait for a writer
     for name, words in (
-        ("text", "no HDF5 file"),
-        ("empty", "no HDF5 file"),
-        ("folder", "no regular file"),
-        ("pipe", "no regular file"),
+        ("text", "not an HDF5 file"),
+        ("empty", "not an HDF5 file"),
+        ("folder", "not a regular file"),
+        ("pipe", "not a regular file"),
     ):
         with pytest.raises(ContainerError, match=words), opened(tmp_path / f"{name}.hdf5"):
             pass
     with pytest.raises(FileNotFoundError), opened(tmp_path / "none.hdf5"):
         pass
     monkeypatch.setattr(container, "LARGEST_FILE", 5)
-    with pytest.raises(ContainerError, match="are more than the"), opened(tmp_path / "text.hdf5"):
+    with pytest.raises(ContainerError, match="exceed the limit"), opened(tmp_path / "text.hdf5"):
         pass

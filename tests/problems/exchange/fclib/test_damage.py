@@ -77,7 +77,7 @@ def test_a_number_changed_in_a_file_of_ours_is_noticed(tmp_path: Path) -> None:
     assert content.count(friction) == 1
     at = content.index(friction)
     (tmp_path / "p.hdf5").write_bytes(content[:at] + b"\x01" + content[at + 1 :])
-    with pytest.raises(ProblemError, match=r"p\.hdf5 is damaged: its numbers are not those of the digest"):
+    with pytest.raises(ProblemError, match=r"p\.hdf5 is damaged: its numbers do not match its digest"):
         read_fclib(tmp_path / "p.hdf5")
 
 

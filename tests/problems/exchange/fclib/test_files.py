@@ -183,8 +183,8 @@ def test_a_stored_solution_that_is_none_is_not_taken_for_one(tmp_path: Path) -> 
         ({"fclib_local/vectors/q": Q[:3]}, r"must have shape \(3, 3\)"),
         ({"fclib_local/W/x": np.full(12, np.inf)}, r"G\[0, 0\] = inf must be finite"),
         ({"fclib_local/W/m": np.array([2**31 - 1])}, "must have shape"),
-        ({"fclib_global/spacedim": np.array([3])}, "it holds several problems"),
-        ({"solution/r": np.zeros(5)}, "solution/r must have 6 entries, and has 5"),
+        ({"fclib_global/spacedim": np.array([3])}, "it contains several problems"),
+        ({"solution/r": np.zeros(5)}, "solution/r must have 6 entries, got 5"),
     ],
 )
 def test_what_is_not_treated_or_makes_no_problem_gets_one_sentence(
@@ -203,7 +203,7 @@ def test_what_is_not_treated_or_makes_no_problem_gets_one_sentence(
         ("funnel-frictionless-30", "has no friction"),
         ("hard-tresca-joint", "has a fixed friction bound"),
         ("hard-remote-partner", "mixes laws"),
-        ("hard-linked-1-axes", "1 axis, and contacts of FCLIB about as many as the directions they slide in, 2"),
+        ("hard-linked-1-axes", "1 axis, but contacts of FCLIB about as many as they have sliding directions, 2"),
         ("hard-linked-3-axes", "resists rolling about 3 axes"),
     ],
 )

@@ -243,14 +243,14 @@ def without(data: Data, group: str) -> Data:
         (without(jointed_data(), "fclib_local/vectors/s"), "fclib_local/vectors/s is missing"),
         (without(jointed_data(), "fclib_local/R"), "fclib_local/R is missing"),
         (without(jointed_data(), "fclib_local/V"), "fclib_local/V is missing"),
-        (without(without(jointed_data(), "fclib_local/V"), "fclib_local/R"), "s is there, and V and R that go with it"),
-        (without(rolling_data(), "fclib_global_rolling/G"), "b is there, and G that go with it are not"),
+        (without(without(jointed_data(), "fclib_local/V"), "fclib_local/R"), "s needs V and R, which the file lacks"),
+        (without(rolling_data(), "fclib_global_rolling/G"), "b needs G, which the file lacks"),
         (without(rolling_data(), "fclib_global_rolling/vectors/b"), "fclib_global_rolling/vectors/b is missing"),
         (without(rolling_data(), "fclib_global_rolling/vectors/mu_r"), "vectors/mu_r is missing"),
         (jointed_data() | {"fclib_local/vectors/s": np.zeros(3)}, r"V must have shape \(6, 3\)"),
         (jointed_data() | {"fclib_local/vectors/s": np.full(2, np.nan)}, r"c\[6\] = nan must be finite"),
         (jointed_data() | {"solution/r": np.zeros(6), "solution/l": np.ones(3)}, "solution/l must have 2 entries"),
-        (rolling_data() | {"fclib_global_rolling/vectors/mu_r": np.ones(3)}, "mu_r must have 2 entries as mu has"),
+        (rolling_data() | {"fclib_global_rolling/vectors/mu_r": np.ones(3)}, "mu_r must have 2 entries, as mu has"),
         (rolling_data() | {"fclib_global_rolling/vectors/mu_r": np.array([0.1, -0.1])}, r"mu_r\[1\] = -0.1 must be"),
         (rolling_data() | {"fclib_global_rolling/spacedim": np.array([3])}, "mean 2 contacts of 3 rows each"),
         (rolling_data() | {"fclib_global_rolling/spacedim": np.array([4])}, "spacedim = 4 must be 3 or 5"),
@@ -268,7 +268,7 @@ def test_parts_that_do_not_belong_together_get_one_sentence(data: Data, words: s
 def test_rolling_friction_without_factors_is_refused(tmp_path: Path) -> None:
     problem = with_linked_solution(LinkedFamily(2, 3, n_dofs=9), 0)
     assembled = ContactProblem(problem.free_velocity, problem.laws, matrix=problem.delassus())
-    with pytest.raises(ProblemError, match="rolling friction in global problems only; give its factors"):
+    with pytest.raises(ProblemError, match="rolling friction only in global problems; create the problem from"):
         write_fclib(assembled, tmp_path / "p.hdf5")
     assert list(tmp_path.iterdir()) == []
 
@@ -288,7 +288,7 @@ def test_an_asymmetry_between_contacts_or_between_joints_is_named_and_taken_out_
     path = write_data(tmp_path / "p.hdf5", crooked(label))
     problem = read_fclib(path)
     assert abs(problem.delassus() - problem.delassus().T).max() == 0.0
-    assert str(problem.provenance["matrix"]).startswith(f"{label} misses symmetry by 1.0e-03")
+    assert str(problem.provenance["matrix"]).startswith(f"{label} is asymmetric by 1.0e-03")
     kept = read_fclib(path, "keep")
     write_fclib(kept, tmp_path / "again.hdf5")
     assert read_fclib(tmp_path / "again.hdf5", "keep").digest == kept.digest

@@ -47,14 +47,14 @@ def test_a_changed_number_is_noticed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "it is no JSON document"),
-        ("[1, 2]", "it is no JSON object of named arrays"),
-        ('{"about": 3}', "'about' is no object"),
-        ('{"G": [[1, 2], [3]], "c": [0], "mu": 0.5}', "'G' is no array of numbers"),
-        ('{"G": {"a": 1}, "c": [0], "mu": 0.5}', "'G' is no array of numbers"),
+        ("{", "it is not a JSON document"),
+        ("[1, 2]", "it is not a JSON object of named arrays"),
+        ('{"about": 3}', "'about' is not an object"),
+        ('{"G": [[1, 2], [3]], "c": [0], "mu": 0.5}', "'G' is not an array of numbers"),
+        ('{"G": {"a": 1}, "c": [0], "mu": 0.5}', "'G' is not an array of numbers"),
         ('{"G": [[1]], "c": [NaN], "dim": 1}', "must be finite"),
-        ("[" * 100_000, "it is no JSON document"),
-        ('{"nothing": 1}', "no problem file"),
+        ("[" * 100_000, "it is not a JSON document"),
+        ('{"nothing": 1}', "not a problem file"),
     ],
 )
 def test_what_is_no_problem_gets_one_sentence(text: str, words: str, tmp_path: Path) -> None:

@@ -74,12 +74,12 @@ def test_a_file_with_other_numbers_than_its_digest_is_refused(tmp_path: Path) ->
 
 def test_pickled_objects_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "p.npz", about=np.array([{"format": 1}], dtype=object))
-    with pytest.raises(ProblemError, match="damaged or no problem file"):
+    with pytest.raises(ProblemError, match="damaged or not a problem file"):
         read_problem(tmp_path / "p.npz")
 
 
 def test_missing_files_and_unwritable_folders_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ProblemError, match="no problem file"):
+    with pytest.raises(ProblemError, match="not a problem file"):
         read_problem(tmp_path / "none.npz")
     (tmp_path / "file").write_text("")
     with pytest.raises(ProblemError, match="cannot write"):

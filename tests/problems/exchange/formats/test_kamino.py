@@ -81,7 +81,7 @@ def test_joints_and_limits_stand_before_the_contacts() -> None:
         ({"nc": np.array([12, 12])}, "'nc' must be one whole number; dump one world at a time"),
         ({"nc": np.array(13)}, "must have 1521 numbers|must have 39 numbers"),
         ({"P": -DUMP["P"]}, "'P', the preconditioner, must be positive"),
-        ({"D": DUMP["D"] + np.eye(36, dtype=np.float32)}, "misses v_plus by .*; dump D before the solve"),
+        ({"D": DUMP["D"] + np.eye(36, dtype=np.float32)}, "differs from v_plus by .*; dump D before the solve"),
         ({"lambdas": DUMP["lambdas"] * np.nan}, "'impulses' must be 36 finite numbers"),
     ],
 )

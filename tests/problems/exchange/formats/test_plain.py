@@ -60,15 +60,15 @@ def test_a_file_of_plain_arrays_is_solved_by_its_path(tmp_path: Path) -> None:
         ({**PARTS, "indices": CSR.indices - 7, "c": C, "mu": 0.5}, "no 3 x 3 matrix"),
         ({**PARTS, "indptr": CSR.indptr.astype(float), "c": C, "mu": 0.5}, "no 3 x 3 matrix"),
         ({**PARTS, "data": CSR.data[:1], "c": C, "mu": 0.5}, "no 3 x 3 matrix"),
-        ({"G": G, "c": C, "mu": [0.5, 0.5]}, "1, 2 or 3 rows a contact"),
-        ({"G": G, "c": C, "mu": []}, "1, 2 or 3 rows a contact"),
+        ({"G": G, "c": C, "mu": [0.5, 0.5]}, "1, 2 or 3 rows per contact"),
+        ({"G": G, "c": C, "mu": []}, "1, 2 or 3 rows per contact"),
         ({"G": G, "c": C, "mu": 0.5, "dim": 3.0}, "'dim' must be one whole number"),
         ({"G": G, "c": C, "mu": 0.5, "dim": 4}, "dim must be 1"),
         ({"G": G[:2], "c": C, "mu": 0.5}, "G"),
         ({"G": G, "c": C[:, None], "mu": 0.5}, "c must be a vector"),
         ({"G": G, "c": C, "mu": -0.5}, "not negative"),
         ({"G": G, "c": C * np.nan, "mu": 0.5}, "finite"),
-        ({"G": G + np.triu(np.ones((3, 3)), 1), "c": C, "mu": 0.5}, "misses symmetry"),
+        ({"G": G + np.triu(np.ones((3, 3)), 1), "c": C, "mu": 0.5}, "is asymmetric"),
         ({"G": G.astype(str), "c": C, "mu": 0.5}, "G"),
         ({"G": G, "c": C.astype(str), "mu": 0.5}, "c"),
     ],
@@ -82,5 +82,5 @@ def test_malformed_arrays_are_refused_in_one_sentence(arrays: dict[str, Any], wo
 
 
 def test_a_file_that_is_nothing_of_ours_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ProblemError, match=r"no problem file.*numpy\.savez of G, c and mu"):
+    with pytest.raises(ProblemError, match=r"not a problem file.*numpy\.savez of G, c and mu"):
         load(saved(tmp_path, weights=np.eye(3)))

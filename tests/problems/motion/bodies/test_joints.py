@@ -183,5 +183,5 @@ def test_numbers_of_rows_that_fit_nothing_are_named(rows: Any, joints: list[int]
 
 def test_the_event_driven_reference_refuses_joints() -> None:
     scene = bare_scene("pendulum", {}, pendulum(), hanging(0.5))
-    with pytest.raises(ProblemError, match="equally many rows and no joints"):
+    with pytest.raises(ProblemError, match="equal numbers of rows and no joints"):
         EventDriven().check(scene, 0.0, 1.0)

@@ -82,7 +82,7 @@ def test_numbers_out_of_range_are_named_before_anything_starts(stepper: str, wha
 
 
 def test_a_scene_that_a_stepper_cannot_follow_is_refused_before_anything_starts() -> None:
-    with pytest.raises(ProblemError, match="EventDriven follows scenes given by functions"):
+    with pytest.raises(ProblemError, match="EventDriven supports scenes given by functions"):
         EventDriven().check(make_scene("pile(balls=2)"), 0.0, 1.0)
 
 

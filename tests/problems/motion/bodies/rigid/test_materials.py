@@ -39,7 +39,7 @@ def test_balls_take_them_as_friction_and_restitution_too() -> None:
 
 
 def test_materials_of_other_bodies_are_refused() -> None:
-    pairs, words = MaterialPairs(("steel",) * 3, COEFFICIENTS), "of 3 bodies, but there are 2; give one material a body"
+    pairs, words = MaterialPairs(("steel",) * 3, COEFFICIENTS), "of 3 bodies, but there are 2; give one material per"
     with pytest.raises(ProblemError, match=f"friction names the materials {words}"):
         ball_system(np.ones(1), np.ones(1), [GROUND], [Friction(pairs)])
     with pytest.raises(ProblemError, match=f"restitution_normal names the materials {words}"):

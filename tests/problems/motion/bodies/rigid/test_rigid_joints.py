@@ -115,5 +115,5 @@ def test_a_joint_to_no_body_is_refused(first: int, second: int, words: str) -> N
 
 
 def test_a_joint_that_does_not_close_is_refused() -> None:
-    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: it misses by 0\.1 m"):
+    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: its error is 0\.1 m"):
         RigidJoints([Joint("ball", 0)], 1).check_start(np.array([[0.1, 0.0, 0, 1, 0, 0, 0]]))

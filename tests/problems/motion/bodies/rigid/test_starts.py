@@ -42,7 +42,7 @@ def test_boxes_that_touch_may_start() -> None:
         (start(velocity=(5, np.inf)), "velocity of body 0 is not finite at the start"),
         (start(position=(10, 0.0)), "orientation of body 1 at the start must be a unit quaternion"),
         (start(position=(10, 1.1)), "divide it by its length"),
-        (State(0.0, np.zeros(13), np.zeros(12)), r"position at the start must have shape \(14,\), 7 numbers a body"),
+        (State(0.0, np.zeros(13), np.zeros(12)), r"position at the start must have shape \(14,\), 7 numbers per body"),
         (State(0.0, start().position, np.zeros(13)), r"velocity at the start must have shape \(12,\)"),
         (start(position=(9, 1.4)), "body 0 and body 1 penetrate by 0.1 m at the start; move them apart"),
         (start(position=(2, 0.4)), "body 0 and fixed body 0 penetrate by 0.1 m at the start; move them apart"),
@@ -64,7 +64,7 @@ def test_a_thin_body_may_penetrate_by_a_part_of_its_thickness(depth: float, is_r
 
 def test_a_joint_that_is_open_at_the_start_is_refused() -> None:
     joined = replace(bodies(), joints=RigidJoints([Joint("ball", 0, 1, (0.0, 0.0, 0.5), (0.0, 0.0, -0.5))], 2))
-    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: it misses by 0.1 m or rad; correct"):
+    with pytest.raises(ProblemError, match=r"joint 0 does not close at the start: its error is 0.1 m or rad; correct"):
         check_start(joined, start())
 
 

@@ -160,7 +160,7 @@ def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top
         ("box_on_incline(slope=2.0)", "slope of an incline"),
         ("box_on_incline(size=(0.1, 0.2))", "size of a box must be three edge lengths"),
         ("box_on_incline(size=(0.1, 0.1, 0.5))", "simulate a tipping_box"),
-        ("thrown_box(size=(0.1, 0.1, 0.3))", "tips when friction of 0.5"),
+        ("thrown_box(size=(0.1, 0.1, 0.3))", "tips if friction of 0.5"),
         ("thrown_box(mass=0.0)", "mass of a box must be positive"),
         ("tipping_box(friction=0.1)", "to hold its lower edge"),
         ("box_stack(n_boxes=0)", "n_boxes of a stack of boxes must be positive"),

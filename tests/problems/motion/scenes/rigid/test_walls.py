@@ -63,9 +63,9 @@ def test_a_ball_whose_weight_moves_nothing_leaves_the_wall_its_momentum_at_the_i
     [
         ("rows=0", "rows of a wall"),
         ("size=(0.1, 0.2, -0.1)", r"size\[2\] of a box must be"),
-        ("speed=-1.0", "0 leaves it out"),
+        ("speed=-1.0", "0 omits the ball"),
         ("overlap=0.05", "tenth of the height"),
-        ("rows=1", "lower its radius"),
+        ("rows=1", "reduce its radius"),
     ],
 )
 def test_a_wall_out_of_range_is_refused(options: str, words: str) -> None:

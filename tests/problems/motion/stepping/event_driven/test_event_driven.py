@@ -248,7 +248,7 @@ def test_a_start_in_penetration_is_named() -> None:
         ({"mass": lambda q: np.zeros((1, 1))}, "t = 0 s: the mass matrix .* is not positive definite"),
         ({"directions": lambda q: np.ones((1, 2))}, r"t = 0 s: the shape of the directions W\(q\) is \(1, 2\)"),
         ({"gap": lambda q: np.ones(2)}, r"t = 0 s: the shape of the gaps g\(q\) is \(2,\)"),
-        ({"gap": lambda q: np.full(1, np.nan)}, r"t = 0 s: NaN is among the gaps"),
+        ({"gap": lambda q: np.full(1, np.nan)}, r"t = 0 s: the gaps g\(q\) contain NaN"),
         ({"force": lambda q, u: np.ones(2)}, r"t = 0 s: the shape of the forces h\(q, u\) is \(2,\)"),
         ({"force": lambda q, u: [1.0 / 0.0]}, "t = 0 s .* ZeroDivisionError"),
     ],
