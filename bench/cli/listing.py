@@ -117,7 +117,7 @@ def _print_problems(rows: Sequence[Row]) -> None:
         for row in members:
             print(f"  {row['name']:<{width}}  {_problem_text(row, list(heads.values()))}".rstrip())
     if not all(row.get("available", True) for row in rows):
-        print("\nrun and matrix generate missing problems; to generate one now: proxbench generate NAME")
+        print("\nrun and matrix generate missing problems; or: proxbench generate NAME")
 
 
 def _families(rows: Sequence[Row]) -> dict[str, list[Row]]:
