@@ -145,7 +145,12 @@ def _make(written: Name) -> Solver:
         raise SolverError(f"{plain} has no parts; give its options by name, not as in {written}.")
     make: Callable[..., Solver] = _built_in(plain) if offer is None else _plugin_factory(offer)
     check_options(plain, options, inspect.signature(make).parameters, SolverError)
-    return make(**options) if offer is None else contract.make_solver(plain, offer.source, make, dict(options))
+    if offer is not None:
+        return contract.make_solver(plain, offer.source, make, dict(options))
+    try:
+        return make(**options)
+    except SolverError as error:
+        raise SolverError(str(error) if plain in str(error) else f"{plain}: {error}") from None
 
 
 def _make_composite(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> Solver:

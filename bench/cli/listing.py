@@ -15,6 +15,7 @@ from ...problems.exchange.index import ProblemSummary, stored_summaries, summary
 from ...problems.exchange.plugins.offers import Offer
 from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
+from ...solvers.peers.installed import check_installed
 from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
 from ..plugins.describing import describe_scene, describe_solver, option_texts, plugin_problem
@@ -179,7 +180,8 @@ def _solver(name: str) -> Row:
 
 
 def _on_device(name: str) -> Row:
-    """Return the row of a solver on a device; the device need not exist."""
+    """Return the row of a solver on a device, which need not exist; the library must be installed."""
+    check_installed(name, "warp", "gpu")
     return {"model": str(Model.COULOMB), "options": option_texts(name)}
 
 

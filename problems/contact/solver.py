@@ -65,7 +65,7 @@ class Stop:
     Attributes:
         tolerance: the judge's residual to reach, dimensionless, positive.
         max_iterations: largest number of iterations.
-        max_seconds: largest wall time [s], without preparation.
+        max_seconds: largest wall time [s], without preparation and without the compilation of kernels.
 
     Raises:
         SolverError: if ``max_iterations`` is negative, or another attribute is not positive.

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...problems.arrays import FloatArray
+from ...problems.compilation import COMPILATION
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 
 MAX_CHECK_INTERVAL = 10
@@ -52,20 +53,20 @@ class Outcome(NamedTuple):
 
 
 class Clock:
-    """The time left to a solve; it does not run during calls of an observer.
+    """The time left to a solve; it stops during calls of an observer and while kernels compile.
 
     Args:
         seconds: time limit [s].
     """
 
     def __init__(self, seconds: float) -> None:
-        self._limit = seconds
+        self._limit, self._compiled = seconds, COMPILATION.seconds
         self._began = time.perf_counter()
 
     @property
     def elapsed(self) -> float:
         """Time used so far [s]."""
-        return time.perf_counter() - self._began
+        return time.perf_counter() - self._began - (COMPILATION.seconds - self._compiled)
 
     @property
     def remaining(self) -> float:
@@ -91,7 +92,7 @@ class Clock:
         """Return the limit that a solve has reached after ``iterations``, or None."""
         if iterations >= stop.max_iterations:
             return Status.ITERATION_LIMIT
-        return Status.TIME_LIMIT if time.perf_counter() - self._began > self._limit else None
+        return Status.TIME_LIMIT if self.has_expired else None
 
 
 def sweeps_to_next_check(iteration: int) -> int:

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import accumulate, pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.judge import judge
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
+from ....problems.exchange.catalog import load
 from ..robust import Robust
 from ..sweeping import FEW_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
@@ -39,37 +41,42 @@ class SolvedProblems(NamedTuple):
 
 
 def solve_many(
-    problems: Iterable[ContactProblem], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
+    problems: Iterable[ContactProblem | str | Path], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
 ) -> SolvedProblems:
     """Solve many problems by ``Robust``, with the same results as one by one, and judge each answer.
 
     It pays for problems of up to 150 rows. Larger ones, and those that need more than sweeps, are solved one by one.
 
     Args:
-        problems: the contact problems.
+        problems: the contact problems, their names, or the paths of their files.
         tolerance: the judge's residual to reach.
         threads: threads that work at the same time; their number changes no bit of a solution.
         limits: max_iterations, max_seconds of each problem.
 
+    Returns:
+        The solutions in the order of the problems, and the judge's residuals, shape (n_problems,).
+
     Raises:
+        ProblemError: from ``load``.
         SolverError: if something is not a problem, for an option out of range, or for more threads than cores.
     """
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
-    if isinstance(problems, ContactProblem):
-        raise SolverError("problems must be a list of ContactProblem; for one problem, use solve.")
-    problems = list(problems)
-    for at, problem in enumerate(problems):
+    if isinstance(problems, ContactProblem | str | Path):
+        raise SolverError("problems must be a list of problems; for one problem, use solve.")
+    loaded = [load(problem) if isinstance(problem, str | Path) else problem for problem in problems]
+    for at, problem in enumerate(loaded):
         if not isinstance(problem, ContactProblem):
-            raise SolverError(f"problems[{at}] must be a ContactProblem, not {type(problem).__name__}.")
-    found: list[Solution | None] = [None] * len(problems)
-    residuals = np.full(len(problems), np.inf)
-    for batch in _batches(problems) if stop.max_seconds >= MIN_SECONDS else ():
+            kind = type(problem).__name__
+            raise SolverError(f"problems[{at}] must be a ContactProblem, a name or a path, not {kind}.")
+    found: list[Solution | None] = [None] * len(loaded)
+    residuals = np.full(len(loaded), np.inf)
+    for batch in _batches(loaded) if stop.max_seconds >= MIN_SECONDS else ():
         for at, solution, residual in batch.solve(stop, threads):
             found[at], residuals[at] = solution, residual
-    solutions = [one or solver.prepare(problem).solve(stop) for one, problem in zip(found, problems, strict=True)]
+    solutions = [one or solver.prepare(problem).solve(stop) for one, problem in zip(found, loaded, strict=True)]
     for at in np.flatnonzero(~np.isfinite(residuals)).tolist():
-        residuals[at] = judge(problems[at], solutions[at].impulses).residual
+        residuals[at] = judge(loaded[at], solutions[at].impulses).residual
     return SolvedProblems(solutions, residuals)
 
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from proxbench.problems.compilation import COMPILATION
 from proxbench.solvers import Status, Stop
-from proxbench.solvers.iteration.stopping import MIN_PLATEAU_SWEEPS, Monitor, sweeps_to_next_check
+from proxbench.solvers.iteration.stopping import MIN_PLATEAU_SWEEPS, Clock, Monitor, sweeps_to_next_check
 
 LAMBDA = np.ones(3)
 
@@ -34,6 +35,15 @@ def test_iteration_limit_is_named() -> None:
 
 def test_time_limit_is_named() -> None:
     assert status_of(Monitor(Stop(1e-3, max_seconds=1e-9)), 1, 0.5) is Status.TIME_LIMIT
+
+
+def test_the_clock_stands_while_kernels_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(1.0)
+    monkeypatch.setattr(COMPILATION, "seconds", COMPILATION.seconds + 100.0)
+    assert clock.elapsed < -99.0
+    assert clock.reached_limit(Stop(1e-3), 1) is None
+    monkeypatch.undo()
+    assert clock.elapsed >= 0.0
 
 
 def test_slow_progress_does_not_end_a_solve_and_power_law_progress_is_lacking() -> None:

@@ -66,6 +66,11 @@ def test_one_problem_is_not_a_list() -> None:
 
 
 def test_what_is_no_problem_is_named_by_its_place() -> None:
-    some: Any = [load("hard-tower-3"), "hard-tower-3"]
-    with pytest.raises(SolverError, match=r"problems\[1\] must be a ContactProblem, not str"):
+    some: Any = [load("hard-tower-3"), 3]
+    with pytest.raises(SolverError, match=r"problems\[1\] must be a ContactProblem, a name or a path, not int"):
         solve_many(some)
+
+
+def test_problems_may_be_given_by_name() -> None:
+    by_name, by_problem = solve_many(["hard-tower-3"]), solve_many([load("hard-tower-3")])
+    assert by_name.solutions[0].impulses.tobytes() == by_problem.solutions[0].impulses.tobytes()
