@@ -53,7 +53,8 @@ def peers(session: nox.Session) -> None:
     engines = "tests/bench/measure/trajectories/engines"
     shapes = ("tests/problems/motion/detection", "tests/problems/motion/scenes/rigid/test_rolling.py")
     warp = "tests/solvers/prox/test_warp_sorprox.py"
-    session.run("pytest", "tests/solvers/peers", warp, *captures, engines, *shapes, *session.posargs)
+    parallel = ("-n", "auto", "--dist", "loadfile")
+    session.run("pytest", *parallel, "tests/solvers/peers", warp, *captures, engines, *shapes, *session.posargs)
 
 
 @nox.session
