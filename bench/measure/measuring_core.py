@@ -112,10 +112,11 @@ class MeasuringCore:
             return
         cores = self.cores(count)
         for _ in range(MAX_PINNING):
-            for thread in [thread for one in (process, *descendants(process)) for thread in threads(one)]:
+            processes = (process, *descendants(process))
+            for thread in [thread for one in processes for thread in threads(one)]:
                 with contextlib.suppress(OSError):  # a thread that has ended
                     os.sched_setaffinity(thread, cores)
-            if self.holds(process, count):
+            if all(self.holds(one, count) for one in processes):
                 return
 
     def holds(self, process: int, count: int = 1) -> bool:
