@@ -107,8 +107,7 @@ def contacts_of(problem: ContactProblem) -> ContactLaws:
     found = _equal_contacts(laws, count)
     if found is None:
         raise ProblemError(
-            f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law followed by its "
-            "friction."
+            f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law followed by its friction."
         )
     return found
 
