@@ -52,6 +52,7 @@ def test_a_kernel_that_raises_in_any_thread_raises_each_time_and_leaves_no_threa
 def test_more_threads_than_cores_are_refused_in_one_sentence() -> None:
     cores = os.cpu_count()
     sentence = f"threads must be a whole number from 1 to {cores}, the cores of this machine, got {cores + 1}."
+    sentence = f"ColouredSORprox: {sentence}"
     with pytest.raises(SolverError) as raised:
         create("ColouredSORprox", threads=cores + 1)
     assert str(raised.value) == sentence
