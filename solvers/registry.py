@@ -150,7 +150,8 @@ def _make(written: Name) -> Solver:
     try:
         return make(**options)
     except SolverError as error:
-        raise SolverError(str(error) if plain in str(error) else f"{plain}: {error}") from None
+        is_named = plain in str(error) or plain in natives()
+        raise SolverError(str(error) if is_named else f"{plain}: {error}") from None
 
 
 def _make_composite(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> Solver:

@@ -109,7 +109,7 @@ def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_re
     with pytest.raises(BenchError, match="contains a problem with another digest"):
         stored.read_problem(mine.digest)
     file.unlink()
-    with pytest.raises(ProblemError, match="not a problem file"):
+    with pytest.raises(ProblemError, match="there is no problem file"):
         stored.read_problem(mine.digest)
 
 

@@ -143,7 +143,7 @@ def test_a_part_without_iterates_makes_a_fallback_without_iterates() -> None:
 @pytest.mark.parametrize(
     ("parts", "reason"),
     [
-        ("SORprox, ClarabelSOCP", "SORprox solves coulomb, ClarabelSOCP convex"),
+        ("SORprox, ClarabelSOCP", "SORprox solves coulomb, and ClarabelSOCP convex"),
         ("SORprox, iterations=0", "iterations"),
         ("SORprox, warm_iterations=2.5", "warm_iterations"),
     ],

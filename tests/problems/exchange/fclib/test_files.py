@@ -175,7 +175,7 @@ def test_a_stored_solution_that_is_none_is_not_taken_for_one(tmp_path: Path) -> 
     ("changes", "words"),
     [
         ({"fclib_local/spacedim": np.array([4])}, r"spacedim = 4 must be 2 or 3"),
-        ({"fclib_local/spacedim": np.array([2])}, "mean 2 contacts of 2 rows each"),
+        ({"fclib_local/spacedim": np.array([2])}, "imply 2 contacts of 2 rows each"),
         ({"fclib_local/spacedim": None}, "spacedim is missing"),
         ({"fclib_local/vectors/mu": np.array([0.5, -0.1])}, r"friction\[1\] = -0.1"),
         ({"fclib_local/vectors/mu": np.array([0.5])}, "1 contacts of 3 rows"),

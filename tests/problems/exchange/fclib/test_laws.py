@@ -252,9 +252,9 @@ def without(data: Data, group: str) -> Data:
         (jointed_data() | {"solution/r": np.zeros(6), "solution/l": np.ones(3)}, "solution/l must have 2 entries"),
         (rolling_data() | {"fclib_global_rolling/vectors/mu_r": np.ones(3)}, "mu_r must have 2 entries, as mu has"),
         (rolling_data() | {"fclib_global_rolling/vectors/mu_r": np.array([0.1, -0.1])}, r"mu_r\[1\] = -0.1 must be"),
-        (rolling_data() | {"fclib_global_rolling/spacedim": np.array([3])}, "mean 2 contacts of 3 rows each"),
+        (rolling_data() | {"fclib_global_rolling/spacedim": np.array([3])}, "imply 2 contacts of 3 rows each"),
         (rolling_data() | {"fclib_global_rolling/spacedim": np.array([4])}, "spacedim = 4 must be 3 or 5"),
-        (made.local_data() | {"fclib_local/spacedim": np.array([5])}, "mean 2 contacts of 5 rows each"),
+        (made.local_data() | {"fclib_local/spacedim": np.array([5])}, "imply 2 contacts of 5 rows each"),
     ],
 )
 def test_parts_that_do_not_belong_together_get_one_sentence(data: Data, words: str, tmp_path: Path) -> None:

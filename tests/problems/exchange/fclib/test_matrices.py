@@ -67,7 +67,7 @@ def test_arrays_may_be_longer_than_what_they_hold(kind: str, tmp_path: Path) -> 
         ("rows", {"m": 7}, r"must have shape \(6, 6\) to match the vectors, got \(7, 6\)"),
         ("rows", {"m": 2**31 - 1, "n": 2**31 - 1}, "must have shape"),
         ("rows", {"nz": -3}, "nz = -3 is not a storage format"),
-        ("rows", {"p": np.arange(6)}, "p must have 7 entries, and has 6"),
+        ("rows", {"p": np.arange(6)}, "p must have 7 entries, got 6"),
         ("rows", {"p": np.array([0, 2, 1, 3, 4, 5, 6])}, "p must rise"),
         ("rows", {"p": np.array([0, 1, 2, 3, 4, 5, 2**31 - 1])}, "p must rise"),
         ("rows", {"p": np.array([-1, 1, 2, 3, 4, 5, 6])}, "p must rise"),

@@ -79,7 +79,7 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
 
 
 def test_missing_files_and_unwritable_folders_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ProblemError, match="not a problem file"):
+    with pytest.raises(ProblemError, match="there is no problem file"):
         read_problem(tmp_path / "none.npz")
     (tmp_path / "file").write_text("")
     with pytest.raises(ProblemError, match="cannot write"):
@@ -148,5 +148,5 @@ def test_contacts_alone_keep_the_format_that_older_versions_read(
 
 def test_a_newer_format_is_refused_in_one_sentence(tmp_path: Path) -> None:
     save_problem(load("hard-groove"), tmp_path / "p.npz")
-    with pytest.raises(ProblemError, match="has format 3, this version reads formats up to 2"):
+    with pytest.raises(ProblemError, match="has format 3, but this version reads formats up to 2"):
         read_problem(with_format(tmp_path / "p.npz", 3))
