@@ -7,6 +7,15 @@ direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next swe
 O'Donoghue & Candès (Found. Comput. Math. 15, 2015): a change of the active set then costs one sweep and does not
 overshoot. Without progress of the residual β is halved. All other state of a sweep is linear in Λ and moves with it.
 
+β may grow with the number k of sweeps so far, up to a bound:
+
+    β_k = min(β, k/(k + d)).
+
+Sweeps with momentum remember the changes of the last 1/(1 − β) sweeps: a change of one sweep moves Λ by that many times
+its length in all. A solve that ends after k sweeps gains nothing from a memory that is longer than a part of k, and the
+best constant β therefore depends on the tolerance and on the number of contacts. With β_k the memory is 1 + k/d sweeps,
+at any k the same part of them, as in accelerated gradient methods (Su, Boyd & Candès, J. Mach. Learn. Res. 17, 2016).
+
 ``RestartedMomentum`` chooses β itself, by Nesterov's sequence (1983) with k sweeps since the last restart:
 
     β_k = (t_k − 1)/t_(k+1),      t_(k+1) = (1 + √(1 + 4t_k²))/2,      t_1 = 1.
@@ -24,6 +33,7 @@ from numba import njit
 
 from ...problems.arrays import FloatArray
 from .loop import Iterates, WrappedIterates
+from .method import check_option
 
 MIN_MOMENTUM = 0.3
 """A β up to this value is set to zero instead of being halved."""
@@ -35,6 +45,14 @@ GROWTH = 100.0
 """Length of a sweep, relative to the shortest since the last restart, that restarts the sequence."""
 
 
+def check_momentum(momentum: object, delay: object) -> None:
+    """Raise ``SolverError`` unless 0 ≤ β < 1 and d ≥ 0 is finite."""
+    is_valid = isinstance(momentum, int | float) and 0.0 <= momentum < 1.0
+    check_option("momentum", momentum, is_valid, "a number from 0 to below 1")
+    is_valid = isinstance(delay, int | float) and 0.0 <= delay < np.inf
+    check_option("momentum_delay", delay, is_valid, "a number of at least 0")
+
+
 class LinearIterates(Iterates, Protocol):
     """Iterates that can be moved along a direction between two sweeps."""
 
@@ -43,11 +61,23 @@ class LinearIterates(Iterates, Protocol):
         ...
 
 
-class MomentumState:
-    """β of iterates with momentum, at least 0 and below 1."""
+@njit(cache=True)
+def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
+    """Return β after a number of sweeps, at least one: min(β, k/(k + d)), β itself for d = 0."""
+    return min(momentum, sweeps / (sweeps + delay))
 
-    def __init__(self, momentum: float) -> None:
+
+class MomentumState:
+    """β of iterates with momentum, at least 0 and below 1.
+
+    Args:
+        momentum: bound of β.
+        delay: d, the number of sweeps after which β is one half; β is constant for 0.
+    """
+
+    def __init__(self, momentum: float, delay: float = 0.0) -> None:
         self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
+        self._delay, self._sweeps = delay, 0
 
     def reduce_acceleration(self) -> bool:
         """Halve β, or set it to zero when it is small; return False if it is zero already."""
@@ -61,8 +91,8 @@ class MomentumState:
 class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
     """Sweeps with momentum β."""
 
-    def __init__(self, iterates: LinearIterates, momentum: float) -> None:
-        super().__init__(momentum)
+    def __init__(self, iterates: LinearIterates, momentum: float, delay: float = 0.0) -> None:
+        super().__init__(momentum, delay)
         self._iterates = iterates
         self._array, self._n_impulses = iterates.linear_state()
         self._before, self._change = np.empty_like(self._array), np.zeros_like(self._array)
@@ -73,11 +103,12 @@ class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
             _extrapolate(self._array, self._before, self._change, self._present)
             self._iterates.sweep(1)
             turns, moved = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
+            self._sweeps += 1
             self._present = self._next_momentum(turns, moved)
 
     def _next_momentum(self, turns: bool, moved: float) -> float:
         """Return β of the next sweep; the last one changed Λ by √``moved`` and may have turned back."""
-        return 0.0 if turns else self._momentum
+        return 0.0 if turns else momentum_after(self._sweeps, self._momentum, self._delay)
 
 
 class RestartedMomentum(MomentumIterates):
@@ -94,9 +125,9 @@ class RestartedMomentum(MomentumIterates):
         return 0.0 if restarts else min((before - 1.0) / self._age, self._momentum)
 
 
-def with_momentum(iterates: LinearIterates, momentum: float) -> Iterates:
-    """Return the iterates with momentum β, or the iterates themselves if β = 0."""
-    return MomentumIterates(iterates, momentum) if momentum > 0.0 else iterates
+def with_momentum(iterates: LinearIterates, momentum: float, delay: float) -> Iterates:
+    """Return the iterates with momentum β that grows with ``delay``, or the iterates themselves if β = 0."""
+    return MomentumIterates(iterates, momentum, delay) if momentum > 0.0 else iterates
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -9,7 +9,8 @@ from functools import partial
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
-from ..iteration.method import Method, check_option
+from ..iteration.method import Method
+from ..iteration.momentum import check_momentum
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from .parallel.pairs import unsupported_reason
@@ -24,7 +25,7 @@ class ColouredSORprox(Method):
 
     Attributes:
         relaxation: ω, as in ``SORprox``.
-        momentum: β, as in ``SORprox``.
+        momentum, momentum_delay: β and d, as in ``SORprox``.
         threads: number of threads; at most the number of cores of the machine.
 
     Raises:
@@ -33,12 +34,12 @@ class ColouredSORprox(Method):
 
     relaxation: float = 1.0
     momentum: float = 0.0
+    momentum_delay: float = 0.0
     threads: int = 1
 
     def __post_init__(self) -> None:
         check_relaxation(self.relaxation)
-        is_valid = isinstance(self.momentum, int | float) and 0.0 <= self.momentum < 1.0
-        check_option("momentum", self.momentum, is_valid, "a number from 0 to below 1")
+        check_momentum(self.momentum, self.momentum_delay)
         check_threads(self.threads)
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -49,4 +50,5 @@ class ColouredSORprox(Method):
         """Colour the contacts, and assemble the data of the batches."""
         self.check_supports(problem)
         sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, self.relaxation), self.threads)
-        return PreparedIteration(problem, Residual(problem), partial(ColouredIterates, sweep, momentum=self.momentum))
+        begin = partial(ColouredIterates, sweep, momentum=self.momentum, delay=self.momentum_delay)
+        return PreparedIteration(problem, Residual(problem), begin)

@@ -128,9 +128,9 @@ class DelassusSweep:
         kind = LawArrays if layout.has_contacts_only else AnyLawArrays
         return DelassusSweep(FlatDelassus.of(problem), kind.of(layout, sizes))
 
-    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
-        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
-        return with_momentum(DelassusIterates(self, start), momentum)
+    def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,); see ``MomentumState``."""
+        return with_momentum(DelassusIterates(self, start), momentum, delay)
 
 
 class DelassusIterates(DelassusState):

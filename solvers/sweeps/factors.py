@@ -88,12 +88,12 @@ class FactorSweep:
         slots, n_held = slots_in_batches(batches.places), 3 * n_lanes
         return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_held)
 
-    def begin(self, start: FloatArray, momentum: float = 0.0) -> Iterates:
-        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
+    def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> Iterates:
+        """Return the iterates that begin at ``start``, shape (n_rows,); see ``MomentumState``."""
         if self.slots is not None:
-            return BatchIterates(self, start, momentum)
+            return BatchIterates(self, start, momentum, delay)
         iterates = FactorIterates if self.layout.has_contacts_only else AnyLawIterates
-        return with_momentum(iterates(self, start), momentum)
+        return with_momentum(iterates(self, start), momentum, delay)
 
 
 class FactorIterates:
@@ -147,17 +147,18 @@ class AnyLawIterates(FactorIterates):
 class BatchIterates(FactorIterates, MomentumState):
     """The same for sweeps in batches, whose kernel includes the momentum."""
 
-    def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float) -> None:
+    def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         FactorIterates.__init__(self, sweep, start)
-        MomentumState.__init__(self, momentum)
+        MomentumState.__init__(self, momentum, delay)
         self._change = np.zeros_like(self._held)
         self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         arrays = (self._held, self._scaled, self._change, self._before)
-        own = self._sweep
-        self._present = own.kernel(count, *own.arguments, *arrays, self._momentum, self._present)
+        own, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
+        self._present = own.kernel(count, *own.arguments, *arrays, *momentum, self._present)
+        self._sweeps += count
 
 
 def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:

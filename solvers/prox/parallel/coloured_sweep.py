@@ -20,7 +20,7 @@ from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.blocks import BlockLayout
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
-from ...iteration.momentum import MomentumState
+from ...iteration.momentum import MomentumState, momentum_after
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches, update_batch
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
@@ -87,8 +87,8 @@ class ColouredSweep:
 class ColouredIterates(MomentumState):
     """Λ, in the order of the batches, and v = W̃ Λ of an iteration with momentum β; ``start`` has shape (n_rows,)."""
 
-    def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float) -> None:
-        super().__init__(momentum)
+    def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
+        super().__init__(momentum, delay)
         self._sweep, pieces, n_lanes = sweep, sweep.pieces, LANES * sweep.n_batches
         padded = np.zeros((pieces.n_blocks, 3))
         padded[:, : sweep.layout.width] = sweep.layout.pad(start)
@@ -101,7 +101,7 @@ class ColouredIterates(MomentumState):
         n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ of each batch comes last
         self._claims, self._done = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self._turns = np.zeros((2, sweep.n_batches))
-        self._windows = self._sweeps = 0
+        self._windows = 0
         self._is_measured, self._team = False, Team()
 
     def sweep(self, count: int) -> None:
@@ -116,8 +116,7 @@ class ColouredIterates(MomentumState):
             self._stages,
             *own.batches,
             (self._held, self._scaled, self._change, self._before, self._velocity),
-            self._momentum,
-            self._present,
+            (self._momentum, self._delay, self._present),
             self._turns,
             self._claims,
             self._done,
@@ -139,15 +138,17 @@ class ColouredIterates(MomentumState):
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _run_window(  # type: ignore[no-untyped-def]
-    thread, threads, past, count, stages, axes, bodies, records, arrays, momentum, present, turns, claims, done
+    thread, threads, past, count, stages, axes, bodies, records, arrays, momenta, turns, claims, done
 ):
     """Do the share of one thread in ``count`` sweeps and ξ; return β of the sweep after these.
 
     Λ, v, the last change of Λ, v before the last sweep and ξ are in ``arrays``. There were ``past`` sweeps and windows
-    before. ``claims`` counts how often each task was claimed, ``done`` the completed tasks of the window.
+    before. ``momenta`` are bound and delay of ``MomentumState``, and β of the coming sweep. ``claims`` counts how often
+    each task was claimed, ``done`` the completed tasks of the window.
     """
     sweeps, windows = past
     held, scaled, change, before, velocity = arrays
+    momentum, delay, present = momenta
     lanes, length = uint64(LANES), uint64(len(axes))
     own, others, turn = np.empty(2 * lanes * length), np.empty(2 * lanes * length), np.empty(lanes)
     n_stages, n_batches = len(stages) - 1, turns.shape[1]
@@ -177,7 +178,7 @@ def _run_window(  # type: ignore[no-untyped-def]
                 add(done, 0, completed)
             needed += size
         wait_for(done, 0, needed)
-        present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum
+        present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(done, 0, needed)
     completed = 0
     for k in range(threads):

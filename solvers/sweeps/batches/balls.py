@@ -23,7 +23,7 @@ from ....problems.contact.matrices.pieces import BallRecords, Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual, outside_disc
 from ...iteration.loop import SinglePassIterates
-from ...iteration.momentum import MomentumState
+from ...iteration.momentum import MomentumState, momentum_after
 from .pieces import LANES, MIN_FILL, assign_batches
 
 NUMBERS = 11
@@ -80,16 +80,16 @@ class BallSweep:
         shared = contacts, inverse_masses, float(spin_share), problem.free_velocity
         return BallSweep(layout, *shared, bodies, records, slots)
 
-    def begin(self, start: FloatArray, momentum: float = 0.0) -> "BallIterates":
-        """Return the iterates that begin at ``start``, shape (n_rows,), with ``momentum`` β."""
-        return BallIterates(self, start, momentum)
+    def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> "BallIterates":
+        """Return the iterates that begin at ``start``, shape (n_rows,); see ``MomentumState``."""
+        return BallIterates(self, start, momentum, delay)
 
 
 class BallIterates(MomentumState, SinglePassIterates):
     """Λ, in the order of batches, and v and τ of all balls, of a Gauss–Seidel iteration."""
 
-    def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float) -> None:
-        MomentumState.__init__(self, momentum)
+    def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
+        MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
         self._held = np.zeros(3 * len(sweep.bodies) // 2)
         self._held[sweep.slots] = start
@@ -105,9 +105,9 @@ class BallIterates(MomentumState, SinglePassIterates):
         """Do ``count`` sweeps."""
         own = self._sweep
         arrays = (self._held, self._moved, self._change, self._before)
-        self._present = sweep_balls(
-            count, own.bodies, own.records, own.spin_share, *arrays, self._momentum, self._present
-        )
+        momentum = self._momentum, self._delay, self._sweeps, self._present
+        self._present = sweep_balls(count, own.bodies, own.records, own.spin_share, *arrays, *momentum)
+        self._sweeps += count
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -238,7 +238,7 @@ def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untype
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_balls(  # type: ignore[no-untyped-def]
-    count, bodies, records, share, held, moved, change, before, momentum, present
+    count, bodies, records, share, held, moved, change, before, momentum, delay, sweeps, present
 ):
     """Do ``count`` sweeps on Λ, ``held``, and v and τ, ``moved``; other arguments as in ``pieces.sweep_batches``."""
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
@@ -265,7 +265,8 @@ def sweep_balls(  # type: ignore[no-untyped-def]
                 for k in range(six):
                     moved[a + k] = own[lanes * k + lane]
                     moved[b + k] = others[lanes * k + lane]
-        present = 0.0 if turn.sum() > 0.0 else momentum
+        sweeps += 1
+        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return present
 
 

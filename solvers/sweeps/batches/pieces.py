@@ -16,6 +16,7 @@ from numba import njit, uint64
 
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.matrices.pieces import Pieces
+from ...iteration.momentum import momentum_after
 
 LANES = 16
 """Contacts in a batch: the smallest number for which compilers vectorise a loop of known length."""
@@ -118,12 +119,13 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_batches(  # type: ignore[no-untyped-def]
-    count, axes, bodies, records, held, scaled, change, before, momentum, present
+    count, axes, bodies, records, held, scaled, change, before, momentum, delay, sweeps, present
 ):
     """Do ``count`` sweeps on Λ, ``held`` as in ``slots_in_batches``, and v = W̃ Λ, ``scaled``, with an idle chunk last.
 
     The last sweep changed Λ by ``change``, and began, where there is momentum, at v ``before``. The coming one has the
-    β ``present``; that of the sweep after these is returned.
+    β ``present``; that of the sweep after these is returned. ``momentum`` and ``delay`` are those of ``MomentumState``,
+    after ``sweeps`` sweeps.
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
@@ -149,7 +151,8 @@ def sweep_batches(  # type: ignore[no-untyped-def]
                 for x in range(length):
                     scaled[a + x] = others[lanes * x + lane]
                     scaled[b + x] = others[lanes * (length + x) + lane]
-        present = 0.0 if turn.sum() > 0.0 else momentum
+        sweeps += 1
+        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return present
 
 

@@ -5,6 +5,7 @@ import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.iteration.momentum import MomentumIterates
+from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
 
 
 def history(problem: ContactProblem, form: str, count: int, **options: float) -> np.ndarray:
@@ -21,28 +22,30 @@ def one_sweep_from(problem: ContactProblem, start: np.ndarray, relaxation: float
     return seen[0]
 
 
-def test_each_sweep_extrapolates_the_last_change_unless_it_turned_back() -> None:
+@pytest.mark.parametrize(("momentum", "delay"), [(0.8, 0.0), (0.98, 1.0)])
+def test_each_sweep_extrapolates_the_last_change_unless_it_turned_back(momentum: float, delay: float) -> None:
     problem = load("funnel-30")
     expected, turns = [np.zeros(problem.n_rows)], 0
     change, present = np.zeros(problem.n_rows), 0.0
-    for _ in range(40):
+    for k in range(1, 41):
         begin = expected[-1] + present * change
         end = one_sweep_from(problem, begin, 1.1)
         change = end - expected[-1]
         turned = (begin - end) @ change > 0.0
         turns += turned
-        present = 0.0 if turned else 0.8
+        present = 0.0 if turned else min(momentum, k / (k + delay))
         expected.append(end)
-    seen = history(problem, "delassus", 40, relaxation=1.1, momentum=0.8)
+    seen = history(problem, "delassus", 40, relaxation=1.1, momentum=momentum, momentum_delay=delay)
     assert 0 < turns < 40
     assert np.abs(seen - np.array(expected[1:])).max() <= 1e-12 * np.abs(seen).max()
 
 
+@pytest.mark.parametrize("delay", [0.0, 4.0])
 @pytest.mark.parametrize("name", ["funnel-planar-30", "funnel-frictionless-300", "funnel-30", "funnel-300"])
-def test_all_forms_give_the_same_iterates_to_rounding(name: str) -> None:
+def test_all_forms_give_the_same_iterates_to_rounding(name: str, delay: float) -> None:
     """The last one is swept in batches."""
-    problem = load(name)
-    first, second = (history(problem, form, 40, relaxation=1.1, momentum=0.8) for form in ("delassus", "factors"))
+    problem, options = load(name), {"relaxation": 1.1, "momentum": 0.8, "momentum_delay": delay}
+    first, second = (history(problem, form, 40, **options) for form in ("delassus", "factors"))
     assert np.abs(first - second).max() <= 1e-11 * np.abs(first).max()
 
 
@@ -78,6 +81,23 @@ def test_momentum_is_reduced_to_zero() -> None:
 
     iterates = MomentumIterates(Still(), 0.8)
     assert [iterates.reduce_acceleration() for _ in range(5)] == [True, True, True, False, False]
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("name", ["funnel-1000", "funnel-planar-300", "pile-100"])
+def test_growing_momentum_needs_about_as_few_sweeps_as_short_and_long_memory(name: str, tolerance: float) -> None:
+    """Up to one interval between checks of the residual more; short memory alone takes up to three times as many."""
+    problem = load(name)
+    constant = [f"SORprox(relaxation=1.1, momentum={beta}, form='factors')" for beta in (0.65, 0.8)]
+    growing = "SORprox(relaxation=1.1, momentum=0.8, momentum_delay=4, form='factors')"
+    counts = [solve(problem, solver, tolerance, max_iterations=2000).iterations for solver in (*constant, growing)]
+    assert counts[-1] <= 1.1 * min(counts[:-1]) + MAX_CHECK_INTERVAL
+
+
+@pytest.mark.parametrize("delay", [-1.0, float("inf"), float("nan"), "long"])
+def test_a_delay_out_of_range_is_named(delay: object) -> None:
+    with pytest.raises(SolverError, match="momentum_delay"):
+        create("SORprox", momentum=0.5, momentum_delay=delay)
 
 
 @pytest.mark.parametrize("momentum", [-0.1, 1.0, float("nan"), "much"])

@@ -62,8 +62,10 @@ def test_threads_that_never_come_change_no_bit(absent: int, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box"])
-@pytest.mark.parametrize("momentum", [0.0, 0.5])
-def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(name: str, momentum: float) -> None:
+@pytest.mark.parametrize(("momentum", "delay"), [(0.0, 0.0), (0.5, 0.0), (0.5, 4.0)])
+def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(
+    name: str, momentum: float, delay: float
+) -> None:
     problem = load(name)
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.2), 1)
     order = np.argsort(sweep.slots.reshape(problem.n_contacts, -1)[:, 0])
@@ -71,7 +73,7 @@ def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(na
     seen: list[list[np.ndarray]] = []
     for solver, solved in (("ColouredSORprox", problem), ("SORprox", plain.problem)):
         own: list[np.ndarray] = []
-        prepared = create(solver, relaxation=1.2, momentum=momentum).prepare(solved)
+        prepared = create(solver, relaxation=1.2, momentum=momentum, momentum_delay=delay).prepare(solved)
         prepared.solve(Stop(1e-300, 40), observe=lambda _, x, own=own: own.append(x.copy()))
         seen.append(own)
     coloured, sequential = np.array(seen[0]), np.array([plain.impulses(x) for x in seen[1]])

@@ -43,10 +43,10 @@ def over_pieces(problem: ContactProblem) -> ContactProblem:
 
 
 @settings(deadline=None, max_examples=20)
-@given(seed=st.integers(0, 2**31), momentum=st.sampled_from([0.0, 0.6]), warm=st.booleans())
-def test_iterates_and_velocities_are_those_over_pieces(seed: int, momentum: float, warm: bool) -> None:
-    problem = heap(seed)
-    solver = create("SORprox", relaxation=1.1, form="factors", momentum=momentum)
+@given(seed=st.integers(0, 2**31), momentum=st.sampled_from([(0.0, 0.0), (0.6, 0.0), (0.9, 4.0)]), warm=st.booleans())
+def test_iterates_and_velocities_are_those_over_pieces(seed: int, momentum: tuple[float, float], warm: bool) -> None:
+    problem, (bound, delay) = heap(seed), momentum
+    solver = create("SORprox", relaxation=1.1, form="factors", momentum=bound, momentum_delay=delay)
     start = np.random.default_rng(seed).uniform(size=problem.n_rows) if warm else np.zeros(problem.n_rows)
     first, second = (solver.prepare(one).begin(start) for one in (problem, over_pieces(problem)))
     assert isinstance(first, BallIterates)
