@@ -22,13 +22,18 @@ FAMILIES = {"OnBox", "Answering", "Tampering", "Changing", "Hiding"}
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
-    differences = []
+    differences, is_judged = [], False
     for number in range(TRIES):
         folder = tmp_path / str(number)
         folder.mkdir()
-        differences.append(difference(measured(make_cheat(name, folder)), *VERDICTS[name].partition(": ")[::2]))
+        case = measured(make_cheat(name, folder))
+        differences.append(difference(case, *VERDICTS[name].partition(": ")[::2]))
         if not differences[-1]:
             return
+        known = [point.measured for point in case.points if point.measured is not None]
+        is_judged |= not known or not all(one.is_excluded for one in known)
+    if not is_judged:
+        pytest.skip("other programs used the core in all rounds of each try")
     pytest.fail("\n".join(differences))
 
 

@@ -18,6 +18,7 @@ from proxbench.bench.measure.contacts.case import (
     ROUNDS,
     Case,
 )
+from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS
 from proxbench.bench.measure.timed_round import TOLERATED_SECONDS
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
@@ -30,6 +31,7 @@ from stored_cases import measured_in, timed_round
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("proxbench.bench.measure.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
+    monkeypatch.setattr("proxbench.bench.measure.contacts.clock_account.ALLOWANCE_SECONDS", ALLOWANCE_SECONDS)
 
 
 def point(

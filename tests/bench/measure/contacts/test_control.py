@@ -29,7 +29,9 @@ LOADING_SECONDS = 4e-3
 
 @pytest.fixture(autouse=True)
 def _allowance_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.contacts.control.MAX_ALLOWANCE_SECONDS", MAX_ALLOWANCE_SECONDS)
+    contacts = "proxbench.bench.measure.contacts"
+    monkeypatch.setattr(f"{contacts}.control.MAX_ALLOWANCE_SECONDS", MAX_ALLOWANCE_SECONDS)
+    monkeypatch.setattr(f"{contacts}.clock_account.ALLOWANCE_SECONDS", ALLOWANCE_SECONDS)
 
 
 @pytest.fixture
