@@ -161,7 +161,8 @@ def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") ->
     """Return the columns of solvers that compute in as many threads as a baseline, or in the fewest if it is empty."""
     threads = frames.cases.drop_duplicates("solver").set_index("solver")["threads"]
     own = threads.reindex(values.columns).to_numpy(dtype=np.float64)
-    return values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))].to_list()]
+    kept: pd.DataFrame = values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))]]
+    return kept
 
 
 def other_threads(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:

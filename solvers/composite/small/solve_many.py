@@ -65,10 +65,8 @@ def solve_many(
     if isinstance(problems, ContactProblem | str | Path):
         raise SolverError("problems must be a list of problems; for one problem, use solve.")
     loaded = [load(problem) if isinstance(problem, str | Path) else problem for problem in problems]
-    for at, problem in enumerate(loaded):
-        if not isinstance(problem, ContactProblem):
-            kind = type(problem).__name__
-            raise SolverError(f"problems[{at}] must be a ContactProblem, a name or a path, not {kind}.")
+    for at, one in enumerate(loaded):
+        _check_problem(at, one)
     found: list[Solution | None] = [None] * len(loaded)
     residuals = np.full(len(loaded), np.inf)
     for batch in _batches(loaded) if stop.max_seconds >= MIN_SECONDS else ():
@@ -78,6 +76,11 @@ def solve_many(
     for at in np.flatnonzero(~np.isfinite(residuals)).tolist():
         residuals[at] = judge(loaded[at], solutions[at].impulses).residual
     return SolvedProblems(solutions, residuals)
+
+
+def _check_problem(at: int, one: object) -> None:
+    if not isinstance(one, ContactProblem):
+        raise SolverError(f"problems[{at}] must be a ContactProblem, a name or a path, not {type(one).__name__}.")
 
 
 def _check_threads(threads: int) -> None:
