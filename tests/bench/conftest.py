@@ -1,6 +1,5 @@
 """Shared: a finished little run, and command lines that are mistakes."""
 
-import math
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -8,16 +7,9 @@ import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
 from proxbench.bench.cli.main import run_command
+from times_under_load import ignore_load
 
 HERE = Path(__file__).parent
-
-TIMES_UNDER_LOAD = (
-    "measuring_core.MAX_PROBE_RATIO",
-    "timed_round.TOLERATED_SECONDS",
-    "contacts.control.MAX_ALLOWANCE_SECONDS",
-    "contacts.clock_account.ALLOWANCE_SECONDS",
-)
-"""Limits of times that other programs on the same core exceed."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -26,8 +18,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     if HERE not in item.path.parents:
         return (yield)
     with pytest.MonkeyPatch.context() as patch:
-        for name in TIMES_UNDER_LOAD:
-            patch.setattr(f"proxbench.bench.measure.{name}", math.inf)
+        ignore_load(patch)
         return (yield)
 
 

@@ -26,6 +26,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.problems.exchange.plugins.offers import forget, registered
 from sybil import Document, Example, Region
 from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParser
+from times_under_load import ignore_load
 
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -35,21 +36,11 @@ WIDEST_LINE = 96
 """Characters of code that fit on a page without scrolling."""
 
 
-TIMES_UNDER_LOAD = (
-    "measure.measuring_core.MAX_PROBE_RATIO",
-    "measure.timed_round.TOLERATED_SECONDS",
-    "measure.contacts.control.MAX_ALLOWANCE_SECONDS",
-    "measure.contacts.clock_account.ALLOWANCE_SECONDS",
-    "store.notes.EXPLAINED_RATIO",
-)
-"""Limits of times that other tests on the same core exceed."""
-
-
 @pytest.fixture(autouse=True)
 def _ignore_other_tests(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exclude no round of a run, and note no time, because other tests use the core."""
-    for name in TIMES_UNDER_LOAD:
-        monkeypatch.setattr(f"proxbench.bench.{name}", math.inf)
+    ignore_load(monkeypatch)
+    monkeypatch.setattr("proxbench.bench.store.notes.EXPLAINED_RATIO", math.inf)
 
 
 def run_console(example: Example) -> None:

@@ -4,12 +4,13 @@ from typing import Any
 
 import pytest
 from proxbench.bench.isolation.worker import Fault
-from proxbench.bench.measure.timed_round import TOLERATED_SECONDS, TimedRound
+from proxbench.bench.measure.timed_round import TimedRound
+from times_under_load import restore_limits
 
 
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
+    restore_limits(monkeypatch, "timed_round.TOLERATED_SECONDS")
 
 
 PLAIN = {

@@ -18,20 +18,18 @@ from proxbench.bench.measure.contacts.case import (
     ROUNDS,
     Case,
 )
-from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS
-from proxbench.bench.measure.timed_round import TOLERATED_SECONDS
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import Point
 from proxbench.problems import judge
 from proxbench.solvers import Status, Stop
 from stored_cases import measured_in, timed_round
+from times_under_load import restore_limits
 
 
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
-    monkeypatch.setattr("proxbench.bench.measure.contacts.clock_account.ALLOWANCE_SECONDS", ALLOWANCE_SECONDS)
+    restore_limits(monkeypatch, "timed_round.TOLERATED_SECONDS", "contacts.clock_account.ALLOWANCE_SECONDS")
 
 
 def point(

@@ -12,15 +12,15 @@ from proxbench.bench.measure.contacts.case import (
     Case,
 )
 from proxbench.bench.measure.contacts.control import ControlSolve
-from proxbench.bench.measure.timed_round import TOLERATED_SECONDS
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem
 from proxbench.solvers import Status, Stop
+from times_under_load import restore_limits
 
 
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("proxbench.bench.measure.timed_round.TOLERATED_SECONDS", TOLERATED_SECONDS)
+    restore_limits(monkeypatch, "timed_round.TOLERATED_SECONDS")
 
 
 class Controlled:

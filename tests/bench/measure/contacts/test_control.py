@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts.case import warm_up_data
 from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, ROUND_SECONDS, SHARE, ClockAccount
-from proxbench.bench.measure.contacts.control import MAX_ALLOWANCE_SECONDS, Controls
+from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.plugins.describing import solver_spec
@@ -19,6 +19,7 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.solvers import Status, Stop, create
+from times_under_load import restore_limits
 
 PROBLEM = load("funnel-100")
 LIMITS = Limits(solve_seconds=30.0)
@@ -29,9 +30,7 @@ LOADING_SECONDS = 4e-3
 
 @pytest.fixture(autouse=True)
 def _allowance_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    contacts = "proxbench.bench.measure.contacts"
-    monkeypatch.setattr(f"{contacts}.control.MAX_ALLOWANCE_SECONDS", MAX_ALLOWANCE_SECONDS)
-    monkeypatch.setattr(f"{contacts}.clock_account.ALLOWANCE_SECONDS", ALLOWANCE_SECONDS)
+    restore_limits(monkeypatch, "contacts.control.MAX_ALLOWANCE_SECONDS", "contacts.clock_account.ALLOWANCE_SECONDS")
 
 
 @pytest.fixture
