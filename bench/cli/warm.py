@@ -1,20 +1,37 @@
 """The command ``proxbench warm``: compile all kernels into the cache, for container images and clusters."""
 
 import os
+import sys
 import time
 from contextlib import suppress
+from itertools import product
 from typing import Annotated, Any
 
 from . import options
 
-PROBLEMS = ("funnel-30-early", "funnel-planar-30", "funnel-frictionless-30", "hard-mixed-laws", "pile-100-rolling")
-"""Problems with factors and contacts of each kind, mixed laws, and rolling friction."""
+PROBLEMS = (
+    "funnel-30-early",
+    "funnel-planar-30",
+    "funnel-frictionless-30",
+    "hard-mixed-laws",
+    "pile-100-rolling",
+    "bodies-arch-13-thin",
+    "bodies-train-10",
+    "bodies-four-bar",
+)
+"""Problems with factors and contacts of each kind, mixed laws, rolling friction, redundant contacts, and joints."""
 
 MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconnected-parts")
 """Problems without factors."""
 
+DEMANDING_PROBLEMS = ("bodies-table-4-1e4", "bodies-train-10", "hard-tower-100")
+"""Problems on which a solver of several methods needs its later ones."""
+
 MAX_ITERATIONS, MAX_SECONDS = 60, 600.0
-"""Limits of each solve."""
+"""Limits of each solve, except those of demanding problems."""
+
+DEMANDING_SECONDS = 20.0
+"""Time limit of the solve of a demanding problem; the time to compile does not count."""
 
 SIMULATIONS = (
     ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3),
@@ -74,6 +91,8 @@ def _solve() -> None:
         for model in (Model.COULOMB, Model.CONVEX, Model.pyramid(8), Model.FRICTIONLESS):
             with suppress(ProxbenchError):  # the model does not apply to the laws
                 judge(problem, impulses, model)
+    for name, solver_name in product(DEMANDING_PROBLEMS, ("Robust", "MomentumFallback")):
+        create(solver_name).prepare(load(name)).solve(Stop(1e-10, sys.maxsize, DEMANDING_SECONDS))
 
 
 def _simulate() -> None:
