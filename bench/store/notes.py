@@ -17,7 +17,10 @@ ALLOWANCE_SECONDS = 2e-5
 """Additional time that a first solve may take [s], for branches and memory pages not used before."""
 
 MIN_NOTED = 3
-"""Least number of undisturbed first solves, or of undisturbed copies, for a note."""
+"""Least number of undisturbed first solves or copies for a note, and of undisturbed rounds if solves are short."""
+
+LONG_SECONDS = 0.02
+"""Time of a solve from which one undisturbed round suffices for a note, because it varies less [s]."""
 
 LOCAL_RATIO = 100.0
 """Ratio of the local to the judged residual above which fast contacts hide the violations of the others."""
@@ -53,5 +56,13 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
         ("copies of the problem", measured.copy_seconds),
     ):
         repeated, first = measured.total_seconds.median, min(seconds, default=0.0)
-        if len(seconds) >= MIN_NOTED and not measured.is_excluded and not is_explained(repeated, first):
+        if len(seconds) >= MIN_NOTED and _is_well_measured(measured) and not is_explained(repeated, first):
             yield f"{name} take at least {first / repeated:.2g} times as long"
+
+
+def _is_well_measured(measured: Measured) -> bool:
+    """Return whether enough rounds were undisturbed to compare other solves with them."""
+    if measured.is_excluded:
+        return False
+    undisturbed = sum(not timed.excluded for timed in measured.rounds)
+    return undisturbed >= MIN_NOTED or measured.total_seconds.median >= LONG_SECONDS

@@ -80,14 +80,14 @@ def test_an_infinite_local_residual_is_noted() -> None:
     assert text == "the local residual is inf times the judged one"
 
 
-def note(is_randomised: bool = False, **measured: Any) -> str:
-    """Return the notes about a point whose repeated solves take a second."""
+def note(is_randomised: bool = False, rounds: tuple[float, ...] = (1.0,), **measured: Any) -> str:
+    """Return the notes about a point whose repeated solves take a second, or the times of some rounds."""
     point = Point(
         tolerance=1e-4,
         outcome=Outcome.SOLVED,
         status="solved",
         reason="",
-        measured=measured_in([timed_round(0, 1.0)], **measured),
+        measured=measured_in([timed_round(0, seconds) for seconds in rounds], **measured),
     )
     return notes_of(case_record(is_randomised=is_randomised), point)
 
@@ -111,6 +111,12 @@ def test_slow_first_solves_and_slow_copies_are_noted_unless_the_times_are_exclud
 def test_first_solves_are_not_noted_if_one_is_explained_or_if_there_are_few() -> None:
     assert note(first_seconds=[1.2, 9.0, 9.0], copy_seconds=[9.0, 9.0, 1.2]) == ""
     assert note(first_seconds=[9.0, 9.0], copy_seconds=[9.0, 9.0]) == ""
+
+
+def test_short_first_solves_are_not_noted_if_few_rounds_were_undisturbed() -> None:
+    slow = {"first_seconds": [3e-3, 9e-3, 4e-3]}
+    assert note(rounds=(1e-3, 1e-3), **slow) == ""
+    assert note(rounds=(1e-3, 1e-3, 1e-3), **slow) == "first solves take at least 3 times as long"
 
 
 def test_different_answers_are_noted_of_a_solver_that_does_not_draw_numbers() -> None:
