@@ -36,6 +36,14 @@ def is_explained(repeated: float, first: float) -> bool:
     return first <= EXPLAINED_RATIO * repeated + ALLOWANCE_SECONDS
 
 
+def is_well_measured(measured: Measured) -> bool:
+    """Return whether enough rounds were undisturbed to compare other solves with them."""
+    if measured.is_excluded:
+        return False
+    undisturbed = sum(not timed.excluded for timed in measured.rounds)
+    return undisturbed >= MIN_NOTED or measured.total_seconds.median >= LONG_SECONDS
+
+
 def notes_of(case: CaseRecord, point: Point) -> str:
     """Return the notes about a point, separated by semicolons; empty if there are none."""
     return "" if point.measured is None else "; ".join(_notes(case, point, point.measured))
@@ -56,13 +64,5 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
         ("copies of the problem", measured.copy_seconds),
     ):
         repeated, first = measured.total_seconds.median, min(seconds, default=0.0)
-        if len(seconds) >= MIN_NOTED and _is_well_measured(measured) and not is_explained(repeated, first):
+        if len(seconds) >= MIN_NOTED and is_well_measured(measured) and not is_explained(repeated, first):
             yield f"{name} take at least {first / repeated:.2g} times as long"
-
-
-def _is_well_measured(measured: Measured) -> bool:
-    """Return whether enough rounds were undisturbed to compare other solves with them."""
-    if measured.is_excluded:
-        return False
-    undisturbed = sum(not timed.excluded for timed in measured.rounds)
-    return undisturbed >= MIN_NOTED or measured.total_seconds.median >= LONG_SECONDS

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from catalogue import LADDER, VERDICTS, make_cheat, measured
 from cheating_solvers import ANSWERS, Honest
-from proxbench.bench.store.notes import notes_of
+from proxbench.bench.store.notes import is_well_measured, notes_of
 from proxbench.bench.store.outcome import FAULTS, Outcome
 from proxbench.bench.store.records import CaseRecord
 from tampering_solvers import CHANGES
@@ -31,9 +31,9 @@ def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
         if not differences[-1]:
             return
         known = [point.measured for point in case.points if point.measured is not None]
-        is_judged |= not known or not all(one.is_excluded for one in known)
+        is_judged |= not known or any(map(is_well_measured, known))
     if not is_judged:
-        pytest.skip("other programs used the core in all rounds of each try")
+        pytest.skip("other programs used the core in most rounds of each try")
     pytest.fail("\n".join(differences))
 
 
