@@ -17,10 +17,10 @@ ALLOWANCE_SECONDS = 2e-5
 """Additional time that a first solve may take [s], for branches and memory pages not used before."""
 
 MIN_NOTED = 3
-"""Least number of undisturbed first solves or copies for a note, and of undisturbed rounds if solves are short."""
+"""Least number of undisturbed first solves or copies for a note, and of undisturbed rounds of short solves."""
 
 LONG_SECONDS = 0.02
-"""Time of a solve from which one undisturbed round suffices for a note, because it varies less [s]."""
+"""Time of a solve from which one measurement suffices where short solves need several, because it varies less [s]."""
 
 LOCAL_RATIO = 100.0
 """Ratio of the local to the judged residual above which fast contacts hide the violations of the others."""
@@ -37,7 +37,7 @@ def is_explained(repeated: float, first: float) -> bool:
 
 
 def is_well_measured(measured: Measured) -> bool:
-    """Return whether enough rounds were undisturbed to compare other solves with them."""
+    """Return whether enough rounds were undisturbed to compare their time with that of other solves."""
     if measured.is_excluded:
         return False
     undisturbed = sum(not timed.excluded for timed in measured.rounds)

@@ -28,7 +28,7 @@ from ....problems.exchange.files.problem_file import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec
-from ...store.notes import is_explained
+from ...store.notes import LONG_SECONDS, is_explained
 from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
@@ -37,10 +37,7 @@ from .protocol import MeasuringTask
 from .variants import disguised_copy, in_other_units, perturbed_copy
 
 MIN_FAST_SOLVES = 2
-"""Number by which first solves within the bound must exceed those beyond it."""
-
-LONG_SECONDS = 0.02
-"""Time of a solve from which one first solve within the bound suffices, because it varies less [s]."""
+"""Number by which first solves within the bound must exceed those beyond it; one suffices for a long solve."""
 
 MAX_SLOW_SOLVES = 4
 """Number by which first solves beyond the bound may exceed those within it."""
