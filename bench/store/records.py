@@ -242,6 +242,11 @@ class Point(Record, frozen=True, kw_only=True):
         return len({(one.session, one.number) for one in self.rounds})
 
     @property
+    def last_pass(self) -> int:
+        """The number of the last pass that it was measured in; -1 if there is none."""
+        return max((one.number for one in self.rounds), default=-1)
+
+    @property
     def is_late_for_others(self) -> bool:
         """Whether the time limit was reached in excluded rounds only, so that it may be measured again."""
         return self.outcome is Outcome.TIME_LIMIT and self.measured is not None and self.measured.is_excluded
@@ -297,11 +302,16 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     points: list[Point]
 
     def is_finished(self, plan: PlanRecord) -> bool:
-        """Return whether the case is measured as far as a plan requires."""
+        """Return whether the case is measured as far as a plan requires.
+
+        Points have fewer passes than the plan if earlier passes did not reach them, because a coarser point was late
+        under load.
+        """
         if self.outcome is not Outcome.MEASURED:
             return True
         repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_for_others, self.points)
-        return self.is_tried(plan) and all(point.n_passes >= plan.passes for point in repeated)
+        is_measured = all(point.n_passes >= plan.passes or point.last_pass >= plan.passes - 1 for point in repeated)
+        return self.is_tried(plan) and is_measured
 
     def is_tried(self, plan: PlanRecord) -> bool:
         """Return whether the whole ladder was measured at least once, or the case failed."""

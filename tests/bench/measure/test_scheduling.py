@@ -104,6 +104,17 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
     assert [case_record(points=[one, rest]).is_finished(plan) for one in found] == [False, True]
 
 
+@pytest.mark.parametrize("last", ["solved", "time limit"])
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_point_that_only_the_last_pass_reaches_needs_no_other_pass(number: int, last: str) -> None:
+    """The first pass ended at a coarser point, which was late under load; a point of that pass alone needs another."""
+    plan = replace(PLAN, passes=2)
+    coarse, fine = case("slow", STEADY[:2], STEADY[:1]).points
+    reached = [timed_round(number, 9.0, excluded="preempted")]
+    fine = replace(fine, outcome=Outcome(last), status=last, measured=measured_in(reached))
+    assert case_record(points=[coarse, fine]).is_finished(plan) == (number == 1)
+
+
 @pytest.mark.slow
 def test_a_case_that_fails_gets_no_more_rounds_and_stays_failed(tmp_path_factory: pytest.TempPathFactory) -> None:
     made = run(
