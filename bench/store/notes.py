@@ -17,10 +17,7 @@ ALLOWANCE_SECONDS = 2e-5
 """Additional time that a first solve may take [s], for branches and memory pages not used before."""
 
 MIN_NOTED = 3
-"""Least number of undisturbed first solves or copies for a note, and of undisturbed rounds of short solves."""
-
-LONG_SECONDS = 0.02
-"""Time of a solve from which one measurement suffices where short solves need several, because it varies less [s]."""
+"""Least number of undisturbed first solves, or of undisturbed copies, for a note."""
 
 LOCAL_RATIO = 100.0
 """Ratio of the local to the judged residual above which fast contacts hide the violations of the others."""
@@ -34,14 +31,6 @@ def hides_contacts(judged: FloatArray | float, local: FloatArray | float) -> NDA
 def is_explained(repeated: float, first: float) -> bool:
     """Return whether the machine explains the time of a first solve [s], given that of repeated ones [s]."""
     return first <= EXPLAINED_RATIO * repeated + ALLOWANCE_SECONDS
-
-
-def is_well_measured(measured: Measured) -> bool:
-    """Return whether enough rounds were undisturbed to compare their time with that of other solves."""
-    if measured.is_excluded:
-        return False
-    undisturbed = sum(not timed.excluded for timed in measured.rounds)
-    return undisturbed >= MIN_NOTED or measured.total_seconds.median >= LONG_SECONDS
 
 
 def notes_of(case: CaseRecord, point: Point) -> str:
@@ -59,10 +48,24 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
     if measured.answers > 1 and not case.is_randomised:
         least = "at least " if measured.answers == MAX_ANSWERS else ""
         yield f"{least}{measured.answers} different answers in {measured.repeats} solves"
-    for name, seconds in (
-        ("first solves", measured.first_seconds),
-        ("copies of the problem", measured.copy_seconds),
+    for name, seconds, repeated_seconds in (
+        ("first solves", measured.first_seconds, measured.first_repeated_seconds),
+        ("copies of the problem", measured.copy_seconds, measured.copy_repeated_seconds),
     ):
-        repeated, first = measured.total_seconds.median, min(seconds, default=0.0)
-        if len(seconds) >= MIN_NOTED and is_well_measured(measured) and not is_explained(repeated, first):
-            yield f"{name} take at least {first / repeated:.2g} times as long"
+        if (ratio := _least_ratio(measured, seconds, repeated_seconds)) is not None:
+            yield f"{name} take at least {ratio:.2g} times as long"
+
+
+def _least_ratio(measured: Measured, seconds: list[float], repeated_seconds: list[float]) -> float | None:
+    """Return the least ratio of the times of several first solves to those of repeated ones [s].
+
+    None if there are too few of them, if most rounds are excluded, or if the machine explains the time of one of them.
+    """
+    excluded = sum(timed.excluded != "" for timed in measured.rounds)
+    median = measured.total_seconds.median
+    pairs = [(first, max(median, repeated)) for first, repeated in zip(seconds, repeated_seconds, strict=False)]
+    if len(pairs) < MIN_NOTED or 2 * excluded > len(measured.rounds):
+        return None
+    if any(is_explained(repeated, first) for first, repeated in pairs):
+        return None
+    return min(first / repeated for first, repeated in pairs)

@@ -180,7 +180,9 @@ class Measured(Record, frozen=True, kw_only=True):
         is_excluded: whether all rounds are excluded, so that comparisons ignore the times.
         rounds: the rounds, those of a trajectory one for each member.
         first_seconds: times of first solves in fresh processes during which no other program used the core [s].
+        first_repeated_seconds: for each of them, the time of repeated solves that it is compared with [s].
         copy_seconds: times of first solves of copies of the problem [s].
+        copy_repeated_seconds: for each of them, the time of repeated solves of the problem [s].
         answers: number of different impulse vectors of solved solves, up to ``MAX_ANSWERS``; the worst is judged.
         hashes: hashes of these vectors.
         verdict: the other numbers of the verdict.
@@ -202,7 +204,9 @@ class Measured(Record, frozen=True, kw_only=True):
     is_excluded: bool = False
     rounds: list[Round] = []
     first_seconds: list[Number] = []
+    first_repeated_seconds: list[Number] = []
     copy_seconds: list[Number] = []
+    copy_repeated_seconds: list[Number] = []
     answers: Count = 1
     hashes: Annotated[list[str], Meta(max_length=MAX_ANSWERS)] = []
     claimed_iterations: Count | None = None

@@ -282,9 +282,14 @@ class Case(LadderCase[MeasuredRound]):
 
     def _compared_with_copies(self, point: Point, measured: Measured, seconds: float) -> Point:
         """Return a point with the times of copies of the problem, and their answers judged."""
-        copies = self._controls.copies(self._stop(point.tolerance), seconds)
-        times = [*measured.copy_seconds, *(one.seconds for one in copies if one.is_undisturbed)]
-        point = replace(point, measured=replace(measured, copy_seconds=times))
+        stop = self._stop(point.tolerance)
+        copies = self._controls.copies(stop, seconds, partial(self._measure_again, stop))
+        counted = [one for one in copies if one.is_undisturbed]
+        times = {
+            "copy_seconds": [*measured.copy_seconds, *(one.seconds for one in counted)],
+            "copy_repeated_seconds": [*measured.copy_repeated_seconds, *(one.repeated for one in counted)],
+        }
+        point = replace(point, measured=replace(measured, **times))
         return confirmed(self.problem, self.solver.model, point, copies, ON_COPY)
 
     def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
@@ -293,9 +298,12 @@ class Case(LadderCase[MeasuredRound]):
         start = self._starts.impulses(stop)
         firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
-            timed = (one for one in firsts if one.timed.status is Status.SOLVED and one.is_undisturbed)
-            times = [*measured.first_seconds, *(one.seconds for one in timed)]
-            point = replace(point, measured=replace(measured, first_seconds=times))
+            counted = [one for one in firsts if one.timed.status is Status.SOLVED and one.is_undisturbed]
+            times = {
+                "first_seconds": [*measured.first_seconds, *(one.seconds for one in counted)],
+                "first_repeated_seconds": [*measured.first_repeated_seconds, *(one.repeated for one in counted)],
+            }
+            point = replace(point, measured=replace(measured, **times))
         return confirmed(self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process")
 
     def _measure_again(self, stop: Stop) -> float:

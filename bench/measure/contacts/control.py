@@ -2,22 +2,23 @@
 
 A process that has warmed up on a copy of the problem with another solution is forked. The fork solves the copy again
 until its caches are warm, then solves the problem for the first time, in new units (``variants``), and ends. With t₁
-the median of several such first solves and t that of the repeated ones, repetition explains
+the time of such a first solve and t that of the repeated ones, repetition explains
 
-    t₁ ≤ (1 + SHARE) t + ALLOWANCE_SECONDS.
+    t₁ ≤ EXPLAINED_RATIO t + ALLOWANCE_SECONDS.
 
-First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are within the bound than beyond it, or until
-``MAX_SLOW_SOLVES`` more are beyond it. If all are beyond it, the least ratio t₁/t becomes part of the row. If the ratio
-of the medians exceeds ``MAX_RATIO``, the solver has misbehaved. A solver may load or compile something in its first
-solve. Before it is accused, first solves are repeated in forks that have solved another problem to the same tolerance.
-All cached kernels are in their memory, among them those that only the timed solves have used. The faster ones count,
-compared with one more round of repeated ones: the machine may be slower by now. Only solves during which no other
-program used the core accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
+The speed of a core drifts. If a first solve is beyond the bound, a round of repeated ones directly after it gives
+another time, and the slower one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
+within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If all are beyond it, the least ratio
+t₁/t becomes part of the row. If the ratio of the medians exceeds ``MAX_RATIO``, the solver has misbehaved. A solver may
+load or compile something in its first solve. Before it is accused, first solves are repeated in forks that have solved
+``N_COPIES`` copies to the same tolerance. All cached kernels are in their memory, among them those that only the timed
+solves have used. The faster ones count. Only solves during which no other program used the core accuse a solver, and
+only if they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,16 +29,19 @@ from ....problems.exchange.files.problem_file import problem_bytes
 from ...isolation.child import IN_A_COPY
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec
-from ...store.notes import LONG_SECONDS, is_explained
+from ...store.notes import is_explained
 from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from ..timed_round import TimedRound
 from .protocol import MeasuringTask
-from .variants import disguised_copy, in_other_units, perturbed_copy
+from .variants import disguised_copy, in_other_units
 
 MIN_FAST_SOLVES = 2
 """Number by which first solves within the bound must exceed those beyond it; one suffices for a long solve."""
+
+LONG_SECONDS = 0.02
+"""Time of a solve from which one first solve within the bound suffices, because it varies less [s]."""
 
 MAX_SLOW_SOLVES = 4
 """Number by which first solves beyond the bound may exceed those within it."""
@@ -47,6 +51,9 @@ MAX_SOLVES = 9
 
 MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """Factor and time [s] by which first solves must exceed repeated ones to prove a repeated answer."""
+
+N_COPIES = 2
+"""Number of copies that a fork solves before a further first solve, so that it has run all the code that one needs."""
 
 MAX_COPIES = 6
 """Largest number of copies to solve if the first one is slower than the problem."""
@@ -64,12 +71,14 @@ class ControlSolve:
         timed: the round that ends with the solve.
         impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the probes of the core before and after it are close to the reference.
+        repeated: time of repeated solves; measured again directly after it if it is slower than it explains [s].
     """
 
     problem: ContactProblem
     timed: TimedRound
     impulses: FloatArray
     is_steady: bool = True
+    repeated: float = 0.0
 
     @property
     def is_undisturbed(self) -> bool:
@@ -80,6 +89,11 @@ class ControlSolve:
     def seconds(self) -> float:
         """Wall time, or processor time if its process was preempted [s]."""
         return float(self.timed.undisturbed[-1])
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the machine explains its time, given that of repeated solves."""
+        return is_explained(self.repeated, self.seconds)
 
 
 class Controls:
@@ -133,7 +147,7 @@ class Controls:
         Args:
             stop: stop criterion of the timed solves, which ended SOLVED.
             seconds: median time of the timed solves [s].
-            again: function that measures this median once more.
+            again: function that returns this median of one more round [s].
             start: impulses from which they started [N s], shape (n_rows,); zero if None.
 
         Raises:
@@ -142,41 +156,57 @@ class Controls:
         solves: list[ControlSolve] = []
         needed, balance = 1 if seconds > LONG_SECONDS else MIN_FAST_SOLVES, 0
         for _ in range(MAX_SOLVES):
-            solve = self._first_solve(stop, start)
+            solve = _compared(self._first_solve(stop, start), seconds, again)
             if solve.timed.status is not Status.SOLVED:
                 return [*solves, self._unscaled_solve(stop, seconds, start)]
             solves.append(solve)
-            balance += 1 if is_explained(seconds, solve.seconds) else -1
+            balance += 1 if solve.is_explained else -1
             if balance >= needed:
                 return solves
             if balance <= -MAX_SLOW_SOLVES:
                 break
         self._load_kernels()
-        loaded = [self._first_solve(stop, start, after=perturbed_copy(self.problem)) for _ in range(MAX_SLOW_SOLVES)]
-        solves, seconds = min(solves, loaded, key=_median), max(seconds, again())
+        loaded = [
+            _compared(self._first_solve(stop, start, after=self._copies(stop)), seconds, again)
+            for _ in range(MAX_SLOW_SOLVES)
+        ]
+        solves = min(solves, loaded, key=_median)
         undisturbed = [solve for solve in solves if solve.is_undisturbed]
-        if len(undisturbed) > MAX_SLOW_SOLVES // 2 and _is_repeated(seconds, _median(undisturbed)):
-            raise _repeats(stop, f"take {_median(undisturbed):.3g} s", seconds)
+        if len(undisturbed) > MAX_SLOW_SOLVES // 2:
+            first, repeated = _median(undisturbed), float(np.median([one.repeated for one in undisturbed]))
+            if _is_repeated(repeated, first):
+                raise _repeats(stop, f"take {first:.3g} s", repeated)
         return solves
 
-    def copies(self, stop: Stop, seconds: float) -> list[ControlSolve]:
-        """Return first solves of copies: one if it is as fast as the problem [s], else several."""
+    def copies(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
+        """Return first solves of copies: one if repeated solves explain its time, else several.
+
+        Args:
+            stop: stop criterion of the timed solves.
+            seconds: median time of the timed solves [s].
+            again: function that returns this median of one more round [s].
+        """
         found: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
-            copy = disguised_copy(self.problem, stop.tolerance)
-            solve = self._control_solve(copy, stop, problem_bytes(copy))
+            problems = [*(self._copies(stop) if found else ()), disguised_copy(self.problem, stop.tolerance)]
+            solve = self._control_solve(problems[-1], stop, *map(problem_bytes, problems))
+            solve = _compared(solve, seconds, again)
             if solve.timed.status is not Status.SOLVED:
                 break
             found.append(solve)
-            if solve.is_undisturbed and is_explained(seconds, solve.seconds):
+            if solve.is_undisturbed and solve.is_explained:
                 break
             self._load_kernels()
         return found
 
-    def _first_solve(self, stop: Stop, start: FloatArray | None, after: ContactProblem | None = None) -> ControlSolve:
-        """Return a first solve of the problem in other units, in a process that may first solve another problem."""
+    def _copies(self, stop: Stop) -> list[ContactProblem]:
+        """Return copies of the problem to solve before a first solve."""
+        return [disguised_copy(self.problem, stop.tolerance) for _ in range(N_COPIES)]
+
+    def _first_solve(self, stop: Stop, start: FloatArray | None, after: Sequence[ContactProblem] = ()) -> ControlSolve:
+        """Return a first solve of the problem in other units, in a process that may first solve other problems."""
         variant = in_other_units(self.problem)
-        problems = [variant.problem] if after is None else [after, variant.problem]
+        problems = [*after, variant.problem]
         scale = variant.back.diagonal()
         start = None if start is None else start / scale
         return self._control_solve(self.problem, stop, *map(problem_bytes, problems), start=start, scale=scale)
@@ -248,6 +278,12 @@ class Controls:
         if not self._can_fork:
             self.close()
         return TimedRound.read(answer, passed), numbers_of(content)
+
+
+def _compared(solve: ControlSolve, seconds: float, again: Callable[[], float]) -> ControlSolve:
+    """Return a solve with the time of repeated ones [s], measured again if they do not explain that of the solve."""
+    is_slow = solve.timed.status is Status.SOLVED and not is_explained(seconds, solve.seconds)
+    return replace(solve, repeated=max(seconds, again()) if is_slow else seconds)
 
 
 def _of_length(impulses: FloatArray, n_rows: int) -> FloatArray:

@@ -68,7 +68,7 @@ def test_columns_are_the_fields_of_the_records_however_little_was_measured(point
     assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished", "is_tried"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
     numbers -= {"verdict", "errors", "rounds", "hashes", "impulses", "component_residuals"}
-    numbers -= {"first_seconds", "copy_seconds"}
+    numbers -= {"first_seconds", "first_repeated_seconds", "copy_seconds", "copy_repeated_seconds"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}
     identity = {"problem", "family", "solver", "model"}
     assert set(run.points) == identity | (set(Point.__struct_fields__) - {"measured"}) | numbers | spread | {"notes"}

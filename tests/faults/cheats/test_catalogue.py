@@ -5,13 +5,19 @@ from pathlib import Path
 import pytest
 from catalogue import LADDER, VERDICTS, make_cheat, measured
 from cheating_solvers import ANSWERS, Honest
-from proxbench.bench.store.notes import is_well_measured, notes_of
+from proxbench.bench.store.notes import notes_of
 from proxbench.bench.store.outcome import FAULTS, Outcome
 from proxbench.bench.store.records import CaseRecord
 from tampering_solvers import CHANGES
 
 TRIES = 3
-"""Runs of a cheat, of which one must end as the table says: rounds in which other tests use the core do not count."""
+"""Runs of a cheat, of which one must end as the table says."""
+
+SPREAD = 1.15
+"""Largest ratio of two times of the same work on a machine that shows what a cheat gains."""
+
+COMPARED = ("first solves", "copies of the problem", "it repeats answers instead of solving")
+"""Words of the verdicts that compare the times of solves."""
 
 NAMED = "named"
 """Verdict on a cheat that is accused or noted, as most of its control solves are undisturbed or preempted."""
@@ -22,19 +28,29 @@ FAMILIES = {"OnBox", "Answering", "Tampering", "Changing", "Hiding"}
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
-    differences, is_judged = [], False
+    outcome, _, words = VERDICTS[name].partition(": ")
+    differences, is_judged = [], words not in COMPARED
     for number in range(TRIES):
         folder = tmp_path / str(number)
         folder.mkdir()
-        case = measured(make_cheat(name, folder))
-        differences.append(difference(case, *VERDICTS[name].partition(": ")[::2]))
+        cheat = make_cheat(name, folder)
+        differences.append(difference(measured(cheat), outcome, words))
         if not differences[-1]:
             return
-        known = [point.measured for point in case.points if point.measured is not None]
-        is_judged |= not known or any(map(is_well_measured, known))
+        is_judged = is_judged or is_steady(cheat.tried_on)
     if not is_judged:
-        pytest.skip("other programs used the core in most rounds of each try")
+        pytest.skip("the times of an honest solver varied as well")
     pytest.fail("\n".join(differences))
+
+
+def is_steady(problem: str) -> bool:
+    """Return whether first solves of an honest solver take as long as its repeated ones, at every tolerance."""
+    known = [point.measured for point in measured(Honest(), problem).points if point.measured is not None]
+    return all(
+        found.first_seconds and max(found.first_seconds) < SPREAD * found.total_seconds.min
+        for found in known
+        if not found.is_excluded
+    ) and any(not found.is_excluded for found in known)
 
 
 def difference(case: CaseRecord, outcome: str, words: str) -> str:

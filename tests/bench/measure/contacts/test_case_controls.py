@@ -35,7 +35,7 @@ class Controlled:
         self.firsts.append(stop.tolerance)
         return [self._first(stop)]
 
-    def copies(self, stop: Stop, seconds: float) -> list[ControlSolve]:
+    def copies(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
         self.copied.append(stop.tolerance)
         return [self._copy(stop)]
 

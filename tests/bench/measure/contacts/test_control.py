@@ -71,8 +71,8 @@ def test_the_impulses_of_a_first_solve_are_those_of_the_problem(controls: Contro
 
 @pytest.mark.parametrize("controls", [Wrapped()], indirect=True)
 def test_a_copy_takes_about_as_long_as_the_problem_and_is_solved_once_then(controls: Controls) -> None:
-    assert len(controls.copies(STOP, 1.0)) == 1
-    assert len(controls.copies(STOP, 1e-9)) > 1
+    assert len(controls.copies(STOP, 1.0, never)) == 1
+    assert len(controls.copies(STOP, 1e-9, lambda: 1e-9)) > 1
 
 
 def of_one_solve(seconds: float) -> TimedRound:
@@ -97,7 +97,7 @@ class Scripted(Controls):
 
     def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
         self.n_asked += 1
-        seconds = self.after_another if len(problems) == 2 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
+        seconds = self.after_another if len(problems) > 1 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
         return replace(of_one_solve(seconds), status=self.status), np.zeros(PROBLEM.n_rows)
 
 
@@ -106,12 +106,20 @@ def test_first_solves_follow_until_enough_more_of_them_are_explained_than_not(
     seconds: float, fresh: list[float], n: int
 ) -> None:
     controls = Scripted(fresh)
-    assert [one.seconds for one in controls.first_solves(STOP, seconds, never)][:1] == fresh[:1]
+    assert [one.seconds for one in controls.first_solves(STOP, seconds, lambda: seconds)][:1] == fresh[:1]
     assert controls.n_asked == n
 
 
+def test_only_slow_first_solves_and_slow_copies_are_compared_with_one_more_round() -> None:
+    """A round directly after each, as the machine may have become slower since."""
+    again = iter([0.3, 0.002, 0.4])
+    found = Scripted([0.1, 0.01, 0.3, 0.01, 0.01]).first_solves(STOP, 0.01, lambda: next(again))
+    assert [(one.seconds, one.repeated) for one in found] == [(0.1, 0.3), (0.01, 0.01)]
+    copies = Scripted([0.1], after_another=0.3).copies(STOP, 0.01, lambda: next(again))
+    assert [(one.seconds, one.repeated) for one in copies] == [(0.1, 0.01), (0.3, 0.4)]
+
+
 def test_a_machine_that_has_become_slower_accuses_nobody() -> None:
-    """What counts is how long repeated solves take now, as first ones do."""
     assert Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.1)
     assert Scripted([0.1], 0.1).first_solves(STOP, 0.1 / 1.4, lambda: 0.001)
     with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.002 s"):
