@@ -62,9 +62,9 @@ class Run(RunFrames, os.PathLike[str]):
         return f"<Run {str(self.folder)!r}: {self.n_finished} of {self.n_planned} cases>"
 
     def _repr_html_(self) -> str:
-        from .report.page.notebook import run_page
+        from .report.page.notebook import run_html
 
-        return run_page(self)
+        return run_html(self)
 
     def report(
         self,

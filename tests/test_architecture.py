@@ -78,7 +78,7 @@ AT_HOME = {
         for name in (
             "comparison/check",
             "comparison/compare",
-            "find",
+            "catalog",
             "exchange/problem_files",
             "main",
             "options",

@@ -13,13 +13,13 @@ import typer
 from typer.exceptions import TyperException
 
 from . import options
+from .catalog import generate, list_names
 from .comparison.check import check
 from .comparison.compare import compare
 from .comparison.matrix import matrix
 from .exchange.bundles import bundle, merge, rejudge
 from .exchange.capture import capture
 from .exchange.problem_files import export_files, import_files, info
-from .find import generate, list_names
 from .record import record
 from .report import report
 from .run import run

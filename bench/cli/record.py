@@ -39,7 +39,7 @@ def record(
     from ..measure.plan import make_plan
     from ..plugins.problems import resolve_problem
     from ..recordings.blueprints import ITERATION, STEP, TIME
-    from ..recordings.pictures import FILM, STILL, refuse_picture, write_film, write_still
+    from ..recordings.pictures import FILM_SUFFIX, STILL_SUFFIX, check_picture_path, write_film, write_still
     from ..recordings.solves import record_solves
     from ..report.layout.text import print_json
     from ..simulation.file import is_result
@@ -49,9 +49,9 @@ def record(
     options.refuse_two_prints(quiet, as_json)
     is_simulation = problem.endswith(".npz") and is_result(Path(problem))
     _require_consistent_options(problem, is_simulation, solver, output)
-    for picture, suffix in ((still, STILL), (film, FILM)):
+    for picture, suffix in ((still, STILL_SUFFIX), (film, FILM_SUFFIX)):
         if picture is not None:
-            refuse_picture(picture, suffix, force)
+            check_picture_path(picture, suffix, force)
     file, made = output or Path(problem).with_suffix(".rrd"), None
     if is_simulation:
         record_simulation(Path(problem), file, force)

@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from ...problems.contact.judge import JUDGE
-from ...problems.motion.scenes.registry import read_scene
+from ...problems.motion.scenes.registry import parse_scene
 from ..errors import BenchError
 from ..plugins.describing import solver_spec
 from ..plugins.files import check_plugins_unchanged, sources, use_plugin_files
@@ -43,7 +43,7 @@ def measure(
     store = Store.create(folder)
     names = [trajectory.name for trajectory in plan.record.trajectories]
     solvers = [one.solver if isinstance(one, Method) else one for one in plan.solvers]
-    scenes = [read_scene(name)[0] for name in names]
+    scenes = [parse_scene(name)[0] for name in names]
     with store.alone():
         store.refuse_second()
         record = RunRecord(

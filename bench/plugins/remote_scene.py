@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...problems.arrays import FloatArray
 from ...problems.exchange.plugins.scenes import plugin_scene
 from ...problems.motion.bodies.system import StepAssembly, System
-from ...problems.motion.scenes.registry import make_scene, read_scene
+from ...problems.motion.scenes.registry import make_scene, parse_scene
 from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding
 from ...problems.motion.state import State
 from ..errors import BenchError
@@ -56,7 +56,7 @@ def local_or_remote_scene(
         ProblemError: for an unknown scene or option, or a value out of range; the message suggests the nearest name.
         BenchError: if a plugin's scene cannot be built.
     """
-    if plugin_scene(read_scene(name)[0]) is None:
+    if plugin_scene(parse_scene(name)[0]) is None:
         return make_scene(name, options)
     return RemoteSystem(name, options or {}, seconds).scene()
 
@@ -73,7 +73,7 @@ class RemoteSystem(RenewedWorker):
             seconds: wall time limit of a request [s].
         """
         super().__init__(SceneTask(name, dict(options)), seconds)
-        self._name = read_scene(name)[0]
+        self._name = parse_scene(name)[0]
         self._sizes = (0, 0)
 
     def scene(self) -> Scene:

@@ -1,4 +1,4 @@
-"""Traces of solves: curves over all iterations, and selected iterates."""
+"""Traces of solves: curves over the iterations, and selected iterates."""
 
 from dataclasses import dataclass, field
 
@@ -15,19 +15,19 @@ from .contact_states import contact_states, count_states
 
 @dataclass
 class Thinning:
-    """Select iterations: all of the first ones, then a geometric sequence, to limit their number.
+    """Selection of iterations that limits their number: all early ones, then a geometric sequence.
 
     Attributes:
-        first: number of first iterations, which are all selected.
-        ratio: ratio of successive selected iterations after them.
+        first: number of early iterations, all of which are selected.
+        ratio: ratio of successive later iterations that are selected.
     """
 
     first: int
     ratio: float
     _next: float = 0.0
 
-    def takes(self, iteration: int) -> bool:
-        """Return whether to keep this iteration; call it in ascending order."""
+    def selects(self, iteration: int) -> bool:
+        """Return whether an iteration is selected; iterations must be passed in ascending order."""
         if iteration < self._next:
             return False
         self._next = iteration + 1.0 if iteration < self.first else iteration * self.ratio
@@ -38,18 +38,21 @@ class Thinning:
 class Trace:
     """The trace of one solve.
 
+    Curves have one value for each entry of ``iterations``.
+
     Attributes:
-        solver: its name.
-        model: the model that it solves, in words.
-        ended: a sentence about the ending.
-        failed: whether it raised an error.
-        iterations: iterations of the curves, ascending from 0 (the start).
-        residual: judged residual of each iteration.
+        solver: name of the solver.
+        model: the model that the solver solves, in words.
+        ended: how the solve ended, as a sentence.
+        failed: whether the solver raised an error.
+        iterations: numbers of the iterations of the curves, ascending from 0 (the start).
+        residual: judged residual.
         complementarity: largest |Λ_N ξ_N| [J].
         step_change: norm of the change of Λ since the previous iteration [N s], 0 at the start.
-        state_counts: numbers of open, sticking and slipping contacts.
-        shown: iterations whose impulses are kept.
-        impulses: N and T components of these Λ [N s], each padded to (n_contacts, lanes).
+        state_counts: numbers of open, sticking and slipping contacts, shape (3,) each.
+        shown: numbers of the iterations whose impulses are stored.
+        impulses: N and T components of Λ in these iterations [N s], padded to one row per contact, shape
+            (n_contacts, 1 + n_tangents) each.
     """
 
     solver: str
@@ -66,32 +69,32 @@ class Trace:
 
     @property
     def sentence(self) -> str:
-        """Number of iterations, last residual, and the ending."""
+        """The number of iterations, the last residual, and how the solve ended."""
         if not self.iterations:
             return self.ended
         return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ended}"
 
 
-class _Watcher:
-    """The observer of one solve."""
+class _TraceObserver:
+    """Observer that records the iterates of one solve in a trace."""
 
     def __init__(self, problem: ContactProblem, trace: Trace) -> None:
         self._problem, self._trace = problem, trace
         self._residual = Residual(problem)
         self._normal_rows = problem.laws.first_row[problem.laws.is_unilateral]
         self._curves, self._frames = Thinning(1000, 1.003), Thinning(20, 1.08)
-        self._before = self._last = np.zeros(problem.n_rows)
+        self._previous = self._last = np.zeros(problem.n_rows)
         self._iteration = 0
 
     def __call__(self, iteration: int, impulses: FloatArray) -> None:
-        self._before, self._last, self._iteration = self._last, impulses.copy(), iteration
-        if self._curves.takes(iteration):
+        self._previous, self._last, self._iteration = self._last, impulses.copy(), iteration
+        if self._curves.selects(iteration):
             self._add_point()
-        if self._frames.takes(iteration):
+        if self._frames.selects(iteration):
             self._add_frame()
 
     def finish(self) -> None:
-        """Keep the last iterate, which may not have been selected."""
+        """Record the last iterate if it was not selected."""
         if self._trace.iterations[-1] != self._iteration:
             self._add_point()
         if self._trace.shown[-1] != self._iteration:
@@ -99,14 +102,14 @@ class _Watcher:
 
     def _add_point(self) -> None:
         trace, problem, impulses = self._trace, self._problem, self._last
-        with np.errstate(all="ignore"):  # diverging solvers overflow
+        with np.errstate(all="ignore"):  # iterates of diverging solvers overflow
             velocity = problem.relative_velocity(impulses)
-            pairs = np.abs(impulses[self._normal_rows] * velocity[self._normal_rows])
-            change = float(np.linalg.norm(impulses - self._before))
+            products = np.abs(impulses[self._normal_rows] * velocity[self._normal_rows])
+            change = float(np.linalg.norm(impulses - self._previous))
             residual = self._residual.judged(problem, impulses) if np.isfinite(impulses).all() else np.inf
         trace.iterations.append(self._iteration)
         trace.residual.append(residual)
-        trace.complementarity.append(float(pairs.max(initial=0.0)))
+        trace.complementarity.append(float(products.max(initial=0.0)))
         trace.step_change.append(change)
         trace.state_counts.append(count_states(contact_states(problem.layout, problem.layout.pad(impulses))))
 
@@ -119,9 +122,10 @@ class _Watcher:
 
 
 def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
-    """Solve once from zero and return the trace, which ends at an error of the solver.
+    """Solve a problem once from Λ = 0 and return the trace.
 
-    The trace of a solver without observable iterates contains only the start and the end.
+    An error of the solver ends the trace, which reports it. The trace of a solver without observable iterates contains
+    only the start and the end.
     """
     trace = Trace(solver.name, str(solver.model))
     try:
@@ -129,15 +133,15 @@ def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
         if reason:
             trace.ended = f"{Status.UNSUPPORTED.sentence.rstrip('.')}: {reason}."
             return trace
-        watcher = _Watcher(problem, trace)
-        watcher(0, np.zeros(problem.n_rows))
+        observer = _TraceObserver(problem, trace)
+        observer(0, np.zeros(problem.n_rows))
         try:
             prepared = solver.prepare(problem)
-            solution = prepared.solve(stop, observe=watcher if shows_iterates(solver) else None)
+            solution = prepared.solve(stop, observe=observer if shows_iterates(solver) else None)
             if not shows_iterates(solver):
-                watcher(max(solution.iterations, 1), np.asarray(solution.impulses, dtype=np.float64))
+                observer(max(solution.iterations, 1), np.asarray(solution.impulses, dtype=np.float64))
         finally:
-            watcher.finish()
+            observer.finish()
         trace.ended = solution.status.sentence
     except FailedSolveError as error:
         trace.ended, trace.failed = f"{error.reason[:1].upper()}{error.reason[1:]}.", True

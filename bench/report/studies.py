@@ -10,7 +10,7 @@ from ...problems.motion.trajectories.problem import Aggregates
 from ..store.condition import EXCLUDED_MARK
 from ..store.frames import RunFrames
 from ..store.plans import PlanRecord, TrajectoryRecord
-from .layout.terminal_table import hanging, print_table
+from .layout.terminal_table import print_table, wrap_note
 
 _POINT = ("problem", "solver", "tolerance")
 
@@ -93,14 +93,14 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         )
     warning = motion_warning(trajectory)
     if warning:
-        console.print(Text(hanging(warning, console.width), style="bold yellow"))
+        console.print(Text(wrap_note(warning, console.width), style="bold yellow"))
     for quantity, (mean, spread) in spreads(trajectory).items():
         unit = UNITS.get(quantity, "")
         text = f"reference  {quantity} {mean:.5g} {unit}, standard error over seeds {spread:.1e} of it"
         console.print(Text(text, style="dim"))
     for failed in table[table["reason"] != ""].drop_duplicates(["solver", "reason"]).to_dict("records"):
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
-        console.print(Text(hanging(note, console.width), style="yellow"))
+        console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 
 def spreads(trajectory: TrajectoryRecord) -> dict[str, tuple[float, float]]:

@@ -41,7 +41,7 @@ from .cells import (
 )
 from .endings import CASE, attempted_points, case_endings
 from .layout.output_file import write_file
-from .layout.terminal_table import abreast, hanging, print_table
+from .layout.terminal_table import column_groups, print_table, wrap_note
 from .layout.text import counted, csv_content, inline, latex_table, markdown_frame
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
@@ -210,12 +210,12 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
         console.print(Text(_headline(frames, str(problem), int(rows["n_contacts"].iloc[0])), style="bold"))
         optional = ("iter.", "solves", "by model", "residual", "error", "ended")
         fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
-        print_table(console, shown, words=("model", "ended"), optional=optional, bold=fastest)
+        print_table(console, shown, left_aligned=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
             ended = f"{row['outcome']}, {row['reason']}" if row["outcome"] in noted else ""
             if ended or row["notes"]:
                 note = f"{row['solver']}: {'; '.join(filter(None, (ended, row['notes'])))}"
-                console.print(Text(hanging(note, console.width), style="dim"))
+                console.print(Text(wrap_note(note, console.width), style="dim"))
         console.print()
         if frames.is_study:
             print_points(frames, frames.info.plan.trajectory(str(problem)), console)
@@ -229,10 +229,10 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
         title += " of those with the fewest threads"
     console.print(Text(title, style="bold"))
     shown = shown_problems(problems_table(frames))
-    print_table(console, shown, words=("problem", "family"), optional=("contacts", "residual", "family"))
+    print_table(console, shown, left_aligned=("problem", "family"), optional=("contacts", "residual", "family"))
     for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
         note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
-        console.print(Text(hanging(note, console.width), style="dim"))
+        console.print(Text(wrap_note(note, console.width), style="dim"))
     noted = int((results["notes"] != "").sum())
     if noted:
         console.print(Text(f"{counted(noted, 'case')} with notes: see tables/results", style="dim"))
@@ -245,7 +245,7 @@ def _print_families(frames: RunFrames, console: Console) -> None:
     table = families_table(frames)
     for tag in summary_tags(table):
         cells = shown_families(frames.info.plan.solvers, table, [tag])
-        for names in abreast(cells, console.width):
+        for names in column_groups(cells, console.width):
             console.print(Text(f"by family, to {tag}", style="bold"))
             print_table(console, cells[["solver", *names]])
             console.print()
@@ -259,7 +259,7 @@ def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Conso
     title = f"all {count} problems{of_suite}" if count > 1 else "summary"
     for tag in summary_tags(summary):
         console.print(Text(f"{title}, to {tag}", style="bold"))
-        print_table(console, shown_summary(summary, tag), words=("model",), optional=("wrong",))
+        print_table(console, shown_summary(summary, tag), left_aligned=("model",), optional=("wrong",))
         console.print()
 
 
@@ -267,7 +267,7 @@ def _print_starts(starts: pd.DataFrame, console: Console) -> None:
     """Print what a warm start is worth, if solvers were measured from zero and warm."""
     if len(starts):
         console.print(Text("what a warm start is worth", style="bold"))
-        print_table(console, shown_starts(starts), words=("family",), optional=("cold iter.", "warm iter."))
+        print_table(console, shown_starts(starts), left_aligned=("family",), optional=("cold iter.", "warm iter."))
         console.print(Text(_STARTS, style="dim"))
         console.print()
 

@@ -1,4 +1,4 @@
-"""Records of the settings of steps (segments), and of a failed step."""
+"""Stored records of a simulation: segments of steps with the same settings, and a failed step."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,12 +15,12 @@ class Segment(Record, frozen=True, kw_only=True):
     """Consecutive steps with the same settings.
 
     Attributes:
-        first: index of its first step, from 0; it ends where the next segment begins.
+        first: index of the first step, from 0. The segment ends where the next one begins.
         stepper: the stepper with its step size.
         solver: the solver.
         tolerance: judged residual that each step must reach.
-        max_iterations: iteration limit of the solver in one step.
-        start: initial impulses of each solve.
+        max_iterations: largest number of iterations of one solve.
+        start: name of the rule for the initial impulses of each solve, such as "warm" or "cold".
     """
 
     first: Count
@@ -31,8 +31,8 @@ class Segment(Record, frozen=True, kw_only=True):
     start: str
 
     @property
-    def words(self) -> str:
-        """The settings in one line, as a header."""
+    def heading(self) -> str:
+        """The settings in one line."""
         return f"{self.stepper} · {self.solver} · {self.start}"
 
 
@@ -43,7 +43,10 @@ def planned_segment(plan: SimulationPlan, first: int) -> Segment:
 
 
 def extended(segments: tuple[Segment, ...], plan: SimulationPlan, first: int) -> tuple[Segment, ...]:
-    """Return ``segments`` with one more step of ``plan``, whose index is ``first``."""
+    """Return ``segments`` with the step of index ``first``, which has the settings of ``plan``.
+
+    A segment is added only if the settings differ from those of the last segment.
+    """
     new = planned_segment(plan, first)
     is_same = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
     return segments if is_same else (*segments, new)
@@ -53,11 +56,11 @@ def check_segments(segments: Sequence[Segment], n_steps: int) -> None:
     """Check that stored segments cover ``n_steps`` steps.
 
     Raises:
-        ValueError: if they do not.
+        ValueError: if the first segment does not begin at step 0, or a segment is empty or out of order.
     """
     firsts = [segment.first for segment in segments]
-    begins = firsts[:1] == [0] if n_steps else not firsts
-    if not begins or any(after <= before for before, after in pairwise([*firsts, n_steps])):
+    has_start = firsts[:1] == [0] if n_steps else not firsts
+    if not has_start or any(following <= first for first, following in pairwise([*firsts, n_steps])):
         raise ValueError("the segments do not cover the steps")
 
 
@@ -65,10 +68,10 @@ class Failure(Record, frozen=True, kw_only=True):
     """A step that failed.
 
     Attributes:
-        step: its number, from 1.
-        time: simulated time at its beginning [s].
+        step: number of the step, from 1.
+        time: simulated time at the beginning of the step [s].
         solver: the solver.
-        reason: reason of the failure, without a full stop.
+        reason: reason for the failure, without a full stop.
     """
 
     step: Count
@@ -77,12 +80,15 @@ class Failure(Record, frozen=True, kw_only=True):
     reason: str
 
     @property
-    def what(self) -> str:
-        """The step, its time and the reason, as a part of a sentence."""
-        reason = self.reason.removeprefix(f"{self.solver}: ")  # isolated solvers put their name first
+    def description(self) -> str:
+        """The step, its time, the solver and the reason, as a clause."""
+        # reasons reported by isolated solvers begin with the name of the solver
+        reason = self.reason.removeprefix(f"{self.solver}: ")
         return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {reason}"
 
     def error(self, file: Path | None) -> FailedSimulationError:
-        """Return the error to raise, with the command that resumes a simulation stored in ``file``."""
-        kept = "" if file is None else f"; the earlier steps are kept; resume with: proxbench simulate --resume {file}"
-        return FailedSimulationError(f"{self.what}{kept}{' --solver …' if kept else '.'}")
+        """Return the error to raise, with the command that resumes the simulation if it is stored in ``file``."""
+        if file is None:
+            return FailedSimulationError(f"{self.description}.")
+        remedy = f"resume with: proxbench simulate --resume {file} --solver …"
+        return FailedSimulationError(f"{self.description}; the earlier steps are kept; {remedy}")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from ...problems.contact.solver import Solver, Stop
-from ...problems.motion.scenes.registry import check_option, read_scene
+from ...problems.motion.scenes.registry import convert_option, parse_scene
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.stepping.event_driven.event_driven import EventDriven
 from ...problems.motion.stepping.midpoint import ContactSolver
@@ -215,10 +215,10 @@ def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, A
     """Return names and values that must equal the stored ones."""
     values: list[tuple[str, Any]] = []
     if "scene" in given:
-        name, options = read_scene(given["scene"])
+        name, options = parse_scene(given["scene"])
         values.append(("scene", name))
         if name == plan.scene.name:
-            values += [(option, check_option(name, option, value)) for option, value in options.items()]
+            values += [(option, convert_option(name, option, value)) for option, value in options.items()]
     if "stepper" in given:
         stepper = given["stepper"]
         other = (make_stepper(stepper) if isinstance(stepper, str) else stepper).with_defaults_of(plan.scene)

@@ -9,7 +9,7 @@ from numba.core import event
 
 from ...problems.contact.solver import Solver
 from ...problems.motion.stepping.step import AcceptedStep
-from ..isolation.process_usage import used_seconds
+from ..isolation.process_usage import used_processor_seconds
 
 COMPILER_EVENT = "numba:compiler_lock"
 """Event of the lock that numba holds while it compiles or loads a kernel."""
@@ -51,12 +51,12 @@ class StepClocks:
     def watch(self, steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
         """Yield the steps, and add their times; the last step may fail."""
         while True:
-            worked, began = used_seconds(self.solver), perf_counter()
+            worked, began = used_processor_seconds(self.solver), perf_counter()
             try:
                 taken = next(steps, None)
             finally:
                 self.wall += perf_counter() - began
-                self.processor += used_seconds(self.solver) - worked
+                self.processor += used_processor_seconds(self.solver) - worked
             if taken is None:
                 return
             yield taken

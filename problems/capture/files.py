@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ProblemError
-from ..exchange.files.archive import DAMAGES, ArchiveError, read_arrays
+from ..exchange.files.archive import DAMAGE_ERRORS, ArchiveError, read_arrays
 from ..exchange.files.problem_file import packed_problem, read_problem, write_whole
 from .engine_model import EngineModel
 from .rows import RefusedRow
@@ -60,7 +60,7 @@ def read_step(path: Path | str) -> CapturedStep:
         return CapturedStep(problem, engine, found["anchors"], refused)
     except ProblemError:
         raise
-    except DAMAGES:
+    except DAMAGE_ERRORS:
         raise ProblemError(f"the captured data of {path} are damaged; capture it again.") from None
 
 

@@ -12,32 +12,31 @@ from ..hard import CASE_GROUPS
 from .catalog import BODY_GROUPS, SEQUENCE_MEMBERS
 
 FAMILY = "family"
-"""Key of the family in the provenance of a problem."""
-
+"""Entry of the provenance of a problem: the name of its family."""
 
 Sampling = Literal["proportional", "even"]
-"""Division of a sample among families: by their sizes, or equally."""
+"""How a sample is divided among families: in proportion to their sizes, or equally."""
 
 
 def family_of(problem: str | ContactProblem) -> str:
     """Return the family of a problem.
 
-    The provenance of a problem may name its family. Otherwise its name determines it: the group of a hard case or of a
-    problem of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), the sequence of a step, else the part
-    before the first dash or the options of a scene (``"funnel"``).
+    An entry of the provenance may name the family. Otherwise the name of the problem determines the family: the group
+    of a hard case or of a problem of the suite ``bodies`` (``"hard: stacks"``, ``"bodies: arches"``), the sequence of
+    a step, or else the part of the name before the first dash or parenthesis (``"funnel"``).
     """
     if not isinstance(problem, str):
-        named = problem.provenance.get(FAMILY)
-        return str(named) if named else family_of(problem.name)
+        family = problem.provenance.get(FAMILY)
+        return str(family) if family else family_of(problem.name)
     return _grouped_families().get(problem) or re.split("[-(]", problem, maxsplit=1)[0] or problem
 
 
 def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
-    """Return ``count`` of the problems in their order; all if there are no more.
+    """Return the names of ``count`` problems in the given order, or all names if there are fewer.
 
-    "proportional" rounds the share of each family up or down (by largest remainders). "even" takes the same number from
-    each family, and all members of smaller ones. The sample consists of the names with the smallest SHA-256 together
-    with ``seed``. It is the same on all machines, and changes little when problems are added.
+    "proportional" rounds the share of each family by the largest-remainder method. "even" takes the same number from
+    each family, and all members of smaller families. From each family, it takes the names with the smallest SHA-256
+    hash of ``seed`` and name. The sample is the same on all machines, and changes little when problems are added.
 
     Args:
         families: the family of each problem, by name.
@@ -57,9 +56,9 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
         members.setdefault(family, []).append(name)
     chosen: set[str] = set()
     sizes = {family: len(names) for family, names in members.items()}
-    divide = _shares if sampling == "proportional" else _even_shares
-    for family, share in divide(sizes, min(count, len(families))).items():
-        chosen |= set(sorted(members[family], key=lambda name: _rank(name, seed))[:share])
+    compute_shares = _proportional_shares if sampling == "proportional" else _even_shares
+    for family, share in compute_shares(sizes, min(count, len(families))).items():
+        chosen |= set(sorted(members[family], key=lambda name: _sort_key(name, seed))[:share])
     return [name for name in families if name in chosen]
 
 
@@ -71,18 +70,18 @@ def _grouped_families() -> Mapping[str, str]:
     return hard | bodies | steps
 
 
-def _shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return the share of each family in ``count``, by largest remainders; ties follow the order of the families."""
+def _proportional_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
+    """Return the number for each family by the largest-remainder method; the earlier of two equal remainders wins."""
     total = sum(sizes.values())
     shares = {family: count * size // total for family, size in sizes.items()}
-    rest = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
-    for family in rest[: count - sum(shares.values())]:
+    by_remainder = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
+    for family in by_remainder[: count - sum(shares.values())]:
         shares[family] += 1
     return shares
 
 
 def _even_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return the share of each family in ``count``, dealt in turn to the families that have more members."""
+    """Return the number for each family, as equal as the sizes allow."""
     shares = dict.fromkeys(sizes, 0)
     while count:
         for family in [family for family, size in sizes.items() if shares[family] < size][:count]:
@@ -91,5 +90,5 @@ def _even_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
     return shares
 
 
-def _rank(name: str, seed: int) -> bytes:
+def _sort_key(name: str, seed: int) -> bytes:
     return hashlib.sha256(f"{seed}:{name}".encode(errors="surrogateescape")).digest()

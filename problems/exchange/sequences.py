@@ -1,7 +1,7 @@
-"""Sequences: consecutive steps of one motion, each a contact problem.
+"""Sequences of contact problems, which are the consecutive steps of one motion.
 
-A step names the one before it (``BEFORE`` in its provenance) and its contacts (``ContactProblem.keys``). A warm start
-takes the impulses of the step before, contact by contact, as steppers do, and zero for a new contact.
+The provenance of a step names the previous step (``BEFORE``), and ``ContactProblem.keys`` name its contacts. A warm
+start copies the impulses of each contact from the previous step, as steppers do, and is zero for a new contact.
 """
 
 import hashlib
@@ -15,56 +15,60 @@ from ..arrays import FloatArray, IntArray
 from ..contact.problem import ContactProblem
 
 BEFORE = "before"
-"""Entry of the provenance of a step: the name of the step before it in its sequence."""
+"""Entry of the provenance of a step: the name of the previous step of the sequence."""
 
 STEP = "step"
-"""Entry of the provenance of a step: its number, one more than that of the step before."""
+"""Entry of the provenance of a step: its number, one more than that of the previous step."""
 
 START_DIGITS = 16
-"""Number of hexadecimal digits of the digest of a start."""
+"""Number of hexadecimal digits of a start digest."""
 
 
-def continued_impulses(before: ContactProblem, impulses: FloatArray, problem: ContactProblem) -> FloatArray:
-    """Return the impulses of the step ``before`` as a start of ``problem``.
+def warm_start_impulses(previous: ContactProblem, impulses: FloatArray, problem: ContactProblem) -> FloatArray:
+    """Return initial impulses for ``problem`` from the impulses of the previous step.
 
     Args:
-        before: the step before.
-        impulses: its Λ [N s], shape (before.n_rows,).
+        previous: the previous step.
+        impulses: Λ of the previous step [N s], shape (previous.n_rows,).
         problem: the next step.
 
     Returns:
-        Λ [N s], shape (problem.n_rows,): that of the contact with the same key and number of rows, zero elsewhere.
+        Λ [N s], shape (problem.n_rows,): the impulses of the contact with the same key and the same number of rows in
+        the previous step, zero for other contacts.
     """
-    return np.append(impulses, 0.0)[_continued_rows(before, problem)]  # -1 takes the zero
+    return np.append(impulses, 0.0)[_continued_rows(previous, problem)]  # row −1 is the appended zero
 
 
 def start_digest(steps: Sequence[ContactProblem], problem: ContactProblem) -> str:
-    """Return a digest of everything outside a problem that determines the warm start of a solver; empty without steps.
+    """Return a digest of the data outside a problem that determine the warm start of a solver.
 
-    Starts at several tolerances differ, and each is the solver's answer to the same steps. The digest therefore covers
-    the numbers of the steps and the rows that each step continues, not the impulses.
+    A solver computes a start by solving the steps in turn, and its impulses depend on the tolerance. The digest
+    therefore covers the numbers of the steps, and which rows of the previous step each row continues, but no impulses.
 
     Args:
-        steps: the steps before the problem, from the first on.
+        steps: the steps before the problem, beginning with the first.
         problem: the problem.
+
+    Returns:
+        ``START_DIGITS`` hexadecimal digits; an empty string without steps.
     """
     if not steps:
         return ""
     sha = hashlib.sha256(b"proxbench warm start 1")
-    for before, following in pairwise([*steps, problem]):
-        sha.update(before.digest.encode())
-        sha.update(_continued_rows(before, following).tobytes())
+    for previous, following in pairwise([*steps, problem]):
+        sha.update(previous.digest.encode())
+        sha.update(_continued_rows(previous, following).tobytes())
     return sha.hexdigest()[:START_DIGITS]
 
 
-def _continued_rows(before: ContactProblem, problem: ContactProblem) -> IntArray:
-    """Return the row of ``before`` that each row continues, shape (problem.n_rows,); -1 for none."""
-    rows_before = _rows_by_key(before)
+def _continued_rows(previous: ContactProblem, problem: ContactProblem) -> IntArray:
+    """Return, for each row, the row of the previous step that it continues, shape (problem.n_rows,); −1 for none."""
+    previous_rows = _rows_by_key(previous)
     continued = np.full(problem.n_rows, -1, dtype=np.int64)
     for key, rows in _rows_by_key(problem).items():
-        known = rows_before.get(key)
-        if known is not None and len(known) == len(rows):
-            continued[rows] = known
+        old_rows = previous_rows.get(key)
+        if old_rows is not None and len(old_rows) == len(rows):
+            continued[rows] = old_rows
     return continued
 
 
@@ -73,8 +77,8 @@ class Predecessors:
     """The steps of a sequence that precede a problem.
 
     Attributes:
-        steps: the steps from the first on; empty for a problem that follows no step.
-        missing: why there are none, as a sentence about the problem.
+        steps: the steps, beginning with the first; empty if the problem follows no step, or if one is not available.
+        missing: the reason why ``steps`` is empty, a clause with the problem or its steps as subject.
     """
 
     steps: tuple[ContactProblem, ...] = ()
@@ -82,6 +86,7 @@ class Predecessors:
 
 
 NO_PREDECESSORS = Predecessors()
+"""The predecessors of a problem that follows no step."""
 
 
 def predecessors(problem: ContactProblem, find: Callable[[str], ContactProblem | None]) -> Predecessors:
@@ -89,27 +94,31 @@ def predecessors(problem: ContactProblem, find: Callable[[str], ContactProblem |
 
     Args:
         problem: the problem.
-        find: returns a problem by name, or None.
+        find: returns the problem with a name, or None if it is not available.
+
+    Returns:
+        The steps, or the reason why one of them is not available or two are not consecutive.
     """
     steps, step = list[ContactProblem](), problem
     while name := step.provenance.get(BEFORE):
         found = find(str(name))
         if found is None:
             return Predecessors(missing=f"it follows {name}, which is not available; add it to the run or generate it")
-        if not (found.keys and step.keys and _number(found) == _number(step) - 1):
-            return Predecessors(missing=f"{name} and {step.name} are not consecutive steps with keys of their contacts")
+        if not (found.keys and step.keys and _step_number(found) == _step_number(step) - 1):
+            reason = f"{name} and {step.name} are not consecutive steps, or their contacts have no keys"
+            return Predecessors(missing=reason)
         steps.insert(0, found)
         step = found
     return Predecessors(tuple(steps)) if steps else NO_PREDECESSORS
 
 
-def _number(problem: ContactProblem) -> int:
+def _step_number(problem: ContactProblem) -> int:
     number = problem.provenance.get(STEP)
-    return number if isinstance(number, int) else -2  # the successor of no step
+    return number if isinstance(number, int) else -2  # differs by more than 1 from every step number
 
 
 def _rows_by_key(problem: ContactProblem) -> dict[str, IntArray]:
-    """Return the rows of each contact, by its key."""
+    """Return the rows of each contact by its key; empty if contacts have no keys."""
     contact_of_row = problem.layout.contact_of_row
     order = np.argsort(contact_of_row, kind="stable")
     ends = np.cumsum(np.bincount(contact_of_row, minlength=problem.n_contacts))

@@ -1,9 +1,9 @@
-"""SemismoothNewton: Newton's method on the projection equations, without any other method.
+"""The solver SemismoothNewton: Newton's method on the projection equations, not combined with another method.
 
-The steps are those of ``steps`` with a line search, in three phases with the dampings 10⁻¹², 10⁻⁶ and 10⁻³. Each phase
-begins at the best iterate so far and ends when its steps find no better one; the last phase continues to the limits,
-unless its iterates repeat or diverge. Newton's method converges only from nearby. Far from a solution it may cycle
-through states indefinitely, so it is most useful as a part of a ``Fallback``.
+The steps are those of the module ``steps`` with a line search, in three phases with the dampings 10⁻¹², 10⁻⁶ and 10⁻³.
+Each phase begins at the best iterate so far and ends when its steps find no better one. The last phase continues to the
+limits, unless its iterates repeat or diverge. Newton's method converges only near a solution. Far from a solution it
+may cycle through contact states indefinitely, so it is most useful as a part of a ``Fallback``.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,7 @@ from .linearised import Equations
 from .steps import DIVERGENCE, THOROUGH, NewtonMethod, NewtonSettings
 
 PHASES = tuple(settings for settings in THOROUGH if settings.min_step < 1.0)
-"""The phases, with increasing damping."""
+"""Settings of the phases, with increasing damping."""
 
 
 @dataclass(frozen=True)
@@ -39,18 +39,24 @@ class SemismoothNewton(Method):
 
 @dataclass(frozen=True, eq=False)
 class PreparedNewton:
-    """Newton's equations of one problem."""
+    """The method prepared for one problem.
+
+    Attributes:
+        problem: the problem.
+        residual: the judge's residual of the problem.
+        equations: the projection equations, with G assembled.
+    """
 
     problem: ContactProblem
     residual: Residual = field(repr=False)
     equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Do Newton steps until the residual reaches the tolerance; see ``Prepared.solve``."""
+        """Take Newton steps until the residual reaches the tolerance or a limit; see ``Prepared.solve``."""
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
-        newton = _Solve(self, stop, observe, first)
+        newton = _NewtonSolve(self, stop, observe, first)
         for phase in (*PHASES[:-1], replace(PHASES[-1], patience=stop.max_iterations)):
             if newton.outcome() is not None:
                 break
@@ -58,81 +64,89 @@ class PreparedNewton:
         return newton.solution(newton.outcome() or newton.final_outcome())
 
 
-class _Solve:
-    """The phases of one solve."""
+class _NewtonSolve:
+    """One solve, with the best iterate of its phases."""
 
     def __init__(self, prepared: PreparedNewton, stop: Stop, observe: Observer | None, first: FloatArray) -> None:
         self._prepared, self._stop, self._observe = prepared, stop, observe
         self._clock = Clock(stop.max_seconds)
         self._newton = NewtonMethod(prepared.equations, self._clock, stop.tolerance)
-        self._best, self._lowest = first, self._newton.residual(first)
+        self._best, self._best_residual = first, self._newton.residual(first)
         self._iteration, self._cycle = 0, CycleDetector(first)
 
     def run(self, phase: NewtonSettings) -> None:
-        """Do the Newton steps of a phase from the best Λ so far."""
+        """Take the Newton steps of a phase, beginning at the best Λ so far."""
         self._cycle = CycleDetector(self._best)
         settings = replace(phase, max_steps=self._stop.max_iterations)
-        self._best, self._lowest = self._newton.run(settings, self._best, self._lowest, self._may_continue)
+        self._best, self._best_residual = self._newton.run(
+            settings, self._best, self._best_residual, self._record_iterate
+        )
 
     def outcome(self) -> Outcome | None:
         """Return the outcome if the solve is over, None if another phase may follow."""
-        reached = f"residual {self._lowest:.1e} after {self._iteration} Newton steps"
-        if self._lowest <= self._stop.tolerance:
+        progress = f"residual {self._best_residual:.1e} after {self._iteration} Newton steps"
+        if self._best_residual <= self._stop.tolerance:
             return Outcome(Status.SOLVED, "")
         limit = self._clock.reached_limit(self._stop, self._iteration)
         if limit:
-            return Outcome(limit, reached)
+            return Outcome(limit, progress)
         if self._newton.solver.lacks_time:
-            return Outcome(Status.TIME_LIMIT, f"{reached}; the next step would miss the deadline")
-        if self._lowest <= self._prepared.residual.rounding(self._best):
-            return Outcome(Status.STALLED, f"rounding limits the residual to {self._lowest:.1e}")
+            return Outcome(Status.TIME_LIMIT, f"{progress}; the next step would miss the deadline")
+        if self._best_residual <= self._prepared.residual.rounding(self._best):
+            return Outcome(Status.STALLED, f"rounding limits the residual to {self._best_residual:.1e}")
         return None
 
     def final_outcome(self) -> Outcome:
-        """Return the outcome after the last phase has ended before the limits."""
+        """Return the outcome of a last phase that ended before the limits."""
         if self._cycle.status is Status.STALLED:
-            return Outcome(Status.STALLED, f"the impulses no longer change at residual {self._lowest:.1e}")
+            return Outcome(Status.STALLED, f"the impulses no longer change at residual {self._best_residual:.1e}")
         if self._cycle.status is Status.OSCILLATING:
-            return Outcome(Status.OSCILLATING, f"the iterates repeat in a cycle, best residual {self._lowest:.1e}")
-        if not self._newton.residual(self._cycle.latest) <= DIVERGENCE * self._lowest:
-            return Outcome(Status.DIVERGED, f"the residual grows, best residual {self._lowest:.1e}")
-        return Outcome(Status.STALLED, f"the Newton system is singular at residual {self._lowest:.1e}")
+            return Outcome(
+                Status.OSCILLATING, f"the iterates repeat in a cycle, best residual {self._best_residual:.1e}"
+            )
+        if not self._newton.residual(self._cycle.latest) <= DIVERGENCE * self._best_residual:
+            return Outcome(Status.DIVERGED, f"the residual grows, best residual {self._best_residual:.1e}")
+        return Outcome(Status.STALLED, f"the Newton system is singular at residual {self._best_residual:.1e}")
 
     def solution(self, outcome: Outcome) -> Solution:
         """Return the best Λ with the outcome of the solve."""
         return Solution(self._best, outcome.status, self._iteration, outcome.reason)
 
-    def _may_continue(self, reached: FloatArray) -> bool:
+    def _record_iterate(self, iterate: FloatArray) -> bool:
+        """Record an iterate, and return whether another step may follow."""
         self._iteration += 1
-        self._clock.show(self._observe, self._iteration, reached)
-        self._cycle.record(reached)
+        self._clock.show(self._observe, self._iteration, iterate)
+        self._cycle.record(iterate)
         return self._cycle.status is None and self._clock.reached_limit(self._stop, self._iteration) is None
 
 
 class CycleDetector:
-    """Detects iterates that repeat in a cycle of any length (Brent 1980).
+    """Detector of iterates that repeat in a cycle of any length (Brent 1980).
+
+    Iterates are compared with a reference iterate, which is replaced after 1, 2, 4, … iterations. A cycle is detected
+    as soon as this interval is as long as the cycle.
 
     Attributes:
-        latest: the newest iterate.
-        status: STALLED if it does not change, OSCILLATING if it repeats an earlier one, else None.
+        latest: the latest iterate, shape (n_rows,).
+        status: STALLED if an iterate equals the previous one, OSCILLATING if it equals the reference, else None.
     """
 
     def __init__(self, first: FloatArray) -> None:
         self.latest = first
         self.status: Status | None = None
-        self._kept, self._age, self._lifetime = first, 0, 1
+        self._reference, self._age, self._interval = first, 0, 1
 
-    def record(self, newest: FloatArray) -> None:
-        """Compare the next iterate with the last one and with the stored one."""
-        if _equal(newest, self.latest):
+    def record(self, iterate: FloatArray) -> None:
+        """Compare an iterate, shape (n_rows,), with the previous one and with the reference, and update ``status``."""
+        if _are_equal(iterate, self.latest):
             self.status = Status.STALLED
-        elif _equal(newest, self._kept):
+        elif _are_equal(iterate, self._reference):
             self.status = Status.OSCILLATING
-        self.latest, self._age = newest, self._age + 1
-        if self._age == self._lifetime:
-            self._kept, self._age, self._lifetime = newest, 0, 2 * self._lifetime
+        self.latest, self._age = iterate, self._age + 1
+        if self._age == self._interval:
+            self._reference, self._age, self._interval = iterate, 0, 2 * self._interval
 
 
-def _equal(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two vectors of impulses are equal up to rounding."""
+def _are_equal(one: FloatArray, other: FloatArray) -> bool:
+    """Return whether two vectors of impulses are equal up to rounding."""
     return bool((np.abs(one - other) <= ROUNDING * np.maximum(np.abs(one), np.abs(other))).all())

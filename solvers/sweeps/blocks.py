@@ -19,7 +19,7 @@ from .any_laws import AnyLawArrays, into_ball, velocity_of_block
 from .delassus import DelassusState, FlatDelassus, LawArrays, planar_velocity, spatial_velocity
 from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial, solve_usual_spatial
 from .rolling_contact import solve_rolling
-from .slip_angle import WORKSPACE
+from .slip_angle import WORKSPACE_SIZE
 from .step_size import diagonal_step_sizes
 
 NO_STEP_SIZES = np.empty(0)
@@ -170,7 +170,7 @@ def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
 ):
     """Do the end of a sweep from contact ``begin`` on."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
-    work = np.empty(WORKSPACE)
+    work = np.empty(WORKSPACE_SIZE)
     for i in range(uint64(begin), uint64(len(friction))):
         k, own = three * i, nine * starts[i]
         normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
@@ -202,7 +202,7 @@ def _sweep_any(  # type: ignore[no-untyped-def]
 ):
     """Sweeps over joints, row by row, and contacts with and without rolling friction."""
     width = len(axes)
-    xi, old, block, work = np.empty(width), np.empty(width), np.empty((width, width)), np.empty(WORKSPACE)
+    xi, old, block, work = np.empty(width), np.empty(width), np.empty((width, width)), np.empty(WORKSPACE_SIZE)
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])

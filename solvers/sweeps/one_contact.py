@@ -19,7 +19,7 @@ where it fails. ``solve_spatial`` finds all states of any block, but takes secon
 import numpy as np
 from numba import njit
 
-from .slip_angle import present_direction, refined_angle, slip_angles, slip_polynomial
+from .slip_angle import initial_direction, refine_direction, slip_directions, slip_polynomial
 
 SINGULAR = 1e-12
 """A curvature below this fraction of the largest one of its block is rounding, and counts as zero."""
@@ -161,8 +161,8 @@ def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ign
     if n >= 0.0 and t1 * t1 + t2 * t2 <= bound * bound:
         return n, t1, t2, True
     c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, a + mu * n0)
-    x, y = present_direction(old_1, old_2, r1, r2)
-    x, y, arrived = refined_angle(c0, c1, c2, c3, c4, x, y)
+    x, y = initial_direction(old_1, old_2, r1, r2)
+    x, y, arrived = refine_direction(c0, c1, c2, c3, c4, x, y)
     n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, x, y)
     return n, t1, t2, arrived and wrong <= 0.0
 
@@ -173,7 +173,7 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
 
     ``g`` is the block, flat; ``qn``, ``q1``, ``q2`` the velocity without the contact's own impulse, ``old_n``,
     ``old_1``, ``old_2`` the present impulse; the friction bound is a + μΛ_N; ``work`` has
-    ``slip_angle.WORKSPACE`` entries.
+    ``slip_angle.WORKSPACE_SIZE`` entries.
     """
     nn, scale = g[0], max(g[4], g[8])
     if nn <= 0.0:
@@ -261,17 +261,17 @@ def _on_disc(  # type: ignore[no-untyped-def]
         return n0 - h1 * t1 - h2 * t2, t1, t2, True
     b0 = a + mu * n0
     c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, b0)
-    x, y = present_direction(old_1, old_2, r1, r2)
-    u, v, arrived = refined_angle(c0, c1, c2, c3, c4, x, y)
+    x, y = initial_direction(old_1, old_2, r1, r2)
+    u, v, arrived = refine_direction(c0, c1, c2, c3, c4, x, y)
     if arrived:
         n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
         if wrong <= 0.0:
             return n, t1, t2, True
-    count = slip_angles(c0, c1, c2, c3, c4, work)
+    count = slip_directions(c0, c1, c2, c3, c4, work)
     best_n, best_1, best_2, nearest, found = -1.0, 0.0, 0.0, -2.0, False
     least = np.inf
     for k in range(count):
-        u, v, arrived = refined_angle(c0, c1, c2, c3, c4, work[2 * k], work[2 * k + 1])
+        u, v, arrived = refine_direction(c0, c1, c2, c3, c4, work[2 * k], work[2 * k + 1])
         n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
         fits = arrived and wrong <= 0.0
         if (fits and (not found or u * x + v * y > nearest)) or (not found and wrong < least):

@@ -16,12 +16,12 @@ from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.bodies.rigid.shapes import Box
 from proxbench.problems.motion.scenes.rigid.boxes import BoxOnIncline, ThrownBox, TippingBox
 from proxbench.problems.motion.scenes.rigid.linkages import (
-    ACROSS,
+    Y_AXIS,
     BallOnChain,
     Chain,
     FourBar,
     Pendulum,
-    downward,
+    rod_direction,
     swing_modes,
 )
 from proxbench.problems.motion.scenes.rigid.rolling import RollingCylinder, RollingSphere
@@ -144,8 +144,8 @@ def _ball_on_chain() -> Case:
 
     def state(part: float) -> State:
         rods, ball = part * mode[:-1], float(part * mode[-1])
-        end = scene.length * np.sum([downward(angle) for angle in rods.tolist()], axis=0)
-        pose = np.concatenate([end + scene.radius * downward(ball), about(ACROSS, ball)])
+        end = scene.length * np.sum([rod_direction(angle) for angle in rods.tolist()], axis=0)
+        pose = np.concatenate([end + scene.radius * rod_direction(ball), about(Y_AXIS, ball)])
         return State(0.0, np.concatenate([scene.chain.state(rods).position, pose]), np.zeros(6 * (links + 1)))
 
     return _swinging("ball_on_chain", scene, state, 1.5 * np.pi / frequencies[-1])

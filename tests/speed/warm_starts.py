@@ -20,7 +20,7 @@ from proxbench.bench.simulation.generation.sequence_problems import (
 from proxbench.bench.simulation.starts import COLD, WARM, StepSolver
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.exchange.catalog import SEQUENCE_MEMBERS
-from proxbench.problems.exchange.sequences import continued_impulses
+from proxbench.problems.exchange.sequences import warm_start_impulses
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
@@ -51,7 +51,7 @@ def iterations(name: str) -> None:
                         print(f"    slower: {step.name} {solver} {tolerance:g} {counts[-1][:2]}", end=" ")
                         print(why(steps[index - 1], step, exact[index - 1], exact[index], start))
                 if index + 1 < len(steps):
-                    start = continued_impulses(step, warm.impulses, steps[index + 1])
+                    start = warm_start_impulses(step, warm.impulses, steps[index + 1])
             solved = [sum(row[column] is Status.SOLVED for row in counts) for column in (2, 3)]
             means = [float(np.mean([row[column] for row in counts])) for column in (0, 1)]
             slower = sum(warm > cold for cold, warm, *_ in counts)
@@ -68,7 +68,7 @@ def iterations(name: str) -> None:
 
 def why(before: ContactProblem, step: ContactProblem, old: np.ndarray, new: np.ndarray, start: np.ndarray) -> str:
     """Return the residuals of the start and of zero, the change of the impulses, and how many contacts change state."""
-    carried, states = continued_impulses(before, old, step), [state_names(before, old), state_names(step, new)]
+    carried, states = warm_start_impulses(before, old, step), [state_names(before, old), state_names(step, new)]
     common = states[0].keys() & states[1].keys()
     changed = sum(states[0][key] != states[1][key] for key in common)
     residuals = [judge(step, impulses).residual for impulses in (start, np.zeros(step.n_rows))]

@@ -27,7 +27,7 @@ from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...isolation.child import MisbehaviourError, refuse
 from ...isolation.process_state import ProcessState, replaced_names
-from ...isolation.process_usage import Switches, used_seconds
+from ...isolation.process_usage import ContextSwitches, used_processor_seconds
 from ...plugins.solver_specs import SolverSpec
 from ...store.outcome import LATE_PREPARING
 from ..ladder import MAX_REASON_LENGTH
@@ -139,7 +139,7 @@ class Measurement:
         """
         solves: list[TimedSolve] = []
         answers: dict[bytes, FloatArray] = {}
-        before, end = Switches.now(), perf_counter() + seconds
+        before, end = ContextSwitches.now(), perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
             solves.append(self._solve(problem, stop, start))
@@ -164,7 +164,8 @@ class Measurement:
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
         while True:
-            before = Switches.now()  # before the last of them, since the system's files displace what the caches hold
+            # counted before the last solve, since the system's files displace what the caches hold
+            before = ContextSwitches.now()
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
                 break
@@ -194,7 +195,7 @@ class Measurement:
         impulses, start = np.zeros(problem.n_rows), _read_only_copy(start)
         gc.disable()
         try:
-            worked = used_seconds(self.solver)
+            worked = used_processor_seconds(self.solver)
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
@@ -209,7 +210,7 @@ class Measurement:
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
-            worked = used_seconds(self.solver) - worked
+            worked = used_processor_seconds(self.solver) - worked
         finally:
             if collecting:
                 gc.enable()
@@ -297,9 +298,9 @@ def _read_only_copy(start: FloatArray | None) -> FloatArray | None:
     return None if start is None else frozen(start, np.float64)
 
 
-def _timed_round(solves: Sequence[TimedSolve], before: Switches) -> TimedRound:
+def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> TimedRound:
     """Return the round of solves since ``before``, which ends now."""
-    last, switches = solves[-1].solution, Switches.now().since(before)
+    last, switches = solves[-1].solution, ContextSwitches.now().since(before)
     return TimedRound(
         last.status,
         int(last.iterations),

@@ -12,7 +12,7 @@ from itertools import pairwise
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Stop
-from ....problems.exchange.sequences import continued_impulses, start_digest
+from ....problems.exchange.sequences import start_digest, warm_start_impulses
 from .control import Controls
 
 
@@ -43,6 +43,6 @@ class Starts:
         if stop.tolerance not in self._known:
             start = None
             for step, following in pairwise([*self.steps, self.problem]):
-                start = continued_impulses(step, self._controls.solve_once(step, stop, start), following)
+                start = warm_start_impulses(step, self._controls.solve_once(step, stop, start), following)
             self._known[stop.tolerance] = start
         return self._known[stop.tolerance]

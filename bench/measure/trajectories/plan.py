@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from msgspec.structs import replace
 
 from ....problems.contact.solver import Solver
-from ....problems.motion.scenes.registry import SCENES, read_scene
+from ....problems.motion.scenes.registry import SCENES, parse_scene
 from ....problems.motion.scenes.scene import Scene, StudyDefaults
 from ....problems.names import Name
 from ...errors import BenchError
@@ -89,7 +89,7 @@ def make_study_plan(
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
     """Return the record of a trajectory, without its reference if it must be simulated, and the scene."""
-    plain, options = read_scene(scene)
+    plain, options = parse_scene(scene)
     study = SCENES[plain].study if plain in SCENES else StudyDefaults()
     is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options
     if is_cycle or not study.is_limit_cycle:

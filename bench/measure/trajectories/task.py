@@ -10,13 +10,13 @@ import numpy as np
 from ....problems.contact.solver import Status
 from ....problems.errors import ProxbenchError
 from ....problems.exchange.plugins.scenes import build_plugin_scene, plugin_scene
-from ....problems.motion.scenes.registry import make_scene, read_scene
+from ....problems.motion.scenes.registry import make_scene, parse_scene
 from ....problems.motion.scenes.scene import Scene
 from ....problems.motion.stepping.step import AcceptedStep
 from ....problems.motion.trajectories.pour import MotionRecorder
 from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
-from ...isolation.process_usage import Switches
+from ...isolation.process_usage import ContextSwitches
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
 from ...simulation.starts import UnsupportedStepError
@@ -64,7 +64,7 @@ class TrajectoryTask:
         return {"values": measure.values(recorder, duration), "start": start, "length": scene.length}
 
     def _scene(self, member: float) -> Scene:
-        name, options = read_scene(self.problem.name)
+        name, options = parse_scene(self.problem.name)
         if self.problem.varies_seeds:
             options["seed"] = int(member)
         return make_scene(name, options) if plugin_scene(name) is None else build_plugin_scene(name, options)
@@ -89,7 +89,7 @@ class TrajectoryTask:
         plan = self._plan(value, member)
         simulation, recorder, solves = Simulation(plan), MotionRecorder(plan.scene), 0
         most = self.most_solves if plan.stepper.locates_switches else math.inf
-        clocks, before, end = StepClocks(plan.solver), Switches.now(), time.monotonic() + self.seconds
+        clocks, before, end = StepClocks(plan.solver), ContextSwitches.now(), time.monotonic() + self.seconds
 
         def note(number: int, taken: AcceptedStep) -> None:
             nonlocal solves
@@ -121,7 +121,7 @@ class TrajectoryTask:
             "prepare": [0.0],
             "solve": [clocks.wall],
             "processor": [clocks.processor],
-            **Switches.now().since(before)._asdict(),
+            **ContextSwitches.now().since(before)._asdict(),
             "steps": simulation.n_steps,
             "unsolved": int(simulation.unsolved.sum()),
             "values": values if status is Status.SOLVED else {},

@@ -35,7 +35,7 @@ def print_comparison(comparison: Comparison, failures: list[str], console: Conso
         console.print(Text(note, style="yellow"))
     for title, table in _tables(comparison):
         console.print(Text(title, style="bold"))
-        print_table(console, table, words=("problem", "change", "reason", "is"), optional=("reason", "before"))
+        print_table(console, table, left_aligned=("problem", "change", "reason", "is"), optional=("reason", "before"))
         console.print()
     if len(comparison.solvers):
         console.print(Text(_legend(comparison), style="dim"))

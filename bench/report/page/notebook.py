@@ -10,8 +10,8 @@ from ..layout.text import counted
 from ..studies import headline, points_table
 
 
-def run_page(frames: RunFrames) -> str:
-    """Return the warnings, measuring conditions and summary of a run as HTML, with all texts escaped."""
+def run_html(frames: RunFrames) -> str:
+    """Return the warnings, measurement conditions, summary and damaged files of a run as HTML with escaped texts."""
     info = frames.info
     n_problems, n_solvers = len(info.plan.problems), len(info.plan.solvers)
     counts = f"{counted(n_problems, 'problem')}, {counted(n_solvers, 'solver')}"

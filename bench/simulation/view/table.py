@@ -78,7 +78,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
     return {
         "finished": simulation.is_finished,
         "ended": str(simulation.ending),
-        "failure": None if simulation.failure is None else simulation.failure.what,
+        "failure": None if simulation.failure is None else simulation.failure.description,
         "steps": simulation.n_steps,
         "simulated_seconds": seconds,
         "wall_seconds": simulation.wall_seconds,
@@ -151,7 +151,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     plan = simulation.plan
     segments = simulation.segments or (planned_segment(plan, 0),)
     if len(segments) == 1:
-        console.print(Text(f"{plan.scene.name} · {segments[0].words}", style="bold"))
+        console.print(Text(f"{plan.scene.name} · {segments[0].heading}", style="bold"))
     else:
         console.print(Text(f"{plan.scene.name} · {len(segments)} segments", style="bold"))
         _print_segments(simulation, console)
@@ -303,7 +303,7 @@ def _ending(simulation: Simulation) -> tuple[str, str] | None:
     if by_scene is not None:
         return by_scene.sentence, "green" if by_scene.is_success else "bold yellow"
     if simulation.ending is Ending.FAILED and simulation.failure is not None:
-        return simulation.failure.what, "bold red"
+        return simulation.failure.description, "bold red"
     if simulation.ending is Ending.STOPPED:
         return f"stopped before its end at {simulation.plan.duration:g} s", "yellow"
     return None

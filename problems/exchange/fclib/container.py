@@ -1,8 +1,9 @@
-"""Reading of HDF5 files from untrusted sources: plain data sets, without links to other files.
+"""Reading of plain data sets from untrusted HDF5 files.
 
-HDF5 allows links to other files, data kept in other files, virtual data sets, filters loaded at run time, and sizes
-that have no data behind them. FCLIB needs none of these, because its library writes contiguous arrays. So an array is
-read only if all its bytes are in the file itself, and never takes more memory than the size of the file.
+HDF5 allows links to other files, data kept in other files, virtual data sets, filters loaded at run time, and data sets
+whose declared size exceeds their data. FCLIB needs none of these, because its library writes contiguous arrays. An
+array is therefore read only if all its bytes are in the file itself. It never takes more memory than the size of the
+file.
 """
 
 from collections.abc import Iterator
@@ -14,28 +15,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray
-from ..files.archive import DAMAGES
+from ..files.archive import DAMAGE_ERRORS
 
-LARGEST_FILE = 2**30
-"""Largest size of a file in bytes."""
+MAX_FILE_BYTES = 2**30
+"""Largest size of a file [bytes]."""
 
-LONGEST_TEXT = 10_000
-"""Number of characters to which texts are truncated."""
+MAX_TEXT_LENGTH = 10_000
+"""Largest number of characters of a text; longer texts are truncated."""
 
-REPACK = "write it again with: h5repack -l CONTI -f NONE"
+REPACK_REMEDY = "write it again with: h5repack -l CONTI -f NONE"
+"""Remedy for chunked or compressed data sets, in error messages."""
 
 
 class ContainerError(ValueError):
-    """A file is not an HDF5 file, or has unsupported content; the text gives the reason."""
+    """A file is not an HDF5 file, or has unsupported content; the message gives the reason."""
 
 
 @contextmanager
-def opened(path: Path) -> Iterator["Group"]:
-    """Open an HDF5 file for reading; yield its root.
+def open_container(path: Path) -> Iterator["Group"]:
+    """Open an HDF5 file for reading, and yield its root group.
 
     Raises:
-        ContainerError: if it is not an HDF5 file, damaged, too large, or has unsupported content.
-        FileNotFoundError: if there is no such file.
+        ContainerError: if the file is not an HDF5 file, is damaged or too large, or has unsupported content.
+        FileNotFoundError: if the file does not exist.
     """
     import h5py  # import takes 0.1 s
 
@@ -44,58 +46,78 @@ def opened(path: Path) -> Iterator["Group"]:
     if not path.is_file():
         raise ContainerError("it is not a regular file")
     size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise ContainerError(f"its {size / 2**20:.0f} MB exceed the limit of {LARGEST_FILE / 2**20:.0f} MB")
+    if size > MAX_FILE_BYTES:
+        raise ContainerError(f"its {size / 2**20:.0f} MB exceed the limit of {MAX_FILE_BYTES / 2**20:.0f} MB")
     try:
         with h5py.File(path, "r") as file:
             yield Group(h5py, file.id, size, "")
     except (ContainerError, FileNotFoundError):
         raise
-    except (OSError, EOFError, MemoryError, *DAMAGES) as error:
+    except (OSError, EOFError, MemoryError, *DAMAGE_ERRORS) as error:
         raise ContainerError(f"it is not an HDF5 file, or is damaged ({type(error).__name__})") from None
 
 
 class Group:
-    """A group of an open file."""
+    """A group of an open file.
 
-    def __init__(self, h5py: Any, identity: Any, file_size: int, path: str) -> None:
-        self._h5py, self._id, self._file_size, self.path = h5py, identity, file_size, path
+    Attributes:
+        path: path of the group in the file, empty for the root.
+    """
+
+    def __init__(self, h5py: Any, group_id: Any, file_size: int, path: str) -> None:
+        self._h5py, self._id, self._file_size, self.path = h5py, group_id, file_size, path
 
     def __contains__(self, name: str) -> bool:
         return bool(self._id.links.exists(name.encode()))
 
     def group(self, name: str) -> "Group":
-        """Return a group in this one."""
+        """Return a member of this group that is a group itself.
+
+        Raises:
+            ContainerError: if the member is missing, a link, or not a group.
+        """
         member = self._member(name)
         if not isinstance(member, self._h5py.h5g.GroupID):
             raise ContainerError(f"{self.path}/{name} is not a group")
         return Group(self._h5py, member, self._file_size, f"{self.path}/{name}")
 
     def floats(self, name: str) -> FloatArray:
-        """Return a vector of double precision, shape (n,).
+        """Return a vector in double precision, shape (n,).
 
         Raises:
-            ContainerError: if it is missing, of another type or shape, or has no data in the file.
+            ContainerError: if the data set is missing, has another type or shape, or has no data in the file.
         """
         types = self._h5py.h5t
-        return self._array(name, (types.IEEE_F64LE, types.IEEE_F64BE), np.dtype(np.float64), "64-bit numbers")
+        return self._read_vector(name, (types.IEEE_F64LE, types.IEEE_F64BE), np.dtype(np.float64), "64-bit numbers")
 
     def integers(self, name: str) -> NDArray[np.signedinteger[Any]]:
-        """Return a vector of integers, with 32 or 64 bits as stored, shape (n,); raise as ``floats`` does."""
-        types, what = self._h5py.h5t, "integers of 32 or 64 bits"
+        """Return a vector of integers of 32 or 64 bits, as stored, shape (n,).
+
+        Raises:
+            ContainerError: in the same cases as ``floats``.
+        """
+        types, expected = self._h5py.h5t, "integers of 32 or 64 bits"
         if self._dataset(name).get_type().get_size() == 4:
-            return self._array(name, (types.STD_I32LE, types.STD_I32BE), np.dtype(np.int32), what)
-        return self._array(name, (types.STD_I64LE, types.STD_I64BE), np.dtype(np.int64), what)
+            return self._read_vector(name, (types.STD_I32LE, types.STD_I32BE), np.dtype(np.int32), expected)
+        return self._read_vector(name, (types.STD_I64LE, types.STD_I64BE), np.dtype(np.int64), expected)
 
     def integer(self, name: str) -> int:
-        """Return a single integer, which FCLIB stores as an array of one entry; raise as ``floats`` does."""
-        found = self.integers(name)
-        if len(found) != 1:
-            raise ContainerError(f"{self.path}/{name} must be one number, got {len(found)}")
-        return int(found[0])
+        """Return a single integer, which FCLIB stores as an array of one entry.
+
+        Raises:
+            ContainerError: in the same cases as ``floats``, or if there is not exactly one entry.
+        """
+        values = self.integers(name)
+        if len(values) != 1:
+            raise ContainerError(f"{self.path}/{name} must be one number, got {len(values)}")
+        return int(values[0])
 
     def text(self, name: str) -> str:
-        """Return a text as one line; empty if there is none."""
+        """Return a text as one line of at most ``MAX_TEXT_LENGTH`` printable characters; empty if there is no text.
+
+        Raises:
+            ContainerError: if the data set is not a single string, or keeps its data outside the file or compressed.
+        """
         if name not in self:
             return ""
         data = self._dataset(name)
@@ -110,11 +132,10 @@ class Group:
         if isinstance(content, np.ndarray):
             content = content.ravel()[0] if content.size else b""
         words = content.decode("utf-8", "replace").split("\0")[0].split()
-        line = "".join(letter for letter in " ".join(words)[:LONGEST_TEXT] if letter.isprintable())
-        return line
+        return "".join(character for character in " ".join(words)[:MAX_TEXT_LENGTH] if character.isprintable())
 
-    def flag(self, name: str) -> bool:
-        """Whether the group has an attribute or a data set of that name with a nonzero value."""
+    def is_set(self, name: str) -> bool:
+        """Return whether an attribute or a data set of this name has a nonzero value; False if there is neither."""
         attributes = self._h5py.h5a
         if attributes.exists(self._id, name.encode()):
             value = self._h5py.Group(self._id).attrs[name]
@@ -122,7 +143,7 @@ class Group:
         return name in self and self.integer(name) != 0
 
     def is_written(self, name: str) -> bool:
-        """Whether the data set exists and was written; libraries reserve some that they never write."""
+        """Return whether the data set exists and has data; libraries may reserve data sets that they never write."""
         return name in self and self._has_data(self._dataset(name), name)
 
     def _member(self, name: str) -> Any:
@@ -139,11 +160,12 @@ class Group:
             raise ContainerError(f"{self.path}/{name} is not a data set")
         return member
 
-    def _array(self, name: str, stored: tuple[Any, ...], dtype: np.dtype[Any], what: str) -> NDArray[Any]:
+    def _read_vector(self, name: str, file_types: tuple[Any, ...], dtype: np.dtype[Any], expected: str) -> NDArray[Any]:
+        """Return a vector whose type is one of ``file_types``, converted to ``dtype``."""
         data = self._dataset(name)
-        found, space = data.get_type(), data.get_space()
-        if not any(found.equal(one) for one in stored):
-            raise ContainerError(f"{self.path}/{name} must contain {what}")
+        file_type, space = data.get_type(), data.get_space()
+        if not any(file_type.equal(allowed) for allowed in file_types):
+            raise ContainerError(f"{self.path}/{name} must contain {expected}")
         is_simple = space.get_simple_extent_type() in (self._h5py.h5s.SIMPLE, self._h5py.h5s.SCALAR)
         if not is_simple or space.get_simple_extent_ndims() > 1:
             raise ContainerError(f"{self.path}/{name} must be a vector")
@@ -157,24 +179,25 @@ class Group:
         return array
 
     def _has_data(self, data: Any, name: str) -> bool:
-        """Whether all bytes of a data set are in the file, unpacked; False if none are.
+        """Return whether a data set was written, so that all its bytes are in the file.
 
         Raises:
-            ContainerError: if they are elsewhere, packed, in chunks, or fewer than its declared size.
+            ContainerError: if its data are in other files, chunked or compressed, or smaller than their declared size.
         """
         layouts, plist = self._h5py.h5d, data.get_create_plist()
         where = f"{self.path}/{name}"
         if plist.get_layout() == layouts.VIRTUAL or plist.get_external_count():
             raise ContainerError(f"{where} keeps its data in other files, which are not read; copy them into this one")
         if plist.get_layout() not in (layouts.CONTIGUOUS, layouts.COMPACT) or plist.get_nfilters():
-            raise ContainerError(f"{where} is chunked or compressed, and FCLIB files are not; {REPACK}")
+            raise ContainerError(f"{where} is chunked or compressed, and FCLIB files are not; {REPACK_REMEDY}")
         if plist.get_layout() == layouts.COMPACT:
             return True
-        offset, stored, kind = data.get_offset(), data.get_storage_size(), data.get_type()
+        offset, stored_size, data_type = data.get_offset(), data.get_storage_size(), data.get_type()
         if offset is None:
             return False
-        is_reference = isinstance(kind, self._h5py.h5t.TypeStringID) and kind.is_variable_str()
-        claimed = stored if is_reference else data.get_space().get_simple_extent_npoints() * kind.get_size()
-        if claimed != stored or offset + stored > self._file_size:
+        is_reference = isinstance(data_type, self._h5py.h5t.TypeStringID) and data_type.is_variable_str()
+        n_entries = data.get_space().get_simple_extent_npoints()
+        declared_size = stored_size if is_reference else n_entries * data_type.get_size()
+        if declared_size != stored_size or offset + stored_size > self._file_size:
             raise ContainerError(f"{where} is larger than the file; the file is truncated or damaged")
         return True

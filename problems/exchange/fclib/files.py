@@ -10,9 +10,9 @@ from ...contact.problem import ContactProblem
 from ...errors import ProblemError
 from ..files.problem_file import write_whole
 from ..repair import Indefinite, Repair, Symmetry, named_in_errors
-from .container import ContainerError, opened
+from .container import ContainerError, open_container
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
-from .conversion import contents_of, digest_obstacle, problem_of
+from .conversion import contents_of, digest_mismatch, problem_of
 from .laws import rows_in_order
 
 SUFFIXES = (".hdf5", ".h5")
@@ -48,9 +48,9 @@ def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefi
     contents = fclib_contents(path)
     with named_in_errors(str(path), "fclib"):
         problem = problem_of(contents, path.stem, repair, source="FCLIB", file=path.name)
-        obstacle = digest_obstacle(contents, problem)
-    if obstacle:
-        raise ProblemError(f"{path} is damaged: {obstacle}; write it again.")
+        mismatch = digest_mismatch(contents, problem)
+    if mismatch:
+        raise ProblemError(f"{path} is damaged: {mismatch}; write it again.")
     return problem
 
 
@@ -61,7 +61,7 @@ def fclib_contents(path: Path) -> LocalContents | GlobalContents:
         ProblemError: if the file is missing, damaged or not an FCLIB file.
     """
     try:
-        with opened(path) as file:
+        with open_container(path) as file:
             return read_contents(file)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {path}.") from None

@@ -55,7 +55,7 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
         matrix.sum_duplicates()
     else:
         raise ContainerError(f"{group.path}/nz = {kind} is not a storage format; it must be -2, -1, or 0 or more")
-    return _unpacked(matrix, group) if group.flag("symmetric_packed") else matrix
+    return _unpacked(matrix, group) if group.is_set("symmetric_packed") else matrix
 
 
 def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> dict[str, NDArray[Any]]:

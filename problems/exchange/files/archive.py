@@ -1,4 +1,4 @@
-"""Reading of .npz files from untrusted sources, without pickle and with limits on size."""
+"""Reading of .npz files from untrusted sources, without pickle and with limits on their size."""
 
 import math
 import struct
@@ -12,28 +12,29 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 MAX_ARCHIVE_BYTES = 2**30
-"""Largest size of the unpacked arrays of one file, in bytes."""
+"""Largest size of the unpacked arrays of one file [bytes]."""
 
 MAX_ARRAYS = 64
+"""Largest number of arrays in one file."""
 
-DAMAGES = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
-"""Exceptions that reading damaged content raises."""
+DAMAGE_ERRORS = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
+"""Exceptions that libraries raise when they read damaged content."""
 
-_UNPACKING = (*DAMAGES, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error)
+_UNPACKING_ERRORS = (*DAMAGE_ERRORS, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error)
 
 
 class ArchiveError(ValueError):
-    """A file is not a readable .npz file; the text gives the reason."""
+    """A file is not a readable .npz file; the message is the reason, a clause about the file."""
 
 
 def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a .npz file.
+    """Return the arrays of a .npz file by their names.
 
-    Nothing is unpacked until the directory of the file has been checked against the limits.
+    Nothing is unpacked until the sizes in the directory of the file have been checked against the limits.
 
     Raises:
-        ArchiveError: if it is damaged, contains objects, or would take more memory than ``MAX_ARCHIVE_BYTES``.
-        OSError: if it cannot be read.
+        ArchiveError: if the file is damaged, contains objects, or exceeds ``MAX_ARCHIVE_BYTES`` or ``MAX_ARRAYS``.
+        OSError: if the file cannot be read.
     """
     try:
         with zipfile.ZipFile(source) as archive:
@@ -44,17 +45,18 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
             arrays = {}
             for member in members:
                 with archive.open(member) as file:
-                    arrays[member.filename.removesuffix(".npy")] = _array(file, member.file_size)
+                    arrays[member.filename.removesuffix(".npy")] = _read_member(file, member.file_size)
     except ArchiveError:
         raise
-    except _UNPACKING as error:
+    except _UNPACKING_ERRORS as error:
         raise ArchiveError(f"it cannot be unpacked ({type(error).__name__})") from None
     if len(arrays) != len(members):
         raise ArchiveError("two of its arrays have the same name")
     return arrays
 
 
-def _array(file: IO[bytes], size: int) -> NDArray[Any]:
+def _read_member(file: IO[bytes], size: int) -> NDArray[Any]:
+    """Return the array of an open member of ``size`` bytes, whose header is checked before its data are read."""
     version = npy.read_magic(file)
     read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
     if read_header is None:

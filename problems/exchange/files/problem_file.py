@@ -19,7 +19,7 @@ from ...contact.problem import ContactProblem
 from ...errors import ProblemError
 from ..formats.registry import read_foreign_arrays
 from ..repair import Repair
-from .archive import DAMAGES, ArchiveError, read_arrays
+from .archive import DAMAGE_ERRORS, ArchiveError, read_arrays
 from .atomic_file import replacing
 from .json_arrays import SUFFIX as JSON_SUFFIX
 from .json_arrays import json_text, read_json
@@ -117,7 +117,7 @@ def read_problem(
         raise ProblemError(f"{name} is damaged or not a problem file: {error}; {AGAIN}.") from None
     except ProblemError:
         raise
-    except (OSError, *DAMAGES):
+    except (OSError, *DAMAGE_ERRORS):
         raise ProblemError(f"{name} is damaged or not a problem file; {AGAIN}.") from None
     if problem.digest != digest:
         raise ProblemError(f"{name} does not match its digest; {AGAIN}.")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from ...errors import PluginError, ProblemError, first_line, suggestion
-from ...motion.scenes.registry import SCENES, read_scene
+from ...motion.scenes.registry import SCENES, parse_scene
 from ...motion.scenes.scene import Scene, bare_scene, completed
 from ...motion.state import State
 from ...names import check_options
@@ -49,7 +49,7 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
         ProblemError: for an unknown scene or option.
         PluginError: if the plugin does not return a scene.
     """
-    name, written = read_scene(text)
+    name, written = parse_scene(text)
     offer = plugin_scene(name)
     assert offer is not None
     make, head = offer.load(), f"scene {name!r} of {offer.source}"

@@ -1,7 +1,8 @@
-"""Effects of a scene, such as gravity and friction; effects that are not listed cost nothing.
+"""Effects of a scene, such as gravity and friction.
 
-Each effect is a class that adds itself to a system of balls or, except ``Planar``, of rigid bodies. Steppers and
-solvers do not depend on effects.
+A system contains only the effects that its scene lists, so that absent effects take no time. Each effect is a class
+that adds itself to a system of balls or, except ``Planar``, of rigid bodies. Steppers and solvers do not depend on
+effects.
 """
 
 from abc import ABC, abstractmethod
@@ -18,14 +19,14 @@ from ..bodies.rigid.rigid_bodies import RigidBodies
 from ..bodies.surfaces import Surface
 
 System = TypeVar("System", BallSystem, RigidBodies)
-"""The systems that effects act on."""
+"""Type of a system to which an effect is added."""
 
 
 class Effect(Protocol):
-    """An effect on balls."""
+    """An effect that can be added to a system of balls."""
 
     def added_to(self, system: BallSystem) -> BallSystem:
-        """Return the system with this effect."""
+        """Return a copy of the system with this effect."""
         ...
 
 
@@ -41,21 +42,21 @@ class Conservative(Protocol):
 class Force(ABC):
     """An effect that accelerates the centres of bodies.
 
-    The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative. A class
-    that overrides ``accelerate`` alone is neither.
+    The potential energy of a system is known only if each of its forces is ``Conservative`` or dissipative. A subclass
+    that overrides only ``accelerate`` counts as neither, because the inherited description may not fit its force.
 
     Attributes:
-        is_dissipative: whether the force only dissipates energy, so that it has no potential energy.
+        is_dissipative: whether the force only dissipates energy, and therefore has no potential energy.
     """
 
     is_dissipative: ClassVar[bool] = False
 
     def added_to(self, system: System) -> System:
-        """Return the system with this force."""
+        """Return a copy of the system with this force."""
         potential = None
-        if self.is_dissipative and self._describes_its_force("is_dissipative"):
+        if self.is_dissipative and self._matches_acceleration("is_dissipative"):
             potential = _no_energy
-        elif isinstance(self, Conservative) and self._describes_its_force("potential_energy"):
+        elif isinstance(self, Conservative) and self._matches_acceleration("potential_energy"):
             potential = self.potential_energy
         return replace(
             system,
@@ -63,16 +64,25 @@ class Force(ABC):
             potentials=(*system.potentials, potential),
         )
 
-    def _describes_its_force(self, name: str) -> bool:
-        """Return whether the class that defines ``name`` defines or inherits the acceleration in use."""
-        described, accelerated = (
-            next(one for one in type(self).__mro__ if key in vars(one)) for key in (name, "accelerate")
+    def _matches_acceleration(self, name: str) -> bool:
+        """Return whether the attribute ``name`` describes the force of ``accelerate``.
+
+        It does unless ``accelerate`` was overridden in a subclass of the class that defines ``name``.
+        """
+        descriptor, accelerator = (
+            next(base for base in type(self).__mro__ if key in vars(base)) for key in (name, "accelerate")
         )
-        return issubclass(described, accelerated)
+        return issubclass(descriptor, accelerator)
 
     @abstractmethod
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
-        """Return h/m [m/s²] of centres [m] with velocities [m/s], shape (n, d), and masses [kg], shape (n,)."""
+        """Return the accelerations h/m [m/s²], shape (n, d), where h is the force.
+
+        Args:
+            centres: positions of the centres [m], shape (n, d).
+            velocities: velocities of the centres [m/s], shape (n, d).
+            masses: m [kg], shape (n,).
+        """
 
 
 def _no_energy(centres: FloatArray, masses: FloatArray) -> float:
@@ -91,9 +101,9 @@ class Gravity(Force):
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −g along the last axis [m/s²]."""
-        down = np.zeros_like(centres)
-        down[:, -1] = -self.acceleration
-        return down
+        accelerations = np.zeros_like(centres)
+        accelerations[:, -1] = -self.acceleration
+        return accelerations
 
     def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
         """Return V = Σ m g z [J]."""
@@ -141,55 +151,61 @@ class Spring(Force):
 
 @dataclass(frozen=True)
 class Friction:
-    """Coulomb friction at all contacts, which makes balls rotate.
+    """Coulomb friction at all contacts. It adds rotational degrees of freedom to balls.
 
     Attributes:
-        coefficient: μ, or a function that maps keys of pairs of bodies to their μ.
+        coefficient: μ of all contacts, or a function that maps keys of pairs of bodies to their μ.
     """
 
     coefficient: float | PairCoefficient
 
     def added_to(self, system: System) -> System:
-        """Return the system with friction laws, and with rotational degrees of freedom of balls."""
+        """Return a copy of the system with friction laws."""
         return replace(system, friction=self.coefficient)
 
 
 @dataclass(frozen=True)
 class Restitution:
-    """Newton's impact law at all contacts, γ⁺ = −ε γ⁻.
+    """Newton's impact law γ⁺ = −ε γ⁻ for the relative velocities of all contacts after and before an impact.
 
     Attributes:
-        normal: ε_N, or a function that maps keys of pairs of bodies to their ε_N.
-        tangential: ε_T.
+        normal: ε_N of all contacts, or a function that maps keys of pairs of bodies to their ε_N.
+        tangential: ε_T of all contacts.
     """
 
     normal: float | PairCoefficient
     tangential: float = 0.0
 
     def added_to(self, system: System) -> System:
-        """Return the system with restitution."""
+        """Return a copy of the system with restitution."""
         return replace(system, restitution_normal=self.normal, restitution_tangential=self.tangential)
 
 
 @dataclass(frozen=True)
 class Planar:
-    """Bodies in a vertical plane, (x, z), with planar friction.
+    """Restriction of the motion to the vertical plane (x, z), with planar friction.
 
     Attributes:
-        inertia_factor: J/(m r²) about the axis out of the plane; that of a disc by default.
+        inertia_factor: J/(m r²) about the normal of the plane; by default, that of a disc.
     """
 
     inertia_factor: float = DISC_INERTIA
 
     def added_to(self, system: BallSystem) -> BallSystem:
-        """Return the system in two dimensions."""
+        """Return a copy of the system in two dimensions."""
         return replace(system, dimension=2, inertia_factor=self.inertia_factor)
 
 
 def ball_system(
     radii: FloatArray, masses: FloatArray, surfaces: Sequence[Surface], effects: Sequence[Effect]
 ) -> BallSystem:
-    """Return the system of balls with radii [m] and masses [kg], shape (n,), among ``surfaces``, with ``effects``.
+    """Return a system of balls.
+
+    Args:
+        radii: radii of the balls [m], shape (n,).
+        masses: masses of the balls [kg], shape (n,).
+        surfaces: fixed surfaces that the balls can touch.
+        effects: effects to add, each of another class.
 
     Raises:
         ProblemError: if an effect is listed twice, or a number is out of range.
@@ -205,7 +221,7 @@ def check_distinct(effects: Sequence[object]) -> None:
     """Check that no effect is listed twice.
 
     Raises:
-        ProblemError: for the first one that is.
+        ProblemError: if two effects have the same class.
     """
     names = [type(effect).__name__ for effect in effects]
     for name in names:

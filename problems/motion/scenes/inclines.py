@@ -134,7 +134,7 @@ class BlockOnIncline(ClosedFormScene):
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.slope < 0.5 * np.pi:
-            raise ProblemError(f"slope of an incline must be from 0 to below π/2, got {self.slope}.")
+            raise ProblemError(f"slope of an incline must be at least 0 and less than π/2, got {self.slope}.")
 
     def system(self) -> MechanicalSystem:
         """Return the block with one planar contact, the gap z."""

@@ -1,6 +1,6 @@
-"""The registry of scenes, which builds a scene from its name with options.
+"""The registry of scenes, from which a scene is built by its name and options.
 
-To add a scene, add to ``SCENES`` a ``SceneKind`` from the file of the scene.
+To add a scene, define a ``SceneKind`` in its module, and add it to ``SCENES``.
 """
 
 from collections.abc import Mapping
@@ -22,38 +22,45 @@ SCENES: Mapping[str, SceneKind] = {
     **KNOWN_MOTIONS,
     **RIGID_SCENES,
 }
-"""Scenes by name."""
+"""Kinds of scenes by name."""
 
 EXAMPLE = "funnel(balls=300)"
+"""A scene with an option, as error messages show it."""
 
 
 def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
     """Return a scene: ``make_scene("funnel(balls=100, friction=None)")``, or ``make_scene("funnel", {"balls": 100})``.
 
+    Args:
+        name: name of the scene, with or without options.
+        options: further options, which override those in the name.
+
     Raises:
-        ProblemError: for an unknown scene or option, with the nearest name, or a value out of range.
+        ProblemError: for an unknown scene or option, with the most similar name, or for a value out of range.
     """
-    plain, written = read_scene(name)
-    if plain not in SCENES:
-        raise ProblemError(f"there is no scene {plain!r}{suggestion(plain, SCENES)}")
-    kind = SCENES[plain]
-    return kind.build(plain, complete(plain, kind.options, {**written, **(options or {})}))
+    base_name, named_options = parse_scene(name)
+    if base_name not in SCENES:
+        raise ProblemError(f"there is no scene {base_name!r}{suggestion(base_name, SCENES)}")
+    kind = SCENES[base_name]
+    return kind.build(base_name, complete(base_name, kind.options, {**named_options, **(options or {})}))
 
 
-def read_scene(text: str) -> tuple[str, dict[str, Any]]:
-    """Return the plain name of a scene and the options written with it; the scene need not exist.
+def parse_scene(text: str) -> tuple[str, dict[str, Any]]:
+    """Split a text such as ``"funnel(balls=100)"`` into name and options of a scene, which need not exist.
 
     Raises:
         ProblemError: if the text is not a name with or without options.
     """
-    written = read_name(text, "scene", EXAMPLE, ProblemError)
-    if written.parts:
-        raise ProblemError(f"cannot read {text!r:.200} as a scene; name its options: {EXAMPLE}.")
-    return written.plain, dict(written.options)
+    parsed = read_name(text, "scene", EXAMPLE, ProblemError)
+    if parsed.parts:
+        raise ProblemError(f"cannot read {text!r:.200} as a scene; give its options by name, as in {EXAMPLE}.")
+    return parsed.plain, dict(parsed.options)
 
 
-def check_option(scene: str, name: str, value: object) -> object:
-    """Return a value converted to the type of a scene's option; scenes of plugins check theirs when they are built.
+def convert_option(scene: str, name: str, value: object) -> object:
+    """Return a value converted to the type of a scene's option.
+
+    A value of a plugin scene is returned unchanged, because the scene checks it when it is built.
 
     Raises:
         ProblemError: for an unknown option, or a value out of range.

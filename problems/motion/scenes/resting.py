@@ -41,7 +41,7 @@ class Stack(ClosedFormScene):
         if not len(self.masses):
             raise ProblemError("a stack needs at least one ball.")
         if not 0.0 <= self.overlap < self.radius:
-            raise ProblemError(f"overlap of a stack must be from 0 to below the radius, got {self.overlap}.")
+            raise ProblemError(f"overlap of a stack must be at least 0 and less than the radius, got {self.overlap}.")
 
     def system(self) -> BallSystem:
         """Return the balls on the ground z = 0."""
@@ -91,7 +91,7 @@ class VGroove(RollingSphere):
         if not 0.0 < self.half_angle < 0.5 * np.pi:
             raise ProblemError(f"half_angle of a groove must be between 0 and π/2, got {self.half_angle}.")
         if not 0.0 <= self.slope < 0.5 * np.pi:
-            raise ProblemError(f"slope of a groove must be from 0 to below π/2, got {self.slope}.")
+            raise ProblemError(f"slope of a groove must be at least 0 and less than π/2, got {self.slope}.")
 
     @property
     def lever(self) -> float:

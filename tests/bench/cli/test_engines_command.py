@@ -34,7 +34,7 @@ def measured(scene: str, engine: str, setting: str) -> Measurement:
 def no_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     versions = {kind.distribution: f"{kind.tried}.7" for kind in ENGINES.values()}
     monkeypatch.setattr(metadata, "version", lambda name: versions.get(name, "1.0"))
-    monkeypatch.setattr(run, "_in_own_process", measured)
+    monkeypatch.setattr(run, "_measure_in_subprocess", measured)
 
 
 @pytest.mark.usefixtures("no_processes")
@@ -73,7 +73,7 @@ def test_an_interrupted_comparison_keeps_its_finished_runs(
             raise KeyboardInterrupt
         return measured(scene, engine, setting)
 
-    monkeypatch.setattr(run, "_in_own_process", interrupted)
+    monkeypatch.setattr(run, "_measure_in_subprocess", interrupted)
     file = tmp_path / "engines.json"
     assert run_command(["engines", "thrown-cube", "--engine", "rapier", "--output", str(file)]) == 130
     printed = capsys.readouterr()
@@ -82,7 +82,7 @@ def test_an_interrupted_comparison_keeps_its_finished_runs(
     found = json.loads(file.read_text())
     assert [one["setting"] for one in found["measurements"]] == ["default", "16 iterations"]
 
-    monkeypatch.setattr(run, "_in_own_process", measured)
+    monkeypatch.setattr(run, "_measure_in_subprocess", measured)
     assert run_command(["engines", "thrown-cube", "--engine", "rapier", "--resume", str(file)]) == 0
     printed = capsys.readouterr()
     assert printed.err.count("per simulated second") == 3

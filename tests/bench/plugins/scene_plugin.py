@@ -13,7 +13,7 @@ from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.bodies.system import MechanicalSystem, System
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, ball_system
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.rigid.linkages import jointed
+from proxbench.problems.motion.scenes.rigid.linkages import jointed_bodies
 from proxbench.problems.motion.scenes.scene import Scene, bare_scene
 from proxbench.problems.motion.state import State
 
@@ -108,7 +108,7 @@ def wiper(speed: float = 2.0) -> Scene:
         motor_speed=speed,
         motor_bound=9.0,
     )
-    system = jointed([Box((0.05, 0.05, 2.0 * half))], np.ones(1), [hinge], gravity=9.81)
+    system = jointed_bodies([Box((0.05, 0.05, 2.0 * half))], np.ones(1), [hinge], gravity=9.81)
     start = State(0.0, np.array([0.0, 0.0, -half, 1.0, 0.0, 0.0, 0.0]), np.zeros(6))
     return replace(bare_scene("wiper", {"speed": speed}, system, start), depth=1e-6)
 

@@ -12,7 +12,7 @@ from proxbench.solvers import Stop, create
 
 def test_thinning_keeps_all_first_iterations_and_few_of_many() -> None:
     thinning = Thinning(20, 1.08)
-    kept = [iteration for iteration in range(100_001) if thinning.takes(iteration)]
+    kept = [iteration for iteration in range(100_001) if thinning.selects(iteration)]
     assert kept[:20] == list(range(20))
     assert len(kept) < 150
     assert max(np.diff(kept)[20:] / np.array(kept[20:-1])) < 0.15

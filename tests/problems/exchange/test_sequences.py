@@ -9,7 +9,7 @@ from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.contact.solver import Stop
 from proxbench.problems.exchange.catalog import SEQUENCE_MEMBERS
 from proxbench.problems.exchange.files.problem_file import save_problem
-from proxbench.problems.exchange.sequences import BEFORE, STEP, continued_impulses, predecessors, start_digest
+from proxbench.problems.exchange.sequences import BEFORE, STEP, predecessors, start_digest, warm_start_impulses
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import create
@@ -22,14 +22,14 @@ def contacts(*keys: str, dim: int = 3) -> ContactProblem:
 
 def test_a_contact_keeps_its_impulses_wherever_it_stands_and_a_new_one_has_none() -> None:
     before, after = contacts("a", "b", "c"), contacts("c", "new", "a")
-    start = continued_impulses(before, np.arange(1.0, 10.0), after)
+    start = warm_start_impulses(before, np.arange(1.0, 10.0), after)
     assert start.tolist() == [7.0, 8.0, 9.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0]
 
 
 def test_a_contact_with_other_rows_and_a_problem_without_keys_start_from_zero() -> None:
     before = contacts("a", dim=1)
-    assert not continued_impulses(before, np.ones(1), contacts("a")).any()
-    assert not continued_impulses(replace(before, keys=()), np.ones(1), contacts("a", dim=1)).any()
+    assert not warm_start_impulses(before, np.ones(1), contacts("a")).any()
+    assert not warm_start_impulses(replace(before, keys=()), np.ones(1), contacts("a", dim=1)).any()
 
 
 def test_the_digest_of_a_start_covers_the_numbers_of_earlier_steps_and_the_rows_that_continue() -> None:
@@ -77,7 +77,7 @@ def test_a_start_is_the_one_that_a_stepper_gives() -> None:
         for step in (first, second)
         if step.problem is not None and step.contacts is not None
     ]
-    start = continued_impulses(problems[0], first.impulses, problems[1])
+    start = warm_start_impulses(problems[0], first.impulses, problems[1])
     np.testing.assert_array_equal(start, solver.starts[-1])
     assert start.any()
 
@@ -116,4 +116,4 @@ def test_the_steps_of_a_shipped_sequence_follow_each_other_and_share_most_contac
     assert [step.name for step in predecessors(steps[-1], load).steps] == SEQUENCE_MEMBERS[name][:-1]
     for before, after in pairwise(steps):
         assert len(set(before.keys) & set(after.keys)) > 0.8 * after.n_contacts
-        assert continued_impulses(before, np.ones(before.n_rows), after).mean() > 0.8
+        assert warm_start_impulses(before, np.ones(before.n_rows), after).mean() > 0.8

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws, judge
 from proxbench.solvers import create
 from proxbench.solvers.sweeps.one_contact import planar_violation, solve_frictionless, solve_planar, solve_spatial
-from proxbench.solvers.sweeps.slip_angle import WORKSPACE, slip_angles
+from proxbench.solvers.sweeps.slip_angle import WORKSPACE_SIZE, slip_directions
 
-WORK = np.empty(WORKSPACE)
+WORK = np.empty(WORKSPACE_SIZE)
 SEEDS = st.integers(0, 2**31)
 MU = st.sampled_from([0.0, 0.1, 0.5, 1.0, 2.0, 10.0])
 FIXED = st.sampled_from([0.0, 0.0, 0.3])
@@ -139,7 +139,7 @@ def test_every_direction_of_slip_is_found() -> None:
             centre, half = (first + second) / 2, (second - first) / 2
             values *= np.cos(grid - centre) - np.cos(half)
         coefficients = np.linalg.solve(basis.T, values)
-        count = slip_angles(*coefficients, WORK)
+        count = slip_directions(*coefficients, WORK)
         found = np.arctan2(WORK[1 : 2 * count : 2], WORK[0 : 2 * count : 2])
         for angle in chosen:
             assert np.abs(np.angle(np.exp(1j * (found - angle)))).min() <= 1e-9

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, judge
 from proxbench.solvers.sweeps.one_contact import solve_spatial
 from proxbench.solvers.sweeps.rolling_contact import solve_rolling
-from proxbench.solvers.sweeps.slip_angle import WORKSPACE
+from proxbench.solvers.sweeps.slip_angle import WORKSPACE_SIZE
 
 
 def solved(delassus: np.ndarray, c: np.ndarray, sliding: int, mu: float, mu_r: float, start: np.ndarray) -> np.ndarray:
@@ -56,7 +56,7 @@ def test_uncoupled_sliding_and_rolling_are_solved_separately(seed: int, mu: floa
     delassus[3, :3] = delassus[:3, 3] = 0.0
     found = solved(delassus, c, 2, mu, 0.2, np.zeros(4))
     spatial = solve_spatial(
-        np.ascontiguousarray(delassus[:3, :3]).ravel(), *c[:3], mu, 0.0, 0.0, 0.0, 0.0, np.empty(WORKSPACE)
+        np.ascontiguousarray(delassus[:3, :3]).ravel(), *c[:3], mu, 0.0, 0.0, 0.0, 0.0, np.empty(WORKSPACE_SIZE)
     )
     assert found[:3] == pytest.approx(spatial, rel=1e-9, abs=1e-12)
     assert found[3] == pytest.approx(np.clip(-c[3] / delassus[3, 3], -0.2 * spatial[0], 0.2 * spatial[0]), abs=1e-12)

@@ -1,4 +1,4 @@
-"""Interleaved runs over scenes, engines and settings, each in its own process, on one thread."""
+"""Comparison of physics engines: interleaved runs of all settings, each on one thread in its own process."""
 
 import itertools
 import os
@@ -23,17 +23,18 @@ RUN_SECONDS = 600.0
 """Time limit of one run [s]."""
 
 DIGEST_LENGTH = 12
-"""Number of digits of a digest that distinguish sources."""
+"""Number of digits of a source digest that are compared, and shown in error messages."""
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     """The stored result of ``proxbench engines``.
 
     Attributes:
-        measurements: a run of each setting, with its shortest times.
-        versions: versions of the engines.
-        rounds: least number of runs of each setting.
-        load: load of the machine over one minute, before and after; the largest one of earlier runs counts as before.
+        measurements: one per scene, engine and setting, with the shortest times of all rounds.
+        versions: version of each engine, by its name.
+        rounds: number of runs of each setting; in an interrupted comparison, of complete rounds, but at least 1.
+        load: load average over one minute, before and after the runs. A resumed comparison stores the largest of
+            all earlier values as the first one.
         machine: the machine, as in the record of a run.
         is_interrupted: whether Ctrl-C ended the comparison before its last run.
     """
@@ -46,7 +47,11 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     is_interrupted: bool = False
 
     def best(self, scene: str, engine: str) -> Measurement | None:
-        """Return the best setting of an engine: the fastest among the most accurate by the first error of the scene."""
+        """Return the best measurement of an engine in a scene, or None if all runs failed.
+
+        It is the fastest of the most accurate runs: those whose first error of the scene is negligible, or at most
+        ``ERROR_MARGIN`` times the smallest one.
+        """
         description = describe(scene)
         first = description.errors[0]
         runs = [run for run in self.measurements if (run.scene, run.engine) == (scene, engine) and not run.failure]
@@ -57,10 +62,10 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_comparison(file: Path) -> Comparison:
-    """Return a comparison that was written as JSON.
+    """Read a comparison from a JSON file.
 
     Raises:
-        BenchError: if the file cannot be read as one.
+        BenchError: if the file cannot be read, or does not contain a comparison.
     """
     try:
         return msgspec.json.decode(file.read_bytes(), type=Comparison)
@@ -69,6 +74,7 @@ def read_comparison(file: Path) -> Comparison:
 
 
 Measure = Callable[[str, str, str], Measurement]
+"""``measure(scene, engine, setting)`` measures one run."""
 
 
 def compare_engines(
@@ -79,98 +85,103 @@ def compare_engines(
     measure: Measure | None = None,
     earlier: Comparison | None = None,
 ) -> Comparison:
-    """Measure each setting of the engines on the scenes.
+    """Measure each setting of the engines in each scene.
 
-    Each round runs all settings once, so that a change of the machine's load affects all of them. Ctrl-C ends the
-    comparison, and the finished runs are returned.
+    Each round runs all settings once, so that a change of the machine's load affects all of them.
 
     Args:
         scenes: names of scenes; all if empty.
         engines: names of engines; all if empty.
-        rounds: how often each setting runs; its shortest times count. The default is that of ``earlier``, or 1.
-        on_run: called after each run.
-        measure: measures one run, given scene, engine and setting; by default in its own process.
+        rounds: number of runs of each setting, of which the shortest times are kept. The default is that of
+            ``earlier``, or 1.
+        on_run: called with each measurement as soon as its run has ended.
+        measure: measures one run; by default in a subprocess.
         earlier: a comparison whose successful runs are kept and not repeated.
 
+    Returns:
+        The comparison; after Ctrl-C, a comparison of the finished runs.
+
     Raises:
-        BenchError: if a name is unknown, an engine is not installed or of an untried version, or ``earlier`` is of
-            another version of an engine, another source of Proxbench, another processor or other ``rounds``.
+        BenchError: if a name is unknown, or an engine is not installed or has an untested version. Also if ``earlier``
+            has another version of an engine, another source of Proxbench, another processor or other ``rounds``.
     """
     for scene in scenes:
         if scene not in SCENES:
-            raise BenchError(f"unknown scene {scene!r} of engines{suggestion(scene, SCENES)}")
+            raise BenchError(f"unknown engine scene {scene!r}{suggestion(scene, SCENES)}")
     versions = {engine: version_of(engine) for engine in engines or ENGINES}
-    machine, before, found = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
+    machine, load_before, measured = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
     if earlier is not None:
-        _require_same(earlier, versions, machine)
+        _require_comparable(earlier, versions, machine)
         if rounds not in (None, earlier.rounds):
-            raise BenchError(f"the earlier runs have {earlier.rounds} rounds, not {rounds}; leave the number out.")
-        found = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
-        versions, rounds, before = earlier.versions | versions, earlier.rounds, max(before, *earlier.load)
-    left = [key for key in _settings(scenes or SCENES, engines or ENGINES) if key not in found]
-    finished, rounds, is_interrupted = 0, rounds or 1, False
+            raise BenchError(f"the earlier runs have {earlier.rounds} rounds, not {rounds}; omit `rounds`.")
+        measured = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
+        versions, rounds = earlier.versions | versions, earlier.rounds
+        load_before = max(load_before, *earlier.load)
+    pending = [key for key in _run_keys(scenes or SCENES, engines or ENGINES) if key not in measured]
+    n_finished, rounds, is_interrupted = 0, rounds or 1, False
     try:
         for _ in range(rounds):
-            for key in left:
-                run = (measure or _in_own_process)(*key)
-                found[key] = _faster(found.get(key), run)
+            for key in pending:
+                run = (measure or _measure_in_subprocess)(*key)
+                measured[key] = _with_shorter_times(measured.get(key), run)
                 on_run(run)
-            finished += 1
+            n_finished += 1
     except KeyboardInterrupt:
-        is_interrupted, rounds = True, max(1, finished)
+        is_interrupted, rounds = True, max(1, n_finished)
     return Comparison(
-        measurements=tuple(found.values()),
+        measurements=tuple(measured.values()),
         versions=versions,
         rounds=rounds,
-        load=(before, os.getloadavg()[0]),
+        load=(load_before, os.getloadavg()[0]),
         machine=machine,
         is_interrupted=is_interrupted,
     )
 
 
-def _require_same(earlier: Comparison, versions: dict[str, str], machine: dict[str, Any]) -> None:
+def _require_comparable(earlier: Comparison, versions: dict[str, str], machine: dict[str, Any]) -> None:
     """Raise ``BenchError`` if new runs are not comparable with earlier ones."""
     pairs = [(engine, version, earlier.versions.get(engine, version)) for engine, version in versions.items()]
     pairs.append(("processor", machine["processor"], earlier.machine["processor"]))
-    here, there = (str(one.get("source"))[:DIGEST_LENGTH] for one in (machine, earlier.machine))
-    pairs.append(("the source of Proxbench with the digest", here, there))
-    for name, here, there in pairs:
-        if here != there:
-            raise BenchError(f"the earlier runs used {name} {there}, not {here}; measure all of them again.")
+    source, earlier_source = (str(one.get("source"))[:DIGEST_LENGTH] for one in (machine, earlier.machine))
+    pairs.append(("the source of Proxbench with the digest", source, earlier_source))
+    for name, new, old in pairs:
+        if new != old:
+            raise BenchError(f"the earlier runs used {name} {old}, not {new}; measure all of them again.")
 
 
-def _settings(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[str, str, str]]:
-    """Yield scene, engine and setting, the engines in turn."""
+def _run_keys(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[str, str, str]]:
+    """Yield (scene, engine, setting) of each run, alternating between the engines of a scene."""
     for scene in scenes:
         for settings in itertools.zip_longest(*([(e, s.name) for s in ENGINES[e].settings] for e in engines)):
             yield from ((scene, *setting) for setting in settings if setting is not None)
 
 
-def _faster(one: Measurement | None, other: Measurement) -> Measurement:
-    """Return a run with the shorter times of two, or the failed one."""
-    if one is None or other.failure:
-        return other
-    if one.failure:
-        return one
-    times = {name: min(getattr(one, name), getattr(other, name)) for name in ("wall_seconds", "processor_seconds")}
-    return msgspec.structs.replace(other, **times)
+def _with_shorter_times(previous: Measurement | None, latest: Measurement) -> Measurement:
+    """Return the latest measurement with the shorter times of both, or the failed one."""
+    if previous is None or latest.failure:
+        return latest
+    if previous.failure:
+        return previous
+    names = ("wall_seconds", "processor_seconds")
+    times = {name: min(getattr(previous, name), getattr(latest, name)) for name in names}
+    return msgspec.structs.replace(latest, **times)
 
 
-def _in_own_process(scene: str, engine: str, setting: str) -> Measurement:
-    """Measure one run in its own process."""
+def _measure_in_subprocess(scene: str, engine: str, setting: str) -> Measurement:
+    """Measure one run in a subprocess; any failure becomes the ``failure`` of the measurement."""
     program = [sys.executable, "-m", f"{__package__}.measurement", scene, engine, setting]
     environment = os.environ | ONE_THREAD
     try:
-        ended = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=RUN_SECONDS)
+        process = subprocess.run(program, env=environment, capture_output=True, text=True, timeout=RUN_SECONDS)
     except subprocess.TimeoutExpired:
-        return _failed(scene, engine, setting, f"took longer than {RUN_SECONDS:.0f} s")
-    if ended.returncode:
-        lines = ended.stderr.strip().splitlines() or [f"exit code {ended.returncode}"]
-        return _failed(scene, engine, setting, lines[-1])
-    return msgspec.json.decode(ended.stdout.splitlines()[-1], type=Measurement)  # libraries print before it
+        return _failed_measurement(scene, engine, setting, f"took longer than {RUN_SECONDS:.0f} s")
+    if process.returncode:
+        lines = process.stderr.strip().splitlines() or [f"exit code {process.returncode}"]
+        return _failed_measurement(scene, engine, setting, lines[-1])
+    return msgspec.json.decode(process.stdout.splitlines()[-1], type=Measurement)  # libraries may print before it
 
 
-def _failed(scene: str, engine: str, setting: str, failure: str) -> Measurement:
+def _failed_measurement(scene: str, engine: str, setting: str, failure: str) -> Measurement:
     factor = next(one.step_factor for one in ENGINES[engine].settings if one.name == setting)
     time_step = describe(scene).step * factor
     return Measurement(scene=scene, engine=engine, setting=setting, time_step=time_step, failure=failure)

@@ -1,4 +1,4 @@
-"""Boxes on an incline, tipping, thrown, and in a stack."""
+"""Scenes of boxes that slide or tip on an incline, are thrown, or rest in a stack."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,44 +21,46 @@ from .effects import BodyEffect, rigid_bodies
 Size = tuple[float, ...]
 """Edge lengths along the three body axes [m]."""
 
-ACROSS = (0.0, 1.0, 0.0)
+Y_AXIS = (0.0, 1.0, 0.0)
 """Horizontal direction across an incline that descends along x."""
 
-UP = (0.0, 0.0, 1.0)
+Z_AXIS = (0.0, 0.0, 1.0)
+"""Vertical direction, and the normal of an incline before its rotation."""
 
 
 def incline(slope: float) -> FixedBody:
-    """Return the half-space below a plane through the origin, which descends along x at ``slope`` [rad]."""
-    return FixedBody(HalfSpace(), orientation=tuple(about(ACROSS, slope)))
+    """Return a fixed half-space whose surface contains the origin and descends along x at ``slope`` [rad]."""
+    return FixedBody(HalfSpace(), orientation=tuple(about(Y_AXIS, slope)))
 
 
-def upward(slope: float) -> FloatArray:
-    """Return the unit normal of an incline, shape (3,)."""
+def incline_normal(slope: float) -> FloatArray:
+    """Return the unit normal of an incline at ``slope`` [rad], shape (3,)."""
     return np.array([sin(slope), 0.0, cos(slope)])
 
 
-def downhill(slope: float) -> FloatArray:
-    """Return the direction in which an incline descends, shape (3,)."""
+def downhill_direction(slope: float) -> FloatArray:
+    """Return the unit vector along which an incline at ``slope`` [rad] descends, shape (3,)."""
     return np.array([cos(slope), 0.0, -sin(slope)])
 
 
-def upright(centres: FloatArray) -> FloatArray:
-    """Return the poses, shape (n, 7), of bodies aligned with the world axes, at centres [m] of shape (n, 3)."""
+def upright_poses(centres: FloatArray) -> FloatArray:
+    """Return poses, shape (n, 7), with ``centres`` [m], shape (n, 3), and body axes parallel to the world axes."""
     poses = np.zeros((len(centres), 7))
     poses[:, :3], poses[:, 3] = centres, 1.0
     return poses
 
 
 def _check_box(size: Size, slope: float, overlap: float) -> None:
+    """Raise ``ProblemError`` if a size [m], a slope [rad] or an initial penetration [m] is out of range."""
     Box(size)
     if not 0.0 <= overlap < size[2]:
-        raise ProblemError(f"overlap must be from 0 to below the height of a box, got {overlap}.")
+        raise ProblemError(f"overlap must be at least 0 and less than the height of a box, got {overlap}.")
     if not 0.0 <= slope < 0.5 * np.pi:
-        raise ProblemError(f"slope of an incline must be from 0 to below π/2, got {slope}.")
+        raise ProblemError(f"slope of an incline must be at least 0 and less than π/2, got {slope}.")
 
 
 class SlidingBox(ClosedFormScene):
-    """A box on an incline that slides, stops or stays, and does not tip."""
+    """Base class of scenes in which a box on an incline slides, stops or stays, and does not tip."""
 
     slope: float
     friction: float
@@ -71,28 +73,29 @@ class SlidingBox(ClosedFormScene):
 
     @cached_property
     def block(self) -> BlockOnIncline:
-        """The same motion in coordinates along and normal to the incline."""
+        """The motion of the box in coordinates along and normal to the incline."""
         return BlockOnIncline(self.slope, self.friction, self.speed, self.mass, self.gravity)
 
     @property
     def reach(self) -> float:
-        """Distance from the middle of its base to the edge in the direction of motion [m]."""
+        """Distance from the centre of the base to its edge in the direction of motion [m]."""
         along, across = abs(cos(self.turn)), abs(sin(self.turn))
-        edges = [0.5 * edge / part for edge, part in zip(self.size, (along, across), strict=False) if part > 0.0]
-        return min(edges)
+        edges_with_cosines = zip(self.size, (along, across), strict=False)
+        return min(0.5 * edge / cosine for edge, cosine in edges_with_cosines if cosine > 0.0)
 
     def check(self) -> None:
         """Raise ``ProblemError`` if a number is out of range, or the box would tip.
 
-        Friction μ N, or the friction that holds the box, acts at the base, half the height below the centre. It is
-        balanced by pressure at the distance μ h/2 from the middle, which must be under the box.
+        Friction acts at the base, h/2 below the centre of a box of height h. It is μ N while the box slides, and
+        N tan θ while the box is at rest. Its moment shifts the resultant normal force N by μ h/2, or h/2 tan θ, from
+        the centre of the base. The box tips if this point lies outside its base.
         """
         _check_box(self.size, self.slope, self.overlap)
         check_positive(self, "a box", "mass")
-        held = min(self.friction, tan(self.slope)) if self.speed == 0.0 else self.friction
-        if 0.5 * held * self.size[2] > self.reach:
+        friction_ratio = min(self.friction, tan(self.slope)) if self.speed == 0.0 else self.friction
+        if 0.5 * friction_ratio * self.size[2] > self.reach:
             raise ProblemError(
-                f"a box of size {self.size} tips if friction of {held:.4g} acts on its base; "
+                f"a box of size {self.size} tips if friction of {friction_ratio:.4g} acts on its base; "
                 "reduce its friction or its height, or simulate a tipping_box."
             )
 
@@ -102,11 +105,12 @@ class SlidingBox(ClosedFormScene):
         return rigid_bodies([Box(self.size)], np.array([self.mass]), [incline(self.slope)], effects)
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
+        """Return the state at ``time`` [s]: the box slides to a stop, then stays or slides down."""
         block = self.block.exact(time)
-        centre = (0.5 * self.size[2] - self.overlap) * upward(self.slope) + block.position[0] * downhill(self.slope)
-        orientation = product(about(ACROSS, self.slope)[None], about(UP, self.turn)[None])[0]
-        velocity = np.concatenate([block.velocity[0] * downhill(self.slope), np.zeros(3)])
+        downhill = downhill_direction(self.slope)
+        centre = (0.5 * self.size[2] - self.overlap) * incline_normal(self.slope) + block.position[0] * downhill
+        orientation = product(about(Y_AXIS, self.slope)[None], about(Z_AXIS, self.turn)[None])[0]
+        velocity = np.concatenate([block.velocity[0] * downhill, np.zeros(3)])
         return State(time, np.concatenate([centre, orientation]), velocity)
 
     @property
@@ -116,7 +120,7 @@ class SlidingBox(ClosedFormScene):
 
     def lift(self, state: State) -> float:
         """Return the rise of the centre since the start, normal to the incline [m]."""
-        return float(state.position[:3] @ upward(self.slope)) - 0.5 * self.size[2] + self.overlap
+        return float(state.position[:3] @ incline_normal(self.slope)) - 0.5 * self.size[2] + self.overlap
 
 
 @dataclass(frozen=True)
@@ -129,12 +133,13 @@ class BoxOnIncline(SlidingBox):
         speed: initial velocity downhill [m/s]; negative for a box that is pushed up.
         size: edge lengths along the incline, across it and normal to it [m].
         turn: rotation about the normal [rad].
-        overlap: depth of its contacts at the start [m].
+        overlap: initial penetration of the contacts [m].
         mass: m [kg].
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if θ is outside [0, π/2), the size is not positive, or the box would tip.
+        ProblemError: if θ is outside [0, π/2), the overlap is outside [0, height), the size or the mass is not
+            positive, or the box would tip.
     """
 
     slope: float = 0.5
@@ -157,14 +162,14 @@ class ThrownBox(SlidingBox):
     Attributes:
         speed: initial velocity along x [m/s].
         friction: μ.
-        size: edge lengths along, across and normal to the ground [m].
+        size: edge lengths along x, y and z before the rotation [m].
         turn: rotation about the vertical [rad].
-        overlap: depth of its contacts at the start [m].
+        overlap: initial penetration of the contacts [m].
         mass: m [kg].
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if the size is not positive, or the box would tip.
+        ProblemError: if the overlap is outside [0, height), the size or the mass is not positive, or the box would tip.
     """
 
     speed: float = 6.0
@@ -193,7 +198,7 @@ class TippingBox:
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if θ is outside [0, π/2), the size is not positive, or the friction does not hold the base.
+        ProblemError: if θ is outside [0, π/2), the size or the mass is not positive, or the lower edge would slide.
     """
 
     slope: float = 0.5
@@ -213,40 +218,46 @@ class TippingBox:
 
     @property
     def arm(self) -> float:
-        """Distance of the centre from the edge [m], half the diagonal."""
+        """Distance R of the centre from the lower edge [m], half the diagonal of the side face."""
         return 0.5 * hypot(self.size[0], self.size[2])
 
     @property
     def lean(self) -> float:
-        """Angle of the line from the lower edge to the centre beyond the vertical [rad]; the box tips if positive."""
+        """Angle [rad] past the vertical of the line from the lower edge to the centre; a positive one tips the box."""
         return self.slope - float(np.arctan2(self.size[0], self.size[2]))
 
     @property
     def tips(self) -> bool:
-        """Whether it tips: width/height < tan θ."""
+        """Whether the box tips: width/height < tan θ."""
         return self.size[0] < self.size[2] * tan(self.slope)
 
     @property
     def angular_acceleration(self) -> float:
-        """Angular acceleration at the onset [rad/s²], m g R sin(lean)/J with J = 4/3 m R² about the edge; 0 at rest."""
+        """Initial angular acceleration [rad/s²], m g R sin(lean)/J with J = 4/3 m R²; 0 if the box stays."""
         return 0.75 * self.gravity / self.arm * sin(self.lean) if self.tips else 0.0
 
     @property
     def holding_friction(self) -> float:
-        """Friction over normal force at the onset: (g sin θ − α h/2)/(g cos θ + α w/2), tan θ at rest."""
-        turning, (width, _, height) = self.angular_acceleration, self.size
-        held = self.gravity * sin(self.slope) - 0.5 * turning * height
-        return held / (self.gravity * cos(self.slope) + 0.5 * turning * width)
+        """Friction coefficient that is needed to hold the lower edge at the start of the motion.
+
+        It is (g sin θ − α h/2)/(g cos θ + α w/2) with the initial angular acceleration α, width w and height h.
+        """
+        alpha, (width, _, height) = self.angular_acceleration, self.size
+        tangential = self.gravity * sin(self.slope) - 0.5 * alpha * height
+        return tangential / (self.gravity * cos(self.slope) + 0.5 * alpha * width)
 
     def angular_velocity(self, angle: float) -> float:
-        """Return the rate [rad/s] at which the box turns about its edge after ``angle`` [rad], by energy."""
-        fall = cos(self.lean) - cos(self.lean + angle)
-        return float(np.sqrt(1.5 * self.gravity / self.arm * fall)) if self.tips else 0.0
+        """Return the angular velocity [rad/s] after rotation about the lower edge by ``angle`` [rad].
+
+        It follows from conservation of energy, and is 0 if the box does not tip.
+        """
+        descent = cos(self.lean) - cos(self.lean + angle)
+        return float(np.sqrt(1.5 * self.gravity / self.arm * descent)) if self.tips else 0.0
 
     def tilt(self, state: State) -> float:
-        """Return the angle by which the box has turned from the incline downhill [rad]."""
-        turned = rotation_matrices(state.position[None, 3:7])[0]
-        return float(np.arctan2(turned[0, 2], turned[2, 2])) - self.slope
+        """Return the angle [rad] by which the box has rotated downhill from its initial orientation."""
+        rotation = rotation_matrices(state.position[None, 3:7])[0]
+        return float(np.arctan2(rotation[0, 2], rotation[2, 2])) - self.slope
 
     def system(self) -> RigidBodies:
         """Return the box on its incline."""
@@ -255,12 +266,12 @@ class TippingBox:
 
     def start(self) -> State:
         """Return the box at rest."""
-        centre = (0.5 * self.size[2] - OVERLAP) * upward(self.slope)
-        return State(0.0, np.concatenate([centre, about(ACROSS, self.slope)]), np.zeros(6))
+        centre = (0.5 * self.size[2] - OVERLAP) * incline_normal(self.slope)
+        return State(0.0, np.concatenate([centre, about(Y_AXIS, self.slope)]), np.zeros(6))
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """The angle by which the box has turned."""
+        """The angle by which the box has rotated."""
         return (Observable("tilt", self.tilt, label="tilt [rad]", head="tilt"),)
 
 
@@ -273,13 +284,14 @@ class BoxStack(ClosedFormScene):
         ratio: mass of the heaviest box divided by that of the lightest.
         heavy_on_top: whether masses increase upwards.
         friction: μ, or None for contacts without friction.
-        overlap: depth of every contact at the start [m].
-        size: edge lengths of a box [m].
+        overlap: initial penetration of each contact [m].
+        size: edge lengths of a box along x, y and z [m].
         mass: mass of the lightest box [kg].
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if there is no box, the size is not positive, or the ratio or the overlap is out of range.
+        ProblemError: if there is no box, the size or the mass is not positive, the ratio is less than 1, or the overlap
+            is outside [0, height).
     """
 
     n_boxes: int = 10
@@ -300,8 +312,8 @@ class BoxStack(ClosedFormScene):
     @property
     def masses(self) -> FloatArray:
         """Masses from the lowest box up [kg], shape (n_boxes,)."""
-        growing = self.mass * self.ratio ** np.linspace(0.0, 1.0, self.n_boxes)
-        return growing if self.heavy_on_top else growing[::-1]
+        ascending = self.mass * self.ratio ** np.linspace(0.0, 1.0, self.n_boxes)
+        return ascending if self.heavy_on_top else ascending[::-1]
 
     def system(self) -> RigidBodies:
         """Return the boxes on the ground z = 0."""
@@ -312,16 +324,16 @@ class BoxStack(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: the boxes stay at rest."""
-        centres, below = np.zeros((self.n_boxes, 3)), np.arange(self.n_boxes)
-        centres[:, 2] = (below + 0.5) * self.size[2] - (below + 1) * self.overlap
-        return State(time, upright(centres).ravel(), np.zeros(6 * self.n_boxes))
+        centres, n_below = np.zeros((self.n_boxes, 3)), np.arange(self.n_boxes)
+        centres[:, 2] = (n_below + 0.5) * self.size[2] - (n_below + 1) * self.overlap
+        return State(time, upright_poses(centres).ravel(), np.zeros(6 * self.n_boxes))
 
     def drift(self, state: State) -> float:
         """Return the largest displacement of a centre from the start [m]."""
-        way = (state.position - self.exact(0.0).position).reshape(-1, 7)[:, :3]
-        return float(np.linalg.norm(way, axis=1).max())
+        displacements = (state.position - self.exact(0.0).position).reshape(-1, 7)[:, :3]
+        return float(np.linalg.norm(displacements, axis=1).max())
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """The largest displacement of a box from the start."""
+        """The largest displacement of a centre from the start."""
         return (Observable("drift", self.drift, label="drift [m]", head="drift"),)

@@ -66,7 +66,7 @@ PACKING = 0.6
 
 DOWN = (0.0, 0.0, -1.0)
 
-ACROSS = (0.0, 1.0, 0.0)
+Y_AXIS = (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ class RotatingDrum(BoxContainer):
         staves, twists = np.zeros((STAVES, 7)), np.zeros((STAVES, 6))
         distance = self.radius + 0.5 * self._stave.size[2]
         staves[:, 0], staves[:, 2] = distance * np.sin(angles), distance * np.cos(angles)
-        staves[:, 3:] = [about(ACROSS, angle) for angle in angles.tolist()]
+        staves[:, 3:] = [about(Y_AXIS, angle) for angle in angles.tolist()]
         twists[:, 0], twists[:, 2] = self.speed * staves[:, 2], -self.speed * staves[:, 0]
         twists[:, 4] = self.speed
         position = np.concatenate([boxes.ravel(), staves.ravel()])
@@ -303,8 +303,8 @@ class Hopper(BoxContainer):
             out = np.array([side, 0.0, -1.0]) / sqrt(2.0)
             centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thick * out
             plate = Box((sqrt(2.0) * height, self.width, thick))
-            fixed.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(ACROSS, -0.25 * side * pi))))
-            wall = tuple(about(ACROSS, -0.5 * side * pi))
+            fixed.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(Y_AXIS, -0.25 * side * pi))))
+            wall = tuple(about(Y_AXIS, -0.5 * side * pi))
             fixed.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall))
         fixed += end_walls(self.width)
         masses = np.full(self.n_boxes, self.density * self.box.volume)

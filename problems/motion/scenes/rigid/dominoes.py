@@ -28,7 +28,7 @@ from ...bodies.rigid.shapes import Box
 from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import Observable, check_positive
-from .boxes import Size, incline, upright
+from .boxes import Size, incline, upright_poses
 from .effects import rigid_bodies
 
 RESTING_DEPTH = 1e-6
@@ -115,7 +115,7 @@ class Dominoes:
         centres[:, 0] = self.pitch * np.arange(self.n_dominoes)
         centres[:, 2] = 0.5 * height - RESTING_DEPTH
         twists[0] = 0.5 * self.push * np.array([height, 0.0, thickness, 0.0, 2.0, 0.0])
-        return State(0.0, upright(centres).ravel(), twists.ravel())
+        return State(0.0, upright_poses(centres).ravel(), twists.ravel())
 
     def angles(self, state: State) -> FloatArray:
         """Return the rotation angles of the dominoes [rad], shape (n_dominoes,)."""

@@ -1,6 +1,6 @@
-"""Rods connected by joints: a pendulum, chains, and a four-bar linkage.
+"""Scenes of rods connected by joints, which move in the plane y = 0: a pendulum, chains, and a four-bar linkage.
 
-All of them move in the plane y = 0. Angles are rotations about the y axis; a rod of angle 0 hangs down from its joint.
+Angles are rotations about the y axis. In pendulum and chains, a rod of angle 0 hangs down from its upper joint.
 """
 
 from collections.abc import Sequence
@@ -25,36 +25,36 @@ from ..effects import Gravity
 from ..scene import ClosedFormScene, Observable, check_positive
 from .effects import rigid_bodies
 
-ACROSS = (0.0, 1.0, 0.0)
+Y_AXIS = (0.0, 1.0, 0.0)
 """The axis of all revolute joints."""
 
 SLENDERNESS = 0.05
 """Thickness of a rod divided by its length."""
 
 DEPTH = 1e-6
-"""Depth [m] to which limits are projected; joints are closed to rounding."""
+"""Penetration [m] that remains when positions are projected onto joint limits; joints are closed to rounding."""
 
 
 def rod(length: float) -> Box:
-    """Return a rod along the z axis."""
+    """Return the shape of a rod of ``length`` [m] along its z axis."""
     return Box((SLENDERNESS * length, SLENDERNESS * length, length))
 
 
-def downward(angle: float) -> FloatArray:
-    """Return the direction of a rod from its upper end to its lower one, shape (3,)."""
+def rod_direction(angle: float) -> FloatArray:
+    """Return the unit vector from the upper to the lower end of a rod at ``angle`` [rad], shape (3,)."""
     return np.array([-sin(angle), 0.0, -cos(angle)])
 
 
-def jointed(
+def jointed_bodies(
     shapes: Sequence[Shape], masses: FloatArray, joints: Sequence[Joint], gravity: float, restitution: float = 1.0
 ) -> RigidBodies:
-    """Return bodies connected by joints with ``restitution``, under gravity."""
+    """Return bodies of ``masses`` [kg], shape (n,), connected by joints with ``restitution``, under gravity [m/s²]."""
     system = rigid_bodies(shapes, masses, [], [Gravity(gravity)] if gravity else [])
     return replace(system, joints=RigidJoints(joints, len(shapes), restitution))
 
 
-def opening(system: RigidBodies) -> Observable:
-    """Return the largest residual of the joints of a system [m or rad]."""
+def joint_opening(system: RigidBodies) -> Observable:
+    """Return the observable of the largest residual of the joints of a system [m or rad]."""
     joints = system.joints
     assert joints is not None
     return Observable(
@@ -68,18 +68,20 @@ def opening(system: RigidBodies) -> Observable:
 def swing_modes(
     lengths: FloatArray, offsets: FloatArray, masses: FloatArray, moments: FloatArray, gravity: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ascending angular frequencies [rad/s], and angles with one column per mode, of a hanging chain of bodies.
+    """Return the modes of small oscillations of a hanging chain of n bodies in its plane.
 
-    The lever a_ki of the centre of body k for the angle of body i is the length of i for i < k, the offset for i = k,
-    else 0. Small oscillations in the plane have the kinetic energy ½ Σ (Σ_k m_k a_ki a_kj + J_i δ_ij) θ̇_i θ̇_j and
-    the potential energy ½ Σ g m_k a_ki θ_i².
+    Let the lever a_ki be the length of body i for i < k, the offset of body i for i = k, and 0 for i > k. The kinetic
+    energy is ½ Σ (Σ_k m_k a_ki a_kj + J_i δ_ij) θ̇_i θ̇_j, and the potential energy ½ Σ g m_k a_ki θ_i².
 
     Args:
-        lengths: distances from the upper joint of each body to its lower one [m].
-        offsets: distances from the upper joint of each body to its centre [m].
-        masses: m [kg].
-        moments: J about the centre, about the normal of the plane [kg m²].
+        lengths: distances from the upper to the lower joint of each body [m], shape (n,).
+        offsets: distances from the upper joint to the centre of each body [m], shape (n,).
+        masses: m [kg], shape (n,).
+        moments: moments of inertia J about axes through the centres, normal to the plane [kg m²], shape (n,).
         gravity: g [m/s²].
+
+    Returns:
+        Ascending angular frequencies [rad/s], shape (n,), and angles with one column per mode, shape (n, n).
     """
     levers = np.tril(np.tile(lengths, (len(masses), 1)), -1) + np.diag(offsets)
     inertia = levers.T @ (masses[:, None] * levers) + np.diag(moments)
@@ -91,7 +93,7 @@ def swing_modes(
 class Pendulum(ClosedFormScene):
     """A rod on a revolute joint at its upper end, released at rest.
 
-    With k = sin(θ₀/2) and ω₀² = m g (L/2) / (J + m L²/4), sin(θ/2) = k cd(ω₀ t, k).
+    The motion is sin(θ/2) = k cd(ω₀ t, k) with k = sin(θ₀/2) and ω₀² = m g (L/2) / (J + m L²/4).
 
     Attributes:
         angle: θ₀ [rad].
@@ -100,7 +102,7 @@ class Pendulum(ClosedFormScene):
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if the angle is not between −π and π, or another number is not positive.
+        ProblemError: if the angle is not between −π and π, or another attribute is not positive.
     """
 
     angle: float = 1.0
@@ -127,9 +129,9 @@ class Pendulum(ClosedFormScene):
         return 4.0 * float(ellipk(sin(0.5 * self.angle) ** 2)) / self.frequency
 
     def system(self, friction: float = 0.0) -> RigidBodies:
-        """Return the rod; ``friction`` is the largest moment of its joint [N m]."""
-        joint = Joint("revolute", 0, WORLD, (0.0, 0.0, 0.5 * self.length), axis=ACROSS, friction=friction)
-        return jointed([rod(self.length)], np.array([self.mass]), [joint], self.gravity)
+        """Return the rod; ``friction`` is the largest moment of friction in its joint [N m]."""
+        joint = Joint("revolute", 0, WORLD, (0.0, 0.0, 0.5 * self.length), axis=Y_AXIS, friction=friction)
+        return jointed_bodies([rod(self.length)], np.array([self.mass]), [joint], self.gravity)
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]."""
@@ -139,7 +141,7 @@ class Pendulum(ClosedFormScene):
         rate = -2.0 * k * self.frequency * sqrt(1.0 - k * k) * sn / dn
         half = 0.5 * self.length
         velocity = half * rate * np.array([-cos(angle), 0.0, sin(angle)])
-        position = np.concatenate([half * downward(angle), about(ACROSS, angle)])
+        position = np.concatenate([half * rod_direction(angle), about(Y_AXIS, angle)])
         return State(time, position, np.concatenate([velocity, [0.0, rate, 0.0]]))
 
     def angle_of(self, state: State) -> float:
@@ -149,7 +151,7 @@ class Pendulum(ClosedFormScene):
     @property
     def observables(self) -> Sequence[Observable]:
         """The angle, and the opening of the joint."""
-        return (Observable("angle", self.angle_of, label="angle [rad]", head="angle"), opening(self.system()))
+        return (Observable("angle", self.angle_of, label="angle [rad]", head="angle"), joint_opening(self.system()))
 
 
 @dataclass(frozen=True)
@@ -187,14 +189,15 @@ class Chain:
 
     def system(self) -> RigidBodies:
         """Return the rods."""
-        return jointed([rod(self.length)] * self.n_links, np.full(self.n_links, self.mass), self.joints, self.gravity)
+        rods, masses = [rod(self.length)] * self.n_links, np.full(self.n_links, self.mass)
+        return jointed_bodies(rods, masses, self.joints, self.gravity)
 
     def state(self, angles: FloatArray) -> State:
         """Return the state at rest with ``angles`` [rad], shape (n_links,)."""
         poses, end = [], np.zeros(3)
         for angle in angles.tolist():
-            poses.append([*(end + 0.5 * self.length * downward(angle)), *about(ACROSS, angle)])
-            end = end + self.length * downward(angle)
+            poses.append([*(end + 0.5 * self.length * rod_direction(angle)), *about(Y_AXIS, angle)])
+            end = end + self.length * rod_direction(angle)
         return State(0.0, np.array(poses).ravel(), np.zeros(6 * self.n_links))
 
     def start(self) -> State:
@@ -202,24 +205,22 @@ class Chain:
         return self.state(np.full(self.n_links, self.angle))
 
     def normal_modes(self) -> tuple[FloatArray, FloatArray]:
-        """Return angular frequencies [rad/s] and angles of small oscillations in the plane, see ``swing_modes``."""
-        every, system = np.ones(self.n_links), self.system()
-        return swing_modes(
-            self.length * every, 0.5 * self.length * every, system.masses, system.moments[:, 1], self.gravity
-        )
+        """Return the modes of small oscillations in the plane; see ``swing_modes``."""
+        lengths, system = np.full(self.n_links, self.length), self.system()
+        return swing_modes(lengths, 0.5 * lengths, system.masses, system.moments[:, 1], self.gravity)
 
     @property
     def observables(self) -> Sequence[Observable]:
         """The opening of the joints."""
-        return (opening(self.system()),)
+        return (joint_opening(self.system()),)
 
 
 @dataclass(frozen=True)
 class BallOnChain:
     """A heavy ball at the lower end of a light chain, released at rest.
 
-    Under its weight, rods oscillate with frequencies ω up to ``highest_frequency``. Directions of joints are taken at
-    an explicit midpoint, so that the motion diverges with steps above 2/ω.
+    Under the weight of the ball, rods oscillate with frequencies up to ω = ``highest_frequency``. The midpoint rule
+    takes the directions of joints at an explicit midpoint, so that it diverges with steps longer than 2/ω.
 
     Attributes:
         n_links: number of rods.
@@ -257,52 +258,52 @@ class BallOnChain:
         hook = Joint("ball", self.n_links, self.n_links - 1, (0.0, 0.0, self.radius), (0.0, 0.0, -0.5 * self.length))
         shapes: list[Shape] = [*[rod(self.length)] * self.n_links, Sphere(self.radius)]
         masses = np.append(np.full(self.n_links, self.mass), self.ratio * self.mass)
-        return jointed(shapes, masses, [*self.chain.joints, hook], self.gravity)
+        return jointed_bodies(shapes, masses, [*self.chain.joints, hook], self.gravity)
 
     @property
     def highest_frequency(self) -> float:
-        """Highest angular frequency of small oscillations [rad/s], of rods transverse to the pull of the ball."""
-        every, system = np.ones(self.n_links), self.system()
-        lengths, offsets = self.length * np.append(every, 1.0), np.append(0.5 * self.length * every, self.radius)
+        """Highest angular frequency of small oscillations [rad/s], those of rods transverse to the pull of the ball."""
+        lengths, system = np.full(self.n_links + 1, self.length), self.system()
+        offsets = np.append(0.5 * lengths[:-1], self.radius)
         return float(swing_modes(lengths, offsets, system.masses, system.moments[:, 1], self.gravity)[0][-1])
 
     @property
     def step_size(self) -> float:
-        """Δt [s], half the step above which the motion diverges, rounded; at most a millisecond."""
+        """Δt [s], half the step above which the midpoint rule diverges, to two digits; at most a millisecond."""
         return min(1e-3, float(f"{1.0 / self.highest_frequency:.2g}"))
 
     @property
     def observables(self) -> Sequence[Observable]:
         """The opening of the joints."""
-        return (opening(self.system()),)
+        return (joint_opening(self.system()),)
 
     def start(self) -> State:
         """Return the state at time 0."""
         rods = self.chain.start().position
-        centre = (self.n_links * self.length + self.radius) * downward(self.angle)
-        position = np.concatenate([rods, centre, about(ACROSS, self.angle)])
+        centre = (self.n_links * self.length + self.radius) * rod_direction(self.angle)
+        position = np.concatenate([rods, centre, about(Y_AXIS, self.angle)])
         return State(0.0, position, np.zeros(6 * (self.n_links + 1)))
 
 
 @dataclass(frozen=True)
 class FourBar(ClosedFormScene):
-    """A crank, a coupler and a rocker on revolute joints, without gravity; the crank starts with an angular velocity.
+    """A linkage of crank, coupler and rocker on revolute joints, without gravity, with a given initial speed.
 
-    With the kinetic energy ½ I(θ) θ̇² at the angle θ of the crank, θ̇ = θ̇₀ (I(θ₀)/I(θ))^½. The joints at the ground are
-    at (0, 0) and (base, 0) of the plane. Four revolute joints impose 20 constraints on 18 velocities and leave one
-    free: three of them are redundant.
+    The kinetic energy ½ I(θ) θ̇² is constant, which gives θ̇ = θ̇₀ (I(θ₀)/I(θ))^½ for the angle θ of the crank. The
+    ground joints are at (0, 0) and (base, 0) in the plane. The four joints impose 20 constraints on 18 velocities, but
+    leave one degree of freedom, because three constraints are redundant.
 
     Attributes:
         crank: length of the crank [m].
         coupler: length of the coupler [m].
         rocker: length of the rocker [m].
-        base: distance of the joints at the ground [m].
+        base: distance between the ground joints [m].
         angle: initial angle between crank and base [rad].
         speed: initial angular velocity of the crank [rad/s].
         density: mass per length [kg/m].
 
     Raises:
-        ProblemError: if the crank cannot turn fully, or a number is not positive.
+        ProblemError: if the crank cannot make full turns, or a number is not positive or not finite.
     """
 
     crank: float = 0.3
@@ -331,9 +332,9 @@ class FourBar(ClosedFormScene):
         return self.crank, self.coupler, self.rocker
 
     def angles(self, crank: float) -> FloatArray:
-        """Return the angles of crank, coupler and rocker against the base [rad], shape (3,), by the law of cosines.
+        """Return the angles of crank, coupler and rocker from the base [rad], shape (3,), by the law of cosines.
 
-        The coupler points from the end of the crank to that of the rocker, and the rocker from its joint at the ground.
+        The coupler points from the crank to the rocker, and the rocker away from its ground joint.
         """
         x, z = self.base - self.crank * cos(crank), -self.crank * sin(crank)
         distance = hypot(x, z)
@@ -343,7 +344,7 @@ class FourBar(ClosedFormScene):
         return np.array([crank, coupler, atan2(end[1], end[0])])
 
     def rates(self, angles: FloatArray, speed: float) -> FloatArray:
-        """Return the angular velocities of the rods [rad/s], shape (3,), where the crank turns with ``speed``."""
+        """Return the angular velocities of the rods [rad/s], shape (3,), from their angles and that of the crank."""
         a, b, c = angles.tolist()
         coupler = speed * self.crank * sin(c - a) / (self.coupler * sin(b - c))
         rocker = speed * self.crank * sin(b - a) / (self.rocker * sin(b - c))
@@ -353,16 +354,16 @@ class FourBar(ClosedFormScene):
         """Return crank, coupler and rocker, which are rods along their x axes."""
         a, b, c = (0.5 * length for length in self.lengths)
         joints = [
-            Joint("revolute", 0, WORLD, (-a, 0.0, 0.0), axis=ACROSS),
-            Joint("revolute", 1, 0, (-b, 0.0, 0.0), (a, 0.0, 0.0), ACROSS),
-            Joint("revolute", 2, 1, (c, 0.0, 0.0), (b, 0.0, 0.0), ACROSS),
-            Joint("revolute", 2, WORLD, (-c, 0.0, 0.0), (self.base, 0.0, 0.0), ACROSS),
+            Joint("revolute", 0, WORLD, (-a, 0.0, 0.0), axis=Y_AXIS),
+            Joint("revolute", 1, 0, (-b, 0.0, 0.0), (a, 0.0, 0.0), Y_AXIS),
+            Joint("revolute", 2, 1, (c, 0.0, 0.0), (b, 0.0, 0.0), Y_AXIS),
+            Joint("revolute", 2, WORLD, (-c, 0.0, 0.0), (self.base, 0.0, 0.0), Y_AXIS),
         ]
         shapes = [Box((length, SLENDERNESS * length, SLENDERNESS * length)) for length in self.lengths]
-        return jointed(shapes, self.density * np.array(self.lengths), joints, 0.0)
+        return jointed_bodies(shapes, self.density * np.array(self.lengths), joints, 0.0)
 
     def state(self, crank: float, speed: float) -> State:
-        """Return the state with the crank at an angle [rad], which turns with ``speed`` [rad/s]."""
+        """Return the state at time 0 from the angle [rad] and the angular velocity ``speed`` [rad/s] of the crank."""
         angles = self.angles(crank)
         along = np.column_stack([np.cos(angles), np.zeros(3), np.sin(angles)]) * np.array(self.lengths)[:, None]
         rates = self.rates(angles, speed)[:, None]
@@ -370,12 +371,12 @@ class FourBar(ClosedFormScene):
         base = np.array([self.base, 0.0, 0.0])
         centres = np.array([0.5 * along[0], along[0] + 0.5 * along[1], base + 0.5 * along[2]])
         velocities = np.array([0.5 * across[0], across[0] + 0.5 * across[1], 0.5 * across[2]])
-        turns = np.array([about(ACROSS, -angle) for angle in angles.tolist()])
+        turns = np.array([about(Y_AXIS, -angle) for angle in angles.tolist()])
         spins = np.column_stack([np.zeros(3), -rates[:, 0], np.zeros(3)])
         return State(0.0, np.hstack([centres, turns]).ravel(), np.hstack([velocities, spins]).ravel())
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s] by integration of θ̇, to a relative tolerance of 1e-12."""
+        """Return the state at ``time`` [s], from integration of θ̇ with tolerances of 1e-12."""
         system = self.system()
 
         def energy(angle: float) -> float:
@@ -389,11 +390,11 @@ class FourBar(ClosedFormScene):
 
         if time == 0.0:
             return self.state(self.angle, self.speed)
-        turned = solve_ivp(lambda _, q: [speed(q[0])], (0.0, time), [self.angle], "DOP853", rtol=1e-12, atol=1e-12)
-        angle = float(turned.y[0, -1])
+        solution = solve_ivp(lambda _, q: [speed(q[0])], (0.0, time), [self.angle], "DOP853", rtol=1e-12, atol=1e-12)
+        angle = float(solution.y[0, -1])
         return replace(self.state(angle, speed(angle)), time=time)
 
     @property
     def observables(self) -> Sequence[Observable]:
         """The opening of the joints."""
-        return (opening(self.system()),)
+        return (joint_opening(self.system()),)

@@ -16,7 +16,7 @@ from ...bodies.rigid.shapes import Shape
 from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import OVERLAP, ClosedFormScene, check_positive
-from .boxes import ACROSS, incline
+from .boxes import Y_AXIS, incline
 from .effects import RollingResistance, rigid_bodies
 
 
@@ -73,7 +73,7 @@ class RollingBody(ClosedFormScene):
         rolling = min(time, self.stop_time)
         way = self.speed * rolling - 0.5 * self.deceleration * rolling**2
         speed = self.speed - self.deceleration * rolling
-        turned = product(about(ACROSS, way / self.radius)[None], np.array([self.upright]))[0]
+        turned = product(about(Y_AXIS, way / self.radius)[None], np.array([self.upright]))[0]
         spin = speed / self.radius * np.array(self.spin_axis)
         centre = np.array([way, 0.0, self.radius - OVERLAP])
         return State(time, np.concatenate([centre, turned]), np.concatenate([[speed, 0.0, 0.0], spin]))
@@ -104,7 +104,7 @@ class RollingSphere(RollingBody):
 
     inertia_factor = SPHERE_INERTIA
     upright = IDENTITY
-    spin_axis = ACROSS
+    spin_axis = Y_AXIS
 
     def __post_init__(self) -> None:
         self.check()

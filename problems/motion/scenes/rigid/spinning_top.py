@@ -34,9 +34,9 @@ from .effects import BodyEffect, GyroscopicMoment, rigid_bodies
 SIDES = 12
 """Sides of the pyramid; its transverse moments of inertia are equal, as those of a cone."""
 
-ACROSS = (0.0, 1.0, 0.0)
+Y_AXIS = (0.0, 1.0, 0.0)
 
-UP = (0.0, 0.0, 1.0)
+Z_AXIS = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -139,9 +139,9 @@ class SpinningTop(ClosedFormScene):
         """Return the state at ``time`` [s], turned by Ω t about the vertical and (n − Ω cos θ) t about the axis."""
         own = self.spin - self.precession * cos(self.tilt)
         turns = [
-            about(UP, self.precession * time),
-            about(ACROSS, self.tilt),
-            about(UP, own * time),
+            about(Z_AXIS, self.precession * time),
+            about(Y_AXIS, self.tilt),
+            about(Z_AXIS, own * time),
             self._pyramid[1][3:],
         ]
         turned = turns[0][None]
@@ -154,10 +154,10 @@ class SpinningTop(ClosedFormScene):
                 cos(self.tilt),
             ]
         )
-        centre, rate = self.lever * axis, self.precession * np.array(UP) + own * axis
+        centre, rate = self.lever * axis, self.precession * np.array(Z_AXIS) + own * axis
         velocity = np.concatenate([np.cross(rate, centre), rotation_matrices(turned)[0].T @ rate])
         depth = 0.0 if self.friction is None else OVERLAP
-        return State(time, np.concatenate([centre - depth * np.array(UP), turned[0]]), velocity)
+        return State(time, np.concatenate([centre - depth * np.array(Z_AXIS), turned[0]]), velocity)
 
     def axis_of(self, state: State) -> FloatArray:
         """Return the axis of the top, a unit vector, shape (3,)."""

@@ -18,7 +18,7 @@ from ...bodies.rigid.shapes import Box, Shape
 from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import Observable, check_positive
-from .boxes import Size, incline, upright
+from .boxes import Size, incline, upright_poses
 from .effects import BodyEffect, rigid_bodies
 
 JOINT = 1e-3
@@ -103,7 +103,7 @@ class BrickWall:
         if self.speed:
             centres[-1] = 0.0, -0.5 * self.size[1] - 1.01 * self.radius, self.middle
             twists[-1, 1] = self.speed
-        return State(0.0, upright(centres).ravel(), twists.ravel())
+        return State(0.0, upright_poses(centres).ravel(), twists.ravel())
 
     def moved(self, state: State) -> float:
         """Return the largest displacement of a brick from the start [m]."""

@@ -14,7 +14,7 @@ from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem
 from proxbench.problems import load as load_problem
-from proxbench.problems.exchange.sequences import BEFORE, STEP, Predecessors, continued_impulses, start_digest
+from proxbench.problems.exchange.sequences import BEFORE, STEP, Predecessors, start_digest, warm_start_impulses
 from proxbench.solvers import Stop, create
 
 TOLERANCE = 1e-4
@@ -50,7 +50,7 @@ def test_a_warm_case_takes_the_iterations_of_the_solver_from_its_own_answers(fra
     for step, following in zip(steps, [*steps[1:], None], strict=True):
         solution = solver.prepare(step).solve(stop, start)
         expected[step.name] = solution.iterations
-        start = None if following is None else continued_impulses(step, solution.impulses, following)
+        start = None if following is None else warm_start_impulses(step, solution.impulses, following)
     del expected["step-0"]
     found = iterations(frames, "Warm(SORprox)")
     assert found == expected

@@ -15,7 +15,7 @@ from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.problems import ProxbenchError
 from proxbench.problems.exchange.plugins.offers import forget, registered
 from proxbench.problems.motion.scenes.known_motions import KNOWN_MOTIONS
-from proxbench.problems.motion.scenes.registry import make_scene, read_scene
+from proxbench.problems.motion.scenes.registry import make_scene, parse_scene
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 
 
@@ -60,7 +60,7 @@ def test_every_closed_form_is_compared_with_its_exact_end_by_fixed_and_variable_
 @pytest.mark.parametrize("scene", KNOWN_MOTIONS)
 def test_default_studies_move_except_those_of_stacks(scene: str) -> None:
     (trajectory,) = make_study_plan(scene).record.trajectories
-    made = make_scene(*read_scene(trajectory.name))
+    made = make_scene(*parse_scene(trajectory.name))
     assert made.exact is not None
     end = made.exact(made.start.time + trajectory.duration)
     way = float(np.abs(end.position - made.start.position).max())

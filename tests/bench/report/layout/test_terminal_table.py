@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pandas as pd
 import pytest
-from proxbench.bench.report.layout.terminal_table import abreast, hanging, print_table
+from proxbench.bench.report.layout.terminal_table import column_groups, print_table, wrap_note
 from rich.console import Console
 
 
@@ -15,7 +15,7 @@ def table(*names: str) -> pd.DataFrame:
 
 def printed(shown: pd.DataFrame, width: int) -> str:
     text = StringIO()
-    print_table(Console(file=text, width=width), shown, words=("model",), optional=("iter.", "ended"))
+    print_table(Console(file=text, width=width), shown, left_aligned=("model",), optional=("iter.", "ended"))
     return text.getvalue()
 
 
@@ -48,13 +48,13 @@ def test_the_cells_of_winners_alone_are_bold() -> None:
 @pytest.mark.parametrize("width", [30, 60, 200])
 def test_groups_of_columns_fit_side_by_side_and_lose_none(width: int) -> None:
     shown = table("SORprox(relaxation=1.5)").assign(more="x" * 25)
-    groups = abreast(shown, width)
+    groups = column_groups(shown, width)
     assert [name for group in groups for name in group] == list(shown.columns.drop("solver"))
     assert len(groups) == {30: 5, 60: 2, 200: 1}[width]
 
 
 def test_a_note_hangs_below_its_first_line() -> None:
-    lines = hanging("SORprox: oscillating, " + 30 * "word ", 40).splitlines()
+    lines = wrap_note("SORprox: oscillating, " + 30 * "word ", 40).splitlines()
     assert max(map(len, lines)) <= 40
     assert [len(line) - len(line.lstrip()) for line in lines] == [2] + [4] * (len(lines) - 1)
 

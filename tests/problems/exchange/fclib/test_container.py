@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from proxbench.problems.exchange.fclib import container
-from proxbench.problems.exchange.fclib.container import ContainerError, Group, opened
+from proxbench.problems.exchange.fclib.container import ContainerError, Group, open_container
 
 Look = Callable[[Group], Any]
 
@@ -79,7 +79,7 @@ def test_what_leads_out_of_the_file_or_has_no_bytes_in_it_is_refused(
     path = tmp_path / "f.hdf5"
     with h5py.File(path, "w") as file:
         make(file, tmp_path)
-    with pytest.raises(ContainerError, match=words), opened(path) as root:
+    with pytest.raises(ContainerError, match=words), open_container(path) as root:
         root.floats("v")
 
 
@@ -87,7 +87,7 @@ def test_a_group_behind_a_link_to_another_file_is_not_entered(tmp_path: Path) ->
     path = tmp_path / "f.hdf5"
     with h5py.File(path, "w") as file:
         file["g"] = h5py.ExternalLink(str(secret(tmp_path)), "/g")
-    with pytest.raises(ContainerError, match="/g is a link"), opened(path) as root:
+    with pytest.raises(ContainerError, match="/g is a link"), open_container(path) as root:
         root.group("g")
 
 
@@ -111,7 +111,7 @@ def test_another_type_or_shape_is_refused(value: Any, look: Look, words: str, tm
     path = tmp_path / "f.hdf5"
     with h5py.File(path, "w") as file:
         file["v"] = value
-    with pytest.raises(ContainerError, match=words), opened(path) as root:
+    with pytest.raises(ContainerError, match=words), open_container(path) as root:
         look(root)
 
 
@@ -124,7 +124,7 @@ def test_numbers_of_either_byte_order_and_length_are_read(tmp_path: Path) -> Non
             file[f"i8{order}"] = np.array([2**40, -2], dtype=f"{order}i8")
         file["scalar"] = np.int32(5)
         file["none"] = np.zeros(0)
-    with opened(path) as root:
+    with open_container(path) as root:
         for order in "<>":
             assert root.floats(f"f8{order}").tolist() == [1.5, -2.0]
             assert root.integers(f"i4{order}").tolist() == [7, -2]
@@ -140,10 +140,10 @@ def test_texts_are_one_printable_line_of_limited_length(tmp_path: Path) -> None:
         file["variable"] = "Kästen, \u202eweit"
         file["long"] = "x" * 100_000
         file["bytes"] = np.bytes_(b"\xff\xfe")
-    with opened(path) as root:
+    with open_container(path) as root:
         assert root.text("fixed") == "Box stacks ]0;ownedh=0.01"
         assert root.text("variable") == "Kästen, weit"
-        assert len(root.text("long")) == container.LONGEST_TEXT
+        assert len(root.text("long")) == container.MAX_TEXT_LENGTH
         assert root.text("bytes").isprintable()
         assert root.text("none") == ""
 
@@ -159,10 +159,10 @@ def test_what_is_no_file_of_ours_to_read_is_refused_at_once(tmp_path: Path, monk
         ("folder", "not a regular file"),
         ("pipe", "not a regular file"),
     ):
-        with pytest.raises(ContainerError, match=words), opened(tmp_path / f"{name}.hdf5"):
+        with pytest.raises(ContainerError, match=words), open_container(tmp_path / f"{name}.hdf5"):
             pass
-    with pytest.raises(FileNotFoundError), opened(tmp_path / "none.hdf5"):
+    with pytest.raises(FileNotFoundError), open_container(tmp_path / "none.hdf5"):
         pass
-    monkeypatch.setattr(container, "LARGEST_FILE", 5)
-    with pytest.raises(ContainerError, match="exceed the limit"), opened(tmp_path / "text.hdf5"):
+    monkeypatch.setattr(container, "MAX_FILE_BYTES", 5)
+    with pytest.raises(ContainerError, match="exceed the limit"), open_container(tmp_path / "text.hdf5"):
         pass

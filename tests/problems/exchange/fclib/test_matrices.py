@@ -9,14 +9,14 @@ from handmade_fclib import Q, W, local_data, matrix_data, write_data
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from proxbench.problems.exchange.fclib.container import ContainerError, opened
+from proxbench.problems.exchange.fclib.container import ContainerError, open_container
 from proxbench.problems.exchange.fclib.matrices import COLUMNS, ROWS, TRIPLETS, read_matrix, stored_matrix
 
 KINDS = {"triplets": TRIPLETS, "columns": COLUMNS, "rows": ROWS}
 
 
 def read(path: Path, shape: tuple[int, int]) -> Any:
-    with opened(path) as file:
+    with open_container(path) as file:
         return read_matrix(file.group("matrix"), shape)
 
 
@@ -90,7 +90,7 @@ def test_a_matrix_that_contradicts_itself_is_refused(
 def test_the_local_problem_of_these_tests_is_the_one_that_is_shipped() -> None:
     folder = Path(__file__).parent / "files"
     for kind in ("triplets", "columns", "rows", "packed"):
-        with opened(folder / f"local-{kind}.hdf5") as file:
+        with open_container(folder / f"local-{kind}.hdf5") as file:
             root = file.group("fclib_local")
             assert np.array_equal(read_matrix(root.group("W"), W.shape).toarray(), W)
             assert np.array_equal(root.group("vectors").floats("q"), Q)

@@ -127,7 +127,7 @@ def test_missing_settings_run_as_often_as_earlier_ones() -> None:
     again = compare_engines(["stack"], ["rapier"], measure=measure, earlier=left)
     assert keys == 3 * [setting.name for setting in ENGINES["rapier"].settings[:2]]
     assert again.rounds == 3
-    with pytest.raises(BenchError, match="the earlier runs have 3 rounds, not 2; leave the number out"):
+    with pytest.raises(BenchError, match="the earlier runs have 3 rounds, not 2; omit `rounds`"):
         compare_engines(["stack"], ["rapier"], rounds=2, measure=measure, earlier=left)
 
 
@@ -170,7 +170,7 @@ def test_a_file_that_is_no_comparison_is_refused(tmp_path: Path) -> None:
 
 
 def test_unknown_names_are_named_with_the_nearest() -> None:
-    with pytest.raises(BenchError, match="unknown scene 'stak' of engines; did you mean 'stack'"):
+    with pytest.raises(BenchError, match="unknown engine scene 'stak'; did you mean 'stack'"):
         compare_engines(["stak"], measure=measurement)
     with pytest.raises(BenchError, match="unknown engine 'rapid'"):
         compare_engines(["stack"], ["rapid"], measure=measurement)
@@ -179,6 +179,6 @@ def test_unknown_names_are_named_with_the_nearest() -> None:
 def test_a_run_that_fails_keeps_its_last_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "msgspec.py").write_text("raise RuntimeError('no memory')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    assert run._in_own_process("thrown-cube", "proxbench", "1e-2").failure == "RuntimeError: no memory"
+    assert run._measure_in_subprocess("thrown-cube", "proxbench", "1e-2").failure == "RuntimeError: no memory"
     monkeypatch.setattr(run, "RUN_SECONDS", 0.01)
-    assert run._in_own_process("stack", "rapier", "default").failure == "took longer than 0 s"
+    assert run._measure_in_subprocess("stack", "rapier", "default").failure == "took longer than 0 s"

@@ -11,7 +11,7 @@ from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoi
 from proxbench.problems.motion.bodies.rigid.orientation import IDENTITY, about
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.bodies.rigid.shapes import Box
-from proxbench.problems.motion.scenes.rigid.linkages import ACROSS, Pendulum, jointed
+from proxbench.problems.motion.scenes.rigid.linkages import Y_AXIS, Pendulum, jointed_bodies
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
@@ -26,7 +26,7 @@ def steps(system: RigidBodies, start: State, step: float, count: int) -> list[St
 
 
 def one_body(joint: Joint, gravity: float = G) -> RigidBodies:
-    return jointed([Box((0.1, 0.2, 0.3))], np.array([2.0]), [joint], gravity)
+    return jointed_bodies([Box((0.1, 0.2, 0.3))], np.array([2.0]), [joint], gravity)
 
 
 def start_of(velocity: tuple[float, ...] = (0.0,) * 6) -> State:
@@ -41,8 +41,8 @@ def heights(found: list[Step]) -> np.ndarray[Any, Any]:
 def test_a_pendulum_rebounds_from_its_limit_to_the_height_that_restitution_leaves(restitution: float) -> None:
     """From θ₀ it hits a limit at 0 with ω² ~ 1 − cos θ₀, and returns to 1 − cos θ₁ = ε² (1 − cos θ₀)."""
     scene = Pendulum()
-    joint = Joint("revolute", 0, WORLD, (0.0, 0.0, 0.5), axis=ACROSS, limits=(0.0, 2.0), restitution=restitution)
-    found = steps(jointed([*scene.system().shapes], np.array([1.0]), [joint], G), scene.start(), 2e-3, 550)
+    joint = Joint("revolute", 0, WORLD, (0.0, 0.0, 0.5), axis=Y_AXIS, limits=(0.0, 2.0), restitution=restitution)
+    found = steps(jointed_bodies([*scene.system().shapes], np.array([1.0]), [joint], G), scene.start(), 2e-3, 550)
     angles = np.array([scene.angle_of(step.state) for step in found])
     hit = int(angles.argmin())
     assert found[hit].state.time == pytest.approx(0.25 * scene.period, abs=4e-3)
@@ -106,7 +106,7 @@ def test_a_motor_without_enough_force_lets_a_slider_fall_more_slowly() -> None:
 
 def test_a_motor_of_speed_zero_is_friction() -> None:
     def end(**given: float) -> np.ndarray[Any, Any]:
-        joint = Joint("revolute", 0, axis=ACROSS, **given)
+        joint = Joint("revolute", 0, axis=Y_AXIS, **given)
         return steps(one_body(joint, 0.0), start_of((0.0, 0.0, 0.0, 0.0, 2.0, 0.0)), 1e-3, 50)[-1].state.velocity
 
     assert (end(friction=0.1) == end(motor_bound=0.1)).all()
@@ -116,9 +116,9 @@ def test_a_motor_of_speed_zero_is_friction() -> None:
 @pytest.mark.parametrize("turned", [-3.0, -1.0, 2.0, 3.0])
 def test_the_gap_of_a_limit_rises_with_the_rate_of_its_row(turned: float) -> None:
     """Also beyond π, where the angle of a rotation jumps."""
-    joint = Joint("revolute", 0, axis=ACROSS, limits=(2.5, 4.0), rotation=tuple(about(ACROSS, 0.3)))
+    joint = Joint("revolute", 0, axis=Y_AXIS, limits=(2.5, 4.0), rotation=tuple(about(Y_AXIS, 0.3)))
     joints = RigidJoints([joint], 1)
-    poses = [np.array([[0.0, 0.0, 0.0, *about(ACROSS, turned + 0.3 + shift)]]) for shift in (-1e-6, 0.0, 1e-6)]
+    poses = [np.array([[0.0, 0.0, 0.0, *about(Y_AXIS, turned + 0.3 + shift)]]) for shift in (-1e-6, 0.0, 1e-6)]
     before, (_, gap, rows), after = (joints.limits_below(pose, np.inf) for pose in poses)
     assert rows.toarray()[4] == pytest.approx((after[1] - before[1]) / 2e-6, abs=1e-8)
     assert gap.sum() == pytest.approx(4.0 - 2.5)

@@ -165,7 +165,7 @@ def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top
         ("tipping_box(friction=0.1)", "to hold its lower edge"),
         ("box_stack(n_boxes=0)", "n_boxes of a stack of boxes must be positive"),
         ("box_stack(ratio=0.5)", "ratio of a stack must be at least 1"),
-        ("box_stack(overlap=0.2)", "overlap must be from 0"),
+        ("box_stack(overlap=0.2)", "overlap must be at least 0"),
         ("box_stack(n_boxes=3, overlap=0.02)", "penetrate by 0.02 m at the start; move them apart"),
         ("box_stack(n_boxes=1, overlap=0.02)", "body 0 and fixed body 0 penetrate by 0.02 m at the start"),
     ],

@@ -9,10 +9,8 @@ from . import options
 
 
 def list_names(
-    what: Annotated[
-        str, typer.Argument(metavar="KIND", help="solvers, suites, problems or scenes; all by default.")
-    ] = "",
-    name: Annotated[str, typer.Argument(metavar="NAME", help="List only this one.")] = "",
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="List only solvers, suites, problems or scenes.")] = "",
+    name: Annotated[str, typer.Argument(metavar="NAME", help="List only the entry with this name.")] = "",
     suite: Annotated[str, options.selection(metavar="SUITE", help="List only the problems of this suite.")] = "",
     plugin: options.PluginFiles = None,
     as_json: options.Json = False,
@@ -21,7 +19,7 @@ def list_names(
     from ..report.layout.text import print_json
     from .listing import listing_rows, print_listing
 
-    rows = listing_rows(what, suite, name)
+    rows = listing_rows(kind, suite, name)
     if as_json:
         print_json(rows)
     else:
@@ -48,7 +46,7 @@ def generate(
     from ...problems.hard import HARD_CASES
     from ..errors import BenchError
     from ..report.layout.text import print_json
-    from ..simulation.generation.generate import generate as make
+    from ..simulation.generation.generate import generate as generate_problems
     from .exchange.problem_files import print_files
 
     chosen = list(names or [])
@@ -57,8 +55,8 @@ def generate(
         if not chosen:
             raise BenchError(f"no problem of the suite {suite!r} comes from a scene; load its problems by name.")
     if not chosen:
-        raise BenchError("name the problems to generate, or a --suite.")
-    digests = {str(file): read_problem(file).digest for file in make(chosen, output)}
+        raise BenchError("no problems to generate are given; name problems, or give a --suite.")
+    digests = {str(file): read_problem(file).digest for file in generate_problems(chosen, output)}
     if as_json:
         print_json(digests)
     else:
