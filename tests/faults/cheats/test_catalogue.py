@@ -16,8 +16,13 @@ TRIES = 3
 SPREAD = 1.15
 """Largest ratio of two times of the same work on a machine that shows what a cheat gains."""
 
-COMPARED = ("first solves", "copies of the problem", "it repeats answers instead of solving")
-"""Words of the verdicts that compare the times of solves."""
+COMPARED = (
+    "first solves",
+    "copies of the problem",
+    "it repeats answers instead of solving",
+    "reach the time limit",
+)
+"""Words of the verdicts that compare the times of undisturbed solves."""
 
 NAMED = "named"
 """Verdict on a cheat that is accused or noted, as most of its control solves are undisturbed or preempted."""
