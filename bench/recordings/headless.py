@@ -93,9 +93,11 @@ def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], targe
             loaded = _wait_for(lambda: _timeline(client, timeline), "loading takes too long")
             yield HeadlessViewer(client, loaded, client.get_blueprint("recording").blueprint)
     except Exception as error:  # any exception of the viewer and its experimental interface
+        remedy = "it needs a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
+        if isinstance(error, TimeoutError):
+            remedy = "repeat the command while fewer programs run"
         raise BenchError(
-            f"{recording} is kept, but the viewer cannot draw {target} here ({error_text(error)}); it needs a "
-            "Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)."
+            f"{recording} is kept, but the viewer cannot draw {target} here ({error_text(error)}); {remedy}."
         ) from error
 
 
@@ -142,14 +144,18 @@ def _running_viewer(folder: Path, size: tuple[int, int]) -> Iterator[ViewerClien
 
 
 def _wait_for(check: Callable[[], T | None], late: str) -> T:
-    """Poll until there is a result."""
+    """Poll until there is a result.
+
+    Raises:
+        TimeoutError: if there is none in time, with the reason ``late``.
+    """
     end = time.monotonic() + SECONDS
     while time.monotonic() < end:
         found = check()
         if found is not None:
             return found
         time.sleep(PAUSE)
-    raise BenchError(late)
+    raise TimeoutError(late)
 
 
 def _free_port() -> int:

@@ -112,3 +112,15 @@ def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
     assert "mesa-vulkan-drivers" in printed.err
     assert f"{tmp_path}/a.rrd is kept" in printed.err
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
+
+
+@pytest.mark.slow
+def test_a_viewer_that_is_too_slow_asks_for_no_driver(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(headless, "SECONDS", 0.0)
+    line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png"
+    assert run_command(line.split()) == 2
+    printed = capsys.readouterr().err
+    assert f"{tmp_path}/a.rrd is kept, but the viewer cannot draw" in printed
+    assert printed.endswith("repeat the command while fewer programs run.\n")
