@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 from proxbench.problems.arrays import FloatArray
-from proxbench.problems.motion.bodies.rigid.orientation import about, rotation_matrices
+from proxbench.problems.motion.bodies.rigid.orientation import Y_AXIS, about, rotation_matrices
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.bodies.rigid.shapes import Box
 from proxbench.problems.motion.scenes.rigid.boxes import BoxOnIncline, ThrownBox, TippingBox
 from proxbench.problems.motion.scenes.rigid.linkages import (
-    Y_AXIS,
     BallOnChain,
     Chain,
     FourBar,

@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from msgspec.structs import replace
@@ -30,7 +30,7 @@ from ..points import keep_finest_impulses, times_from_rounds
 from ..timed_round import TimedRound
 from .answers import confirmed, judge_answers
 from .clock_account import ClockAccount
-from .control import WARM_UP_STOP, Controls
+from .control import WARM_UP_STOP, Controls, ControlSolve
 from .protocol import MeasuringTask
 from .starts import Starts
 from .variants import perturbed_copy
@@ -284,12 +284,7 @@ class Case(LadderCase[MeasuredRound]):
         """Return a point with the times of copies of the problem, and their answers judged."""
         stop = self._stop(point.tolerance)
         copies = self._controls.copies(stop, seconds, partial(self._measure_again, stop))
-        counted = [one for one in copies if one.is_undisturbed]
-        times = {
-            "copy_seconds": [*measured.copy_seconds, *(one.seconds for one in counted)],
-            "copy_repeated_seconds": [*measured.copy_repeated_seconds, *(one.repeated for one in counted)],
-        }
-        point = replace(point, measured=replace(measured, **times))
+        point = replace(point, measured=_with_times(measured, "copy", copies))
         return confirmed(self.problem, self.solver.model, point, copies, ON_COPY)
 
     def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
@@ -298,12 +293,7 @@ class Case(LadderCase[MeasuredRound]):
         start = self._starts.impulses(stop)
         firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
-            counted = [one for one in firsts if one.timed.status is Status.SOLVED and one.is_undisturbed]
-            times = {
-                "first_seconds": [*measured.first_seconds, *(one.seconds for one in counted)],
-                "first_repeated_seconds": [*measured.first_repeated_seconds, *(one.repeated for one in counted)],
-            }
-            point = replace(point, measured=replace(measured, **times))
+            point = replace(point, measured=_with_times(measured, "first", firsts))
         return confirmed(self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process")
 
     def _measure_again(self, stop: Stop) -> float:
@@ -357,6 +347,16 @@ class Case(LadderCase[MeasuredRound]):
         residual, problem = Residual(self.problem), self.problem
         rows = iterates.reshape(len(iterations), problem.n_rows)
         return Curve(iteration=iterations, residual=[residual.judged(problem, impulses) for impulses in rows])
+
+
+def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequence[ControlSolve]) -> Measured:
+    """Return measurements with the times of undisturbed first solves or copies, each with that of repeated solves."""
+    counted = [one for one in solves if one.timed.status is Status.SOLVED and one.is_undisturbed]
+    times = {
+        f"{kind}_seconds": [one.seconds for one in counted],
+        f"{kind}_repeated_seconds": [one.repeated for one in counted],
+    }
+    return replace(measured, **{name: [*getattr(measured, name), *new] for name, new in times.items()})
 
 
 @lru_cache(maxsize=4)

@@ -14,6 +14,9 @@ from ....errors import ProblemError
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 """The orientation whose body axes are the world axes."""
 
+Y_AXIS, Z_AXIS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+"""Unit vectors of the world: the axis of all plane motions of the scenes, and the vertical direction."""
+
 UNIT = 1e-6
 """Tolerated deviation of the length of a quaternion from 1."""
 

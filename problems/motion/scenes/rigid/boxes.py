@@ -9,7 +9,7 @@ import numpy as np
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
-from ...bodies.rigid.orientation import about, product, rotation_matrices
+from ...bodies.rigid.orientation import Y_AXIS, Z_AXIS, about, product, rotation_matrices
 from ...bodies.rigid.rigid_bodies import FixedBody, RigidBodies
 from ...bodies.rigid.shapes import Box, HalfSpace
 from ...state import State
@@ -20,12 +20,6 @@ from .effects import BodyEffect, rigid_bodies
 
 Size = tuple[float, ...]
 """Edge lengths along the three body axes [m]."""
-
-Y_AXIS = (0.0, 1.0, 0.0)
-"""Horizontal direction across an incline that descends along x."""
-
-Z_AXIS = (0.0, 0.0, 1.0)
-"""Vertical direction, and the normal of an incline before its rotation."""
 
 
 def incline(slope: float) -> FixedBody:

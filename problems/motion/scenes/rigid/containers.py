@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from ....arrays import FloatArray
 from ....errors import ProblemError
 from ...bodies.rigid.materials import MaterialPairs
-from ...bodies.rigid.orientation import about, exponential
+from ...bodies.rigid.orientation import Y_AXIS, about, exponential
 from ...bodies.rigid.rigid_bodies import FixedBody, RigidBodies
 from ...bodies.rigid.shapes import Box, HalfSpace
 from ...state import State
@@ -65,8 +65,6 @@ PACKING = 0.6
 """Volume fraction of a random pile of boxes."""
 
 DOWN = (0.0, 0.0, -1.0)
-
-Y_AXIS = (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scipy.special import ellipj, ellipk
 from ....arrays import FloatArray
 from ....errors import ProblemError
 from ...bodies.rigid.joints import WORLD, Joint, RigidJoints
-from ...bodies.rigid.orientation import about
+from ...bodies.rigid.orientation import Y_AXIS, about
 from ...bodies.rigid.rigid_bodies import RigidBodies
 from ...bodies.rigid.round_shapes import Sphere
 from ...bodies.rigid.shapes import Box, Shape
@@ -24,9 +24,6 @@ from ...state import State
 from ..effects import Gravity
 from ..scene import ClosedFormScene, Observable, check_positive
 from .effects import rigid_bodies
-
-Y_AXIS = (0.0, 1.0, 0.0)
-"""The axis of all revolute joints."""
 
 SLENDERNESS = 0.05
 """Thickness of a rod divided by its length."""

@@ -9,14 +9,14 @@ import numpy as np
 
 from ....errors import ProblemError
 from ...bodies.balls import DISC_INERTIA, SPHERE_INERTIA
-from ...bodies.rigid.orientation import IDENTITY, about, product
+from ...bodies.rigid.orientation import IDENTITY, Y_AXIS, Z_AXIS, about, product
 from ...bodies.rigid.rigid_bodies import RigidBodies
 from ...bodies.rigid.round_shapes import Cylinder, Sphere
 from ...bodies.rigid.shapes import Shape
 from ...state import State
 from ..effects import Friction, Gravity
 from ..scene import OVERLAP, ClosedFormScene, check_positive
-from .boxes import Y_AXIS, incline
+from .boxes import incline
 from .effects import RollingResistance, rigid_bodies
 
 
@@ -141,7 +141,7 @@ class RollingCylinder(RollingBody):
 
     inertia_factor = DISC_INERTIA
     upright = (sqrt(0.5), -sqrt(0.5), 0.0, 0.0)
-    spin_axis = (0.0, 0.0, 1.0)
+    spin_axis = Z_AXIS
 
     def __post_init__(self) -> None:
         self.check()

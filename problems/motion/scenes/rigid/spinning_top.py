@@ -22,7 +22,7 @@ import numpy as np
 from ....arrays import FloatArray
 from ....errors import ProblemError
 from ...bodies.rigid.joints import WORLD, Joint, RigidJoints
-from ...bodies.rigid.orientation import about, product, rotation_matrices
+from ...bodies.rigid.orientation import Y_AXIS, Z_AXIS, about, product, rotation_matrices
 from ...bodies.rigid.polyhedron import Polyhedron, convex_polyhedron
 from ...bodies.rigid.rigid_bodies import FixedBody, RigidBodies
 from ...bodies.rigid.shapes import HalfSpace
@@ -33,10 +33,6 @@ from .effects import BodyEffect, GyroscopicMoment, rigid_bodies
 
 SIDES = 12
 """Sides of the pyramid; its transverse moments of inertia are equal, as those of a cone."""
-
-Y_AXIS = (0.0, 1.0, 0.0)
-
-Z_AXIS = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)

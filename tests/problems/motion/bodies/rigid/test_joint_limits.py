@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
-from proxbench.problems.motion.bodies.rigid.orientation import IDENTITY, about
+from proxbench.problems.motion.bodies.rigid.orientation import IDENTITY, Y_AXIS, about
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.bodies.rigid.shapes import Box
-from proxbench.problems.motion.scenes.rigid.linkages import Y_AXIS, Pendulum, jointed_bodies
+from proxbench.problems.motion.scenes.rigid.linkages import Pendulum, jointed_bodies
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
