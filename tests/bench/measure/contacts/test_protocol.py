@@ -220,6 +220,16 @@ def test_garbage_is_not_collected_on_the_clock_and_is_again_afterwards(clock: Cl
     assert gc.isenabled()
 
 
+def test_collections_after_the_warm_up_do_not_visit_what_it_left(clock: Clock) -> None:
+    measurement = measured(Timed(clock))
+    visited = len(gc.get_objects())
+    try:
+        measurement.warm_up(STOP)
+        assert len(gc.get_objects()) < visited / 100.0
+    finally:
+        gc.unfreeze()
+
+
 def test_collection_that_the_caller_switched_off_stays_off(clock: Clock) -> None:
     gc.disable()
     try:
