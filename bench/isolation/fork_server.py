@@ -25,6 +25,9 @@ _FRAMEWORK = f"{__name__.partition('.')[0]}."
 _REQUEST = b"F"
 """Message with which a client sends the open files of a request."""
 
+_LOAD_KERNELS = b"K"
+"""Message with which a client requests that the server loads all cached kernels, and the answer when it has."""
+
 _N_DESCRIPTORS = 3
 """Number of open files in a request: the pipe of the case, the orders of its supervisor, and its output file."""
 
@@ -123,6 +126,13 @@ class _Server:
         orders.close()
         return None
 
+    def load_kernels(self) -> None:
+        """Wait until the server has loaded all cached kernels or has ended."""
+        with contextlib.suppress(OSError):
+            self._socket.send(_LOAD_KERNELS)
+            if is_readable(self._socket.fileno(), START_SECONDS):
+                self._socket.recv(len(_LOAD_KERNELS))
+
     def end(self) -> None:
         """End the server."""
         self._socket.close()
@@ -162,6 +172,13 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
     raise OSError("the fork server ends immediately")
 
 
+def load_kernels() -> None:
+    """Load all cached kernels of the framework in the server, if it runs, so that later cases have them in memory."""
+    with _lock:
+        if _server is not None and _server.client == os.getpid():
+            _server.load_kernels()
+
+
 @atexit.register
 def _end() -> None:
     if _server is not None:
@@ -170,15 +187,20 @@ def _end() -> None:
 
 def serve(descriptor: int) -> None:
     """Run the server. Never returns."""
-    from ...problems.compilation import silence_notice
+    from ...problems.compilation import load_cached_kernels, silence_notice
 
     silence_notice()  # forked cases inherit standard error
-    from . import preload  # noqa: F401
+    from . import preload
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
     while True:
-        _, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
+        request, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
+        if request == _LOAD_KERNELS:
+            load_cached_kernels()
+            preload.exempt_memory()
+            requests.send(_LOAD_KERNELS)
+            continue
         try:
             assignment: Assignment = pickle.loads(read_message(requests.fileno()))
         except EOFError:  # the client has ended

@@ -14,7 +14,7 @@ from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.registry import BUILT_IN, create
 from . import supervisor
 
-__all__ = ["supervisor"]
+__all__ = ["exempt_memory", "supervisor"]
 
 PROBLEMS = ("hard-no-motion", "hard-sticking-box", "woodpecker-beak-impact", "hard-counterexample", "hard-mixed-laws")
 """Small problems without friction, spatial, planar, with G only, and with laws of several kinds."""
@@ -32,6 +32,11 @@ def _touch_kernels() -> None:
                 solver.prepare(problem.fresh()).solve(Stop(1e-8, max_iterations=200, max_seconds=0.1))
 
 
+def exempt_memory() -> None:
+    """Exempt all objects from garbage collections, because one in a case would copy all their pages."""
+    gc.collect()
+    gc.freeze()
+
+
 _touch_kernels()
-gc.collect()
-gc.freeze()  # a garbage collection in a case would copy all these pages
+exempt_memory()

@@ -57,15 +57,12 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
 
 
 def _least_ratio(measured: Measured, seconds: list[float], repeated_seconds: list[float]) -> float | None:
-    """Return the least ratio of the times of several first solves to those of repeated ones [s].
+    """Return the ratio of the fastest of several first solves to the slowest repeated ones [s].
 
-    None if there are too few of them, if most rounds are excluded, or if the machine explains the time of one of them.
+    None if there are too few of them, if most rounds are excluded, or if the machine explains the ratio.
     """
     excluded = sum(timed.excluded != "" for timed in measured.rounds)
-    median = measured.total_seconds.median
-    pairs = [(first, max(median, repeated)) for first, repeated in zip(seconds, repeated_seconds, strict=False)]
-    if len(pairs) < MIN_NOTED or 2 * excluded > len(measured.rounds):
+    if min(len(seconds), len(repeated_seconds)) < MIN_NOTED or 2 * excluded > len(measured.rounds):
         return None
-    if any(is_explained(repeated, first) for first, repeated in pairs):
-        return None
-    return min(first / repeated for first, repeated in pairs)
+    fastest, repeated = min(seconds), max(measured.total_seconds.median, *repeated_seconds)
+    return None if is_explained(repeated, fastest) else fastest / repeated

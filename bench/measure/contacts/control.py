@@ -8,12 +8,12 @@ the time of such a first solve and t that of the repeated ones, repetition expla
 
 The speed of a core drifts. If a first solve is beyond the bound, a round of repeated ones directly after it gives
 another time, and the slower one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
-within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If all are beyond it, the least ratio
-t₁/t becomes part of the row. If the ratio of the medians exceeds ``MAX_RATIO``, the solver has misbehaved. A solver may
-load or compile something in its first solve. Before it is accused, first solves are repeated in forks that have solved
-``N_COPIES`` copies to the same tolerance. All cached kernels are in their memory, among them those that only the timed
-solves have used. The faster ones count. Only solves during which no other program used the core accuse a solver, and
-only if they are more than half of ``MAX_SLOW_SOLVES``.
+within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If the fastest of them is beyond it
+for the slowest t, their ratio becomes part of the row (``notes``). If the ratio of the medians exceeds ``MAX_RATIO``,
+the solver has misbehaved. A solver may load or compile something in its first solve. Before it is accused, first solves
+are repeated in forks that have solved ``N_COPIES`` copies to the same tolerance. All cached kernels are in their
+memory, among them those that only the timed solves have used. The faster ones count. Only solves during which no other
+program used the core accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
@@ -27,6 +27,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.files.problem_file import problem_bytes
 from ...isolation.child import IN_A_COPY
+from ...isolation.fork_server import load_kernels
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained
@@ -111,7 +112,7 @@ class Controls:
         self.problem, self.warm_up, self.solver, self.limits = problem, warm_up, solver, limits
         self.core = MeasuringCore(None)
         self._worker: Worker | None = None
-        self._can_fork = True
+        self._can_fork, self._loads_kernels = True, False
 
     def dismiss(self) -> None:
         """Ask the process to end."""
@@ -238,8 +239,12 @@ class Controls:
         return ControlSolve(problem, timed, scale * _of_length(impulses, problem.n_rows), is_steady)
 
     def _load_kernels(self) -> None:
-        """Load all cached kernels in the process that is forked, unless it is gone; a kernel is loaded once."""
-        if self._worker is not None:
+        """Continue in a process that has all cached kernels in memory, those of the framework from the fork server."""
+        if not self._loads_kernels:
+            self._loads_kernels = True
+            load_kernels()
+            self.close()
+        elif self._worker is not None:
             self._worker.ask("load_kernels")
 
     def _solve_in_fork(
@@ -269,6 +274,8 @@ class Controls:
             task = MeasuringTask(self.warm_up, self.solver)
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
             self._worker.ask("warm_up", WARM_UP_STOP)
+            if self._loads_kernels:
+                self._worker.ask("load_kernels")
             self.core.pin(self._worker.process, self.solver.threads)
         worker, request = self._worker, ("first_solves", (stop, problems, start))
         worker.busy_seconds = 0.0

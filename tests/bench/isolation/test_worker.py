@@ -8,6 +8,7 @@ import pytest
 from counting_task import Counting
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
+from proxbench.bench.isolation import fork_server
 from proxbench.bench.isolation.child import IN_A_COPY, MAX_FILE_BYTES
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
@@ -16,7 +17,9 @@ from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
+from proxbench.problems.contact.solver import Stop
 from proxbench.problems.exchange.files.problem_file import problem_bytes
+from proxbench.solvers import create
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
 ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
@@ -168,3 +171,35 @@ def test_all_requests_of_a_process_share_its_limit_of_time(worker: Worker) -> No
     with pytest.raises(Fault, match="the case took longer than its") as found:
         worker.ask("sleep")
     assert found.value.outcome is Outcome.TIMEOUT
+
+
+@pytest.fixture
+def new_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A fork server of this test alone."""
+    monkeypatch.setattr(fork_server, "_server", None)
+    yield
+    if fork_server._server is not None:
+        fork_server._server.end()
+
+
+def _kernels_to_load() -> int:
+    """Return the number of cached kernels that a new process of a case has to load."""
+    worker = Worker(Counting(), 60.0, 2**28)
+    try:
+        return int(worker.ask("load kernels")[0]["kernels"])
+    finally:
+        worker.close()
+
+
+def test_processes_of_cases_load_no_cached_kernel_after_the_server_has_loaded_all(new_server: None) -> None:
+    create("SORprox").prepare(load("bodies-table-4-1e4").fresh()).solve(
+        Stop(1e-6)
+    )  # stores other kernels than the server has
+    assert _kernels_to_load() > 0
+    fork_server.load_kernels()
+    assert _kernels_to_load() == 0
+
+
+def test_no_server_is_started_to_load_kernels(new_server: None) -> None:
+    fork_server.load_kernels()
+    assert fork_server._server is None

@@ -119,10 +119,10 @@ def test_first_solves_are_not_noted_if_one_is_explained_or_if_there_are_few() ->
     assert note(**firsts([9.0, 9.0], [1.0] * 2)) == ""
 
 
-def test_the_slower_of_the_median_and_of_the_solves_directly_after_a_first_solve_counts() -> None:
-    """A core at half its speed makes both slow."""
-    assert note(**firsts([2.0, 2.0, 2.0], [0.5, 1.0, 1.5])) == "first solves take at least 1.3 times as long"
-    assert note(**firsts([2.0, 2.0, 2.0], [0.5, 1.0, 2.0])) == ""
+def test_the_fastest_first_solve_is_compared_with_the_slowest_repeated_ones() -> None:
+    """A core that is at times slow makes both slow, but not always both of a pair."""
+    assert note(**firsts([2.0, 2.0, 9.0], [0.5, 1.0, 1.5])) == "first solves take at least 1.3 times as long"
+    assert note(**firsts([9.0, 2.0, 3.0], [2.0, 1.0, 1.0])) == ""
 
 
 def test_first_solves_that_were_stored_without_solves_beside_them_are_not_noted() -> None:
