@@ -189,7 +189,8 @@ def _read_model(file: Path) -> Any:
     try:
         return read(str(file))
     except (ValueError, module.FatalError) as error:
-        raise ProblemError(f"MuJoCo cannot read {file}: {' '.join(str(error).split())}.") from None
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise ProblemError(f"MuJoCo cannot read {file}: {reason}; correct the model.") from None
 
 
 def _initial_data(model: Any, file: Path, keyframe: str) -> Any:

@@ -110,8 +110,10 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     jacobian = _jacobian(module, model, after)
     rows = captured_rows(model, after, jacobian)
     if not rows.laws.n_rows:
+        first = rows.refused[0]
         raise EmptyStepError(
-            f"none of the {after.nefc} constraint rows at {data.time:g} s is supported: {rows.refused[0].reason}."
+            f"none of the {after.nefc} constraint rows at {data.time:g} s is supported: {first.name} is refused "
+            f"because {first.reason}."
         )
     mass = _tree_matrix(model, after.M)
     own_mass = inverse = InverseMass.of_mass(mass + sp.triu(mass.T, 1))
@@ -148,7 +150,10 @@ def take_step(model: Any, data: Any) -> None:
     try:
         module.mj_step(model, data)
     except module.FatalError as error:
-        raise ProblemError(f"MuJoCo failed in the step at {time:g} s: {' '.join(str(error).split())}.") from None
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise ProblemError(
+            f"MuJoCo failed in the step at {time:g} s: {reason}; correct the model, or stop before this step."
+        ) from None
     if any(warning.number for warning in warnings):
         raise ProblemError(f"MuJoCo reset the state in the step at {time:g} s; choose a smaller timestep in the model.")
 

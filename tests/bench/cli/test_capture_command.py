@@ -69,7 +69,7 @@ def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
     assert run_command(["capture", str(ball), "--every", "1"]) == 1
     printed = capsys.readouterr()
     assert "captured  2 steps into captured" in printed.out
-    assert "proxbench: MuJoCo failed in the step at 0.004 s: out of memory." in printed.err
+    assert "proxbench: MuJoCo failed in the step at 0.004 s: out of memory; correct the model, or stop" in printed.err
 
 
 def test_earlier_steps_are_named_with_the_option_that_replaces_them(

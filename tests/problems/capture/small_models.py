@@ -38,6 +38,12 @@ EVERYTHING = """
 <actuator><position joint="hinge" kp="5" kv="0.2" ctrlrange="-1 1"/></actuator></mujoco>"""
 """A model with every kind of constraint row, dampers, springs and an actuator."""
 
+WELDED = """
+<mujoco model="welded"><worldbody><body name="left"><freejoint/><geom size="0.1"/></body>
+<body name="right" pos="1 0 0"><freejoint/><geom size="0.1"/></body></worldbody>
+<equality><weld name="weld" body1="left" body2="right"/></equality></mujoco>"""
+"""Two balls that fall, welded together."""
+
 
 def moving(text: str, steps: int = 100) -> tuple[Any, Any]:
     """Return a model and its data after some steps from a random velocity."""

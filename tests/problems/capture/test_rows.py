@@ -8,7 +8,7 @@ from proxbench.problems import LawKind, ProblemError, from_mujoco, judge
 from proxbench.problems.capture import rows, step
 from proxbench.problems.capture.step import captured_step
 from proxbench.solvers import solve
-from small_models import CUBE, EVERYTHING, STACK, moving
+from small_models import CUBE, EVERYTHING, STACK, WELDED, moving
 
 mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
@@ -91,12 +91,20 @@ def test_a_refused_row_acts_as_the_engine_had_it_act(monkeypatch: pytest.MonkeyP
     norms = rows._norms
     monkeypatch.setattr(rows, "_norms", lambda given, jacobian: norms(given, jacobian) * (np.arange(len(given)) > 0))
     found = captured_step(model, data)
-    assert [(one.row, one.name, one.reason) for one in found.refused] == [
-        (0, "equality weld", "it moves no degree of freedom")
-    ]
+    assert [(one.row, one.name, one.reason) for one in found.refused] == [(0, "equality weld", rows.IMMOBILE)]
     velocity = found.problem.relative_velocity(found.engine.impulses)
     expected = whole.problem.relative_velocity(whole.engine.impulses)[1:]
     assert velocity == pytest.approx(expected, abs=1e-13)
+
+
+def test_a_step_whose_rows_are_all_refused_names_a_row_and_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rows, "_norms", lambda given, jacobian: np.zeros(len(given)))
+    sentence = (
+        r"none of the 6 constraint rows at 0 s is supported: equality weld is refused because it moves no degree of "
+        r"freedom; give one of its bodies a joint, or remove it from the model\.$"
+    )
+    with pytest.raises(step.EmptyStepError, match=sentence):
+        from_mujoco(*moving(WELDED, 0))
 
 
 def test_the_thrown_cube_solves_its_own_model_and_separates_from_the_floor() -> None:
