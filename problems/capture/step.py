@@ -40,7 +40,15 @@ SUPPORTED = 'set integrator to "implicitfast", "Euler" or "discrete"'
 
 
 class EmptyStepError(ProblemError):
-    """A step has no constraint row, or none that is supported."""
+    """A step has no constraint row, or none that is supported.
+
+    Attributes:
+        refused: its constraint rows, all without a law.
+    """
+
+    def __init__(self, message: str = "", refused: tuple[RefusedRow, ...] = ()) -> None:
+        super().__init__(message)
+        self.refused = refused
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +121,8 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
         first = rows.refused[0]
         raise EmptyStepError(
             f"none of the {after.nefc} constraint rows at {data.time:g} s is supported: {first.name} is refused "
-            f"because {first.reason}."
+            f"because {first.reason}.",
+            rows.refused,
         )
     mass = _tree_matrix(model, after.M)
     own_mass = inverse = InverseMass.of_mass(mass + sp.triu(mass.T, 1))

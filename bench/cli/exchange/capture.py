@@ -88,11 +88,15 @@ def _cell(value: Any) -> str:
 
 
 def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    refused = [{"step": step, **asdict(row)} for step, rows in summary.refused_rows.items() for row in rows]
     return {
         "files": [str(file) for file in summary.files],
         "empty_steps": summary.empty,
         "engine_rows": summary.engine_rows,
         "refused": dict(summary.refused),
+        "refused_rows": refused,
         "error": summary.error or None,
     }
 

@@ -3,12 +3,15 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.capture import installed
+from proxbench.problems.capture import installed, rows
 
 BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
-<body pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
+<body name="ball" pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
+
+HELD = '</worldbody><equality><connect name="held" body1="ball" anchor="0 0 0.1"/></equality>'
 
 
 @pytest.fixture
@@ -51,6 +54,20 @@ def test_one_document_holds_files_and_verdicts(ball: Path, capsys: pytest.Captur
     assert found["files"] == ["captured/ball-000000.npz"]
     assert (found["engine_rows"], found["refused"], found["error"]) == (3, {}, None)
     assert found["steps"][0]["own model"] < 1e-10 < found["steps"][0]["Coulomb"]
+
+
+def test_json_lists_each_refused_row_with_its_step_name_and_reason(
+    ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ball.write_text(BALL.replace("</worldbody>", HELD))
+    whole = rows._norms
+    monkeypatch.setattr(rows, "_norms", lambda given, jacobian: whole(given, jacobian) * (np.arange(len(given)) != 2))
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--every", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    reason = rows.IMMOBILE
+    assert found["refused"] == {reason: 3}
+    listed = [{"step": step, "row": 2, "name": "equality held", "reason": reason} for step in (0, 2, 4)]
+    assert found["refused_rows"] == listed
 
 
 def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
