@@ -20,7 +20,7 @@ from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
 from .installed import mujoco, without_log
 from .rows import RefusedRow
-from .step import CapturedStep, EmptyStepError, captured_step, take_step
+from .step import VELOCITY_ERROR, CapturedStep, EmptyStepError, captured_step, take_step
 
 HEADING = "# the steps that proxbench capture wrote"
 """First line of the description of a folder."""
@@ -69,6 +69,7 @@ class CaptureSummary:
         empty: number of examined steps without a supported constraint row.
         laws: number of laws of the largest problem.
         engine_rows: number of engine rows in all examined steps.
+        velocity_error: largest error of the velocity after a captured step, relative to its terms.
         refused_rows: the refused rows of each examined step that has any, by the number of the step.
         error: why the capture ended early; empty if it did not.
     """
@@ -77,6 +78,7 @@ class CaptureSummary:
     empty: int = 0
     laws: int = 0
     engine_rows: int = 0
+    velocity_error: float = 0.0
     refused_rows: dict[int, tuple[RefusedRow, ...]] = field(default_factory=dict)
     error: str = ""
 
@@ -95,6 +97,7 @@ class CaptureSummary:
         else:
             self.engine_rows += len(step.engine.forces)
             self.laws = max(self.laws, step.problem.laws.n_laws)
+            self.velocity_error = max(self.velocity_error, float(step.problem.provenance[VELOCITY_ERROR]))
 
 
 @without_log()

@@ -103,6 +103,7 @@ def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
         "files": [str(file) for file in summary.files],
         "empty_steps": summary.empty,
         "engine_rows": summary.engine_rows,
+        "velocity_error": summary.velocity_error,
         "refused": dict(summary.refused),
         "refused_rows": refused,
         "error": summary.error or None,
@@ -110,6 +111,7 @@ def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
 
 
 def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> None:
+    from ....problems.capture.step import STEP_ERROR
     from ...report.layout.text import counted
 
     if is_judged:
@@ -121,6 +123,8 @@ def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> 
     print(f"captured  {counted(len(summary.files), 'step')} into {output}, at most {summary.laws} laws{empty}")
     taken = summary.engine_rows - summary.refused.total()
     print(f"rows      {taken} of {summary.engine_rows} taken")
+    if is_judged:
+        print(f"velocity  largest error after a step {summary.velocity_error:.1e}, relative; {STEP_ERROR:g} is allowed")
     for reason, count in summary.refused.items():
         print(f"refused   {count}: {reason}")
     print(f"measure   proxbench run --suite {output}")

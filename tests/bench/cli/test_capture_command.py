@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.capture import installed, rows
+from proxbench.problems.capture import installed, rows, step
 
 BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
 <body name="ball" pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
@@ -54,6 +54,18 @@ def test_one_document_holds_files_and_verdicts(ball: Path, capsys: pytest.Captur
     assert found["files"] == ["captured/ball-000000.npz"]
     assert (found["engine_rows"], found["refused"], found["error"]) == (3, {}, None)
     assert found["steps"][0]["own model"] < 1e-10 < found["steps"][0]["Coulomb"]
+
+
+def test_the_largest_error_of_the_velocity_is_printed_and_in_json(
+    ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors = iter([1e-12, 3e-10, 2e-11] * 2)
+    monkeypatch.setattr(step, "_velocity_error", lambda *velocities: next(errors))
+    line = ["capture", str(ball), "--duration", "0.01", "--every", "2", "--judge", "--force"]
+    assert run_command(line) == 0
+    assert "velocity  largest error after a step 3.0e-10, relative; 1e-09 is allowed" in capsys.readouterr().out
+    assert run_command([*line, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["velocity_error"] == 3e-10
 
 
 def test_json_lists_each_refused_row_with_its_step_name_and_reason(

@@ -167,5 +167,18 @@ def test_a_step_without_contact_is_refused() -> None:
 def test_a_step_that_ends_in_another_velocity_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = moving(STACK.format(**PLAIN))
     monkeypatch.setattr(step, "_unbalanced", lambda inverse, data, total: 0.01 * total)
-    with pytest.raises(ProblemError, match="from the velocity of its forces"):
+    with pytest.raises(ProblemError, match=r"differs by a relative \d\.\de-\d+ from the velocity of its forces"):
         from_mujoco(model, data)
+    monkeypatch.setattr(step, "STEP_ERROR", 1.0)
+    found = captured_step(model, data)
+    factors = found.problem.factors
+    kick = factors.inverse_mass.times(factors.force_directions @ found.engine.impulses)
+    velocities = [data.qvel, factors.free_motion + kick, factors.free_motion + 1.01 * kick]
+    error = 0.01 * np.abs(kick).max() / np.abs(velocities).max()
+    assert found.problem.provenance["velocity_error"] == pytest.approx(error, rel=1e-6)
+
+
+@pytest.mark.parametrize(("after", "error"), [(0.0, 0.0), (2.0, 0.5), (np.nan, np.nan)])
+def test_the_error_of_the_velocity_is_relative_to_the_largest_velocity(after: float, error: float) -> None:
+    before, expected = np.zeros(2), np.array([0.0, after / 2])
+    assert step._velocity_error(expected, before, np.array([0.0, after])) == pytest.approx(error, nan_ok=True)
