@@ -4,6 +4,7 @@ The names of the additional arrays begin with ``capture.``; readers of the probl
 """
 
 import json
+import zipfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,15 @@ def save_step(step: CapturedStep, path: Path) -> None:
     write_whole(path, packed_problem(step.problem, _arrays(step)))
 
 
+def has_step(path: Path) -> bool:
+    """Return whether a file contains a captured step."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return f"{_PREFIX}about.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
 def read_step(path: Path | str) -> CapturedStep:
     """Read a captured step.
 
@@ -49,7 +59,7 @@ def read_step(path: Path | str) -> CapturedStep:
     try:
         about = json.loads(found["about"].tobytes().decode())
         if about["format"] != FORMAT:
-            raise ProblemError(f"{path} has captured data of format {about['format']}; this version reads {FORMAT}.")
+            raise ProblemError(f"{path} has captured data of format {about['format']}, not {FORMAT}; capture it again.")
         n_rows = len(found["offset"])
         engine = EngineModel(
             matrix=sp.csr_array((found["A.data"], found["A.indices"], found["A.indptr"]), shape=(n_rows, n_rows)),

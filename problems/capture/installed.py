@@ -8,8 +8,8 @@ from typing import Any
 
 from ..errors import ProblemError
 
-TRIED_VERSION = 4
-"""Major version of MuJoCo whose identities the tests check."""
+TRIED_VERSION = "4.0"
+"""Version of MuJoCo whose identities the tests check, with all its patch releases."""
 
 INSTALL = 'pip install ".[mujoco]" in a clone of proxbench'
 """Command that installs MuJoCo."""
@@ -25,7 +25,7 @@ def mujoco() -> Any:
         raise ProblemError(f"capturing needs MuJoCo, which is not installed; run {INSTALL}.")
     module = importlib.import_module("mujoco")
     version = str(module.__version__)
-    if version.partition(".")[0] != str(TRIED_VERSION):
+    if not f"{version}.".startswith(f"{TRIED_VERSION}."):
         raise ProblemError(f"MuJoCo {version} is untried, {TRIED_VERSION}.x is supported; run {INSTALL}.")
     return module
 

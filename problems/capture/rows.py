@@ -32,6 +32,9 @@ from .installed import mujoco
 EMPTY = 1e-14
 """A contact row below this fraction of its largest one moves nothing, as friction normal to a planar model."""
 
+IMMOBILE = "it moves no degree of freedom; give one of its bodies a joint, or remove it from the model"
+"""Reason to refuse a row of zeros."""
+
 _SLIDING = (LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION)
 _ROLLING = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
 
@@ -180,13 +183,13 @@ def _take_single(found: _Collected, model: Any, data: Any, row: int, norm: float
         int(types.mjCNSTR_LIMIT_TENDON): ("limit of tendon", objects.mjOBJ_TENDON, LawKind.UNILATERAL),
     }
     if kind not in known:
-        found.refused.append(RefusedRow(row, f"row {row}", f"its type {kind} is not known"))
+        found.refused.append(RefusedRow(row, f"row {row}", f"its type {kind} is not known; remove it from the model"))
         return
     label, object_kind, law = known[kind]
     index = int(model.dof_jntid[index]) if kind == types.mjCNSTR_FRICTION_DOF else index
     key = f"{label} {_name(model, object_kind, index)}"
     if norm == 0.0:
-        found.refused.append(RefusedRow(row, key, "it moves no degree of freedom"))
+        found.refused.append(RefusedRow(row, key, IMMOBILE))
         return
     bound = model.opt.timestep * float(data.efc_frictionloss[row]) if law == LawKind.PLANAR_FRICTION else 0.0
     found.law(law, [_Row({row: 1.0}, {row: 1.0})], bound=bound)

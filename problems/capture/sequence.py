@@ -19,7 +19,8 @@ from ..representation import counted
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
 from .installed import mujoco, without_log
-from .step import CapturedStep, EmptyStepError, captured_step, take_step
+from .rows import RefusedRow
+from .step import VELOCITY_ERROR, CapturedStep, EmptyStepError, captured_step, take_step
 
 HEADING = "# the steps that proxbench capture wrote"
 """First line of the description of a folder."""
@@ -65,10 +66,11 @@ class CaptureSummary:
 
     Attributes:
         files: the files written, in order.
-        empty: number of captured steps without a supported constraint row.
+        empty: number of examined steps without a supported constraint row.
         laws: number of laws of the largest problem.
-        engine_rows: number of engine rows in all captured steps.
-        refused: number of refused rows, by reason.
+        engine_rows: number of engine rows in all examined steps.
+        velocity_error: largest error of the velocity after a captured step, relative to its terms.
+        refused_rows: the refused rows of each examined step that has any, by the number of the step.
         error: why the capture ended early; empty if it did not.
     """
 
@@ -76,8 +78,26 @@ class CaptureSummary:
     empty: int = 0
     laws: int = 0
     engine_rows: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
+    velocity_error: float = 0.0
+    refused_rows: dict[int, tuple[RefusedRow, ...]] = field(default_factory=dict)
     error: str = ""
+
+    @property
+    def refused(self) -> Counter[str]:
+        """Number of refused rows, by reason."""
+        return Counter(row.reason for rows in self.refused_rows.values() for row in rows)
+
+    def add(self, number: int, step: CapturedStep | EmptyStepError) -> None:
+        """Count an examined step and its rows."""
+        if step.refused:
+            self.refused_rows[number] = step.refused
+        if isinstance(step, EmptyStepError):
+            self.empty += 1
+            self.engine_rows += len(step.refused)
+        else:
+            self.engine_rows += len(step.engine.forces)
+            self.laws = max(self.laws, step.problem.laws.n_laws)
+            self.velocity_error = max(self.velocity_error, float(step.problem.provenance[VELOCITY_ERROR]))
 
 
 @without_log()
@@ -102,7 +122,7 @@ def capture(
         A summary of the written files; if a step fails, of those before it, with the error.
 
     Raises:
-        ProblemError: if the model cannot be read, its first step cannot be captured, or it has no contact.
+        ProblemError: if the model cannot be read, its first step cannot be captured, or no step has a supported row.
     """
     model, taken = _read_model(file), _steps_of(output, file.stem)
     if taken and not force:
@@ -113,9 +133,9 @@ def capture(
     data = _initial_data(model, file, options.keyframe)
     summary = CaptureSummary()
     try:
-        for step in captured_steps(model, data, options, file.stem):
-            if step is None:
-                summary.empty += 1
+        for index, step in enumerate(captured_steps(model, data, options, file.stem)):
+            summary.add(index * options.every, step)
+            if isinstance(step, EmptyStepError):
                 continue
             if not summary.files:
                 for old in taken:
@@ -124,24 +144,32 @@ def capture(
             path = output / f"{step.problem.name}.npz"
             save_step(step, path)
             summary.files.append(path)
-            summary.laws = max(summary.laws, step.problem.laws.n_laws)
-            summary.engine_rows += len(step.engine.forces)
-            summary.refused.update(one.reason for one in step.refused)
             on_step(step)
     except ProblemError as error:
         if not summary.files:
             raise
         summary.error = str(error)
     if not summary.files:
-        raise ProblemError(
-            f"{file} has no contact and no other constraint in the {counted(summary.empty, 'step')} examined during "
-            f"{options.duration:g} s; choose a longer `duration`, a smaller `every`, or a `keyframe` in contact."
-        )
+        raise ProblemError(_empty_reason(file, summary, options))
     return summary
 
 
-def captured_steps(model: Any, data: Any, options: CaptureOptions, stem: str) -> Iterator[CapturedStep | None]:
-    """Simulate ``model`` from the state of ``data``; yield each captured step, or ``None`` if it has no rows.
+def _empty_reason(file: Path, summary: CaptureSummary, options: CaptureOptions) -> str:
+    """Return why no step was captured."""
+    examined = f"in the {counted(summary.empty, 'step')} examined during {options.duration:g} s"
+    if summary.refused_rows:
+        row = next(iter(summary.refused_rows.values()))[0]
+        return f"{file} has no supported constraint {examined}: {row.name} is refused because {row.reason}."
+    return (
+        f"{file} has no contact and no other constraint {examined}; choose a longer `duration`, a smaller `every`, "
+        f"or a `keyframe` in contact."
+    )
+
+
+def captured_steps(
+    model: Any, data: Any, options: CaptureOptions, stem: str
+) -> Iterator[CapturedStep | EmptyStepError]:
+    """Simulate ``model`` from the state of ``data``; yield each captured step, or why it has no supported row.
 
     Raises:
         ProblemError: if MuJoCo fails, or a step cannot be captured.
@@ -157,8 +185,8 @@ def captured_steps(model: Any, data: Any, options: CaptureOptions, stem: str) ->
             try:
                 before = _named(captured_step(model, data), before, stem, number)
                 yield before
-            except EmptyStepError:
-                yield None
+            except EmptyStepError as error:
+                yield error
         take_step(model, data)
 
 
@@ -189,7 +217,8 @@ def _read_model(file: Path) -> Any:
     try:
         return read(str(file))
     except (ValueError, module.FatalError) as error:
-        raise ProblemError(f"MuJoCo cannot read {file}: {' '.join(str(error).split())}.") from None
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise ProblemError(f"MuJoCo cannot read {file}: {reason}; correct the model.") from None
 
 
 def _initial_data(model: Any, file: Path, keyframe: str) -> Any:

@@ -31,6 +31,9 @@ from .rows import CapturedRows, RefusedRow, captured_rows, engine_sets
 STEP_ERROR = 1e-9
 """Largest error of the velocity after a step, relative to its terms."""
 
+VELOCITY_ERROR = "velocity_error"
+"""Entry of the provenance: the error of the velocity after the step, relative to its terms."""
+
 UNSUPPORTED_INTEGRATORS = {
     "RK4": "solves the constraints four times in a step",
     "IMPLICIT": "has a mass matrix that is not symmetric",
@@ -40,7 +43,15 @@ SUPPORTED = 'set integrator to "implicitfast", "Euler" or "discrete"'
 
 
 class EmptyStepError(ProblemError):
-    """A step has no constraint row, or none that is supported."""
+    """A step has no constraint row, or none that is supported.
+
+    Attributes:
+        refused: its constraint rows, all without a law.
+    """
+
+    def __init__(self, message: str = "", refused: tuple[RefusedRow, ...] = ()) -> None:
+        super().__init__(message)
+        self.refused = refused
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +121,11 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     jacobian = _jacobian(module, model, after)
     rows = captured_rows(model, after, jacobian)
     if not rows.laws.n_rows:
+        first = rows.refused[0]
         raise EmptyStepError(
-            f"none of the {after.nefc} constraint rows at {data.time:g} s is supported: {rows.refused[0].reason}."
+            f"none of the {after.nefc} constraint rows at {data.time:g} s is supported: {first.name} is refused "
+            f"because {first.reason}.",
+            rows.refused,
         )
     mass = _tree_matrix(model, after.M)
     own_mass = inverse = InverseMass.of_mass(mass + sp.triu(mass.T, 1))
@@ -126,8 +140,10 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     if inverse is own_mass:
         # such a step uses the acceleration of the solver, which matches its forces only when the solver has converged
         total = total + _unbalanced(inverse, after, total)
-    _require_velocity(free + inverse.times(step * total), before, after, data.time)
+    error = _velocity_error(free + inverse.times(step * total), before, after.qvel)
+    _require_small(error, data.time)
     problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)
+    problem = problem.renamed(problem.name, **{VELOCITY_ERROR: error})
     impulses = step * (rows.force @ force)
     engine = _engine_model(module, model, after, own_mass, jacobian, impulses)
     keyed = problem.keyed(distinct_keys(rows.keys, rows.anchors))
@@ -148,7 +164,10 @@ def take_step(model: Any, data: Any) -> None:
     try:
         module.mj_step(model, data)
     except module.FatalError as error:
-        raise ProblemError(f"MuJoCo failed in the step at {time:g} s: {' '.join(str(error).split())}.") from None
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise ProblemError(
+            f"MuJoCo failed in the step at {time:g} s: {reason}; correct the model, or stop before this step."
+        ) from None
     if any(warning.number for warning in warnings):
         raise ProblemError(f"MuJoCo reset the state in the step at {time:g} s; choose a smaller timestep in the model.")
 
@@ -204,14 +223,18 @@ def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArra
     return missing
 
 
-def _require_velocity(expected: FloatArray, before: FloatArray, after: Any, time: float) -> None:
-    """Raise ``ProblemError`` unless the step ended with the expected velocity."""
-    scale = max(np.abs(before).max(), np.abs(expected).max(), np.abs(after.qvel).max())
-    error = float(np.abs(after.qvel - expected).max())
-    if not error <= STEP_ERROR * scale:
+def _velocity_error(expected: FloatArray, before: FloatArray, after: FloatArray) -> float:
+    """Return the error of the velocity after a step, relative to its terms; NaN if a velocity is not finite."""
+    scale = np.abs([before, expected, after]).max()
+    return float(np.abs(after - expected).max() / scale) if scale else 0.0
+
+
+def _require_small(error: float, time: float) -> None:
+    """Raise ``ProblemError`` unless the step ended with the velocity of its forces."""
+    if not error <= STEP_ERROR:
         raise ProblemError(
-            f"the step at {time:g} s differs by {error:.1e} from the velocity of its forces, so it has terms that a "
-            f"contact problem lacks (a reset of the state, deformable bodies); remove them from the model."
+            f"the step at {time:g} s differs by a relative {error:.1e} from the velocity of its forces, so it has "
+            f"terms that a contact problem lacks (a reset of the state, deformable bodies); remove them from the model."
         )
 
 

@@ -18,7 +18,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
 from ...problems.contact.solver import SolverError
 
-TRIED = "4"
+TRIED = "4.0"
 """Beginning of the tested versions of MuJoCo."""
 
 MAX_ENTRIES = 4_000_000

@@ -62,16 +62,23 @@ def capture(
 
 
 def _judged(step: "CapturedStep") -> dict[str, Any]:
-    """Return a step as JSON values; an infinite residual is ``None``."""
+    """Return a step as JSON values."""
+    return {
+        "step": step.problem.provenance["step"],
+        "laws": step.problem.laws.n_laws,
+        "rows": len(step.engine.forces),
+        "refused": len(step.refused),
+        **engine_verdict(step),
+    }
+
+
+def engine_verdict(step: "CapturedStep") -> dict[str, Any]:
+    """Return the quality of the engine's forces as JSON values; an infinite residual is ``None``."""
     from ....problems.capture.step import judge_step
 
     verdict, engine = judge_step(step), step.engine
     residuals = {"own model": verdict.own, "Coulomb": verdict.coulomb, "separation": verdict.separation}
     return {
-        "step": step.problem.provenance["step"],
-        "laws": step.problem.laws.n_laws,
-        "rows": len(engine.forces),
-        "refused": len(step.refused),
         **{name: value if isfinite(value) else None for name, value in residuals.items()},
         "solver": engine.solver,
         "iterations": engine.iterations,
@@ -79,25 +86,32 @@ def _judged(step: "CapturedStep") -> dict[str, Any]:
 
 
 def _print_row(row: dict[str, Any], is_first: bool) -> None:
-    for cells in ([HEADS] if is_first else []) + [tuple(_cell(row[head]) for head in HEADS)]:
-        print("  ".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True)))
+    for cells in ([HEADS] if is_first else []) + [tuple(cell(row[head]) for head in HEADS)]:
+        print("  ".join(f"{text:>{width}}" for text, width in zip(cells, WIDTHS, strict=True)))
 
 
-def _cell(value: Any) -> str:
+def cell(value: Any) -> str:
+    """Return a JSON value as a cell of a table."""
     return "inf" if value is None else f"{value:.1e}" if isinstance(value, float) else str(value)
 
 
 def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    refused = [{"step": step, **asdict(row)} for step, rows in summary.refused_rows.items() for row in rows]
     return {
         "files": [str(file) for file in summary.files],
         "empty_steps": summary.empty,
         "engine_rows": summary.engine_rows,
+        "velocity_error": summary.velocity_error,
         "refused": dict(summary.refused),
+        "refused_rows": refused,
         "error": summary.error or None,
     }
 
 
 def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> None:
+    from ....problems.capture.step import STEP_ERROR
     from ...report.layout.text import counted
 
     if is_judged:
@@ -109,6 +123,8 @@ def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> 
     print(f"captured  {counted(len(summary.files), 'step')} into {output}, at most {summary.laws} laws{empty}")
     taken = summary.engine_rows - summary.refused.total()
     print(f"rows      {taken} of {summary.engine_rows} taken")
+    if is_judged:
+        print(f"velocity  largest error after a step {summary.velocity_error:.1e}, relative; {STEP_ERROR:g} is allowed")
     for reason, count in summary.refused.items():
         print(f"refused   {count}: {reason}")
     print(f"measure   proxbench run --suite {output}")

@@ -29,6 +29,8 @@ Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Prob
 def info(sources: Sources, as_json: options.Json = False) -> int:
     """Show sizes, ranks, friction and conditioning of problem files.
 
+    Captured steps also show the residuals of the engine's forces.
+
     The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from dataclasses import asdict
@@ -36,15 +38,29 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     from ....problems.exchange.survey import problem_files, survey
     from ...report.layout.text import print_json
 
-    found, broken = _apply(sources, problem_files, lambda file, _: survey(file))
+    found, broken = _apply(sources, problem_files, lambda file, _: (survey(file), _engine(file)))
     if as_json:
         # a condition number may be infinite, which JSON cannot represent
-        rows = [{key: None if value == float("inf") else value for key, value in asdict(one).items()} for one in found]
+        rows = [
+            {key: None if value == float("inf") else value for key, value in asdict(one).items()} | {"engine": engine}
+            for one, engine in found
+        ]
         print_json({"files": rows, "broken": broken})
     else:
-        _print_surveys(found)
+        _print_surveys([one for one, _ in found], [engine for _, engine in found])
         _print_broken(broken)
     return int(bool(broken))
+
+
+def _engine(file: Path) -> dict[str, Any] | None:
+    """Return the quality of the engine's forces in a captured step as JSON values, ``None`` for other files."""
+    from ....problems.capture.files import has_step, read_step
+    from .capture import engine_verdict
+
+    if not has_step(file):
+        return None
+    step = read_step(file)
+    return {"name": step.engine.engine, **engine_verdict(step)}
 
 
 def import_files(
@@ -210,8 +226,11 @@ def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_
         first[target] = source
 
 
-def _print_surveys(found: Sequence["Survey"]) -> None:
+def _print_surveys(found: Sequence["Survey"], engines: Sequence[dict[str, Any] | None]) -> None:
     """Print a table, with the file names in the last column because they may be long."""
+    from .capture import cell
+
+    tracks = ("own model", "Coulomb") if any(engines) else ()
     heads = (
         "form",
         "contacts",
@@ -224,6 +243,7 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
         "cond.",
         "guesses",
         "solution",
+        *tracks,
         "file",
     )
     rows = [
@@ -239,9 +259,10 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
             f"{one.conditioning:.3g}",
             str(one.guesses or "–"),
             "–" if one.solution is None else f"{one.solution:.1e}",
+            *("–" if engine is None else cell(engine[track]) for track in tracks),
             one.file,
         )
-        for one in found
+        for one, engine in zip(found, engines, strict=True)
     ]
     if not rows:
         return
@@ -253,6 +274,10 @@ def _print_surveys(found: Sequence["Survey"]) -> None:
         "\nrank: estimated; asymmetry: of W or M, over its largest entry; cond.: largest of the contacts' blocks of G; "
         "solution: judged residual of the stored impulses"
     )
+    if tracks:
+        print(
+            "own model: residual of the engine's forces in the convex program that it solves; Coulomb: judged residual"
+        )
 
 
 def _range(ends: tuple[float, float]) -> str:

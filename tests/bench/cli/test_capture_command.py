@@ -3,12 +3,15 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.capture import installed
+from proxbench.problems.capture import installed, rows, step
 
 BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
-<body pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
+<body name="ball" pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
+
+HELD = '</worldbody><equality><connect name="held" body1="ball" anchor="0 0 0.1"/></equality>'
 
 
 @pytest.fixture
@@ -53,6 +56,32 @@ def test_one_document_holds_files_and_verdicts(ball: Path, capsys: pytest.Captur
     assert found["steps"][0]["own model"] < 1e-10 < found["steps"][0]["Coulomb"]
 
 
+def test_the_largest_error_of_the_velocity_is_printed_and_in_json(
+    ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors = iter([1e-12, 3e-10, 2e-11] * 2)
+    monkeypatch.setattr(step, "_velocity_error", lambda *velocities: next(errors))
+    line = ["capture", str(ball), "--duration", "0.01", "--every", "2", "--judge", "--force"]
+    assert run_command(line) == 0
+    assert "velocity  largest error after a step 3.0e-10, relative; 1e-09 is allowed" in capsys.readouterr().out
+    assert run_command([*line, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["velocity_error"] == 3e-10
+
+
+def test_json_lists_each_refused_row_with_its_step_name_and_reason(
+    ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ball.write_text(BALL.replace("</worldbody>", HELD))
+    whole = rows._norms
+    monkeypatch.setattr(rows, "_norms", lambda given, jacobian: whole(given, jacobian) * (np.arange(len(given)) != 2))
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--every", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    reason = rows.IMMOBILE
+    assert found["refused"] == {reason: 3}
+    listed = [{"step": step, "row": 2, "name": "equality held", "reason": reason} for step in (0, 2, 4)]
+    assert found["refused_rows"] == listed
+
+
 def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
     ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -69,7 +98,7 @@ def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
     assert run_command(["capture", str(ball), "--every", "1"]) == 1
     printed = capsys.readouterr()
     assert "captured  2 steps into captured" in printed.out
-    assert "proxbench: MuJoCo failed in the step at 0.004 s: out of memory." in printed.err
+    assert "proxbench: MuJoCo failed in the step at 0.004 s: out of memory; correct the model, or stop" in printed.err
 
 
 def test_earlier_steps_are_named_with_the_option_that_replaces_them(

@@ -3,6 +3,8 @@
 from typing import Any
 
 import numpy as np
+import pytest
+from proxbench.problems.capture import rows
 
 STACK = """
 <mujoco model="stack">
@@ -37,6 +39,22 @@ EVERYTHING = """
 <equality><weld name="weld" body1="left" body2="right"/></equality>
 <actuator><position joint="hinge" kp="5" kv="0.2" ctrlrange="-1 1"/></actuator></mujoco>"""
 """A model with every kind of constraint row, dampers, springs and an actuator."""
+
+WELDED = """
+<mujoco model="welded"><worldbody><body name="left"><freejoint/><geom size="0.1"/></body>
+<body name="right" pos="1 0 0"><freejoint/><geom size="0.1"/></body></worldbody>
+<equality><weld name="weld" body1="left" body2="right"/></equality></mujoco>"""
+"""Two balls that fall, welded together."""
+
+
+def refuse_first_rows(monkeypatch: pytest.MonkeyPatch, count: int = 6) -> None:
+    """Let the first rows of every step move nothing; MuJoCo itself omits such rows."""
+    norms = rows._norms
+
+    def without_first(given: Any, jacobian: Any) -> Any:
+        return norms(given, jacobian) * (np.arange(len(given)) >= count)
+
+    monkeypatch.setattr(rows, "_norms", without_first)
 
 
 def moving(text: str, steps: int = 100) -> tuple[Any, Any]:

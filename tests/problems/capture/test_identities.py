@@ -39,6 +39,10 @@ def test_the_velocity_after_the_step_is_that_of_the_impulses(moved: tuple[Any, A
     assert relative(directions.T @ after.qvel - velocity, step.problem.free_velocity) < 1e-12
 
 
+def test_the_error_of_the_velocity_in_the_provenance_is_rounding(moved: tuple[Any, Any]) -> None:
+    assert captured_step(*moved).problem.provenance["velocity_error"] < 1e-12
+
+
 def test_impulses_push_coordinates_as_the_forces_do(moved: tuple[Any, Any]) -> None:
     model, data = moved
     step, after = captured_step(model, data), stepped(model, data)

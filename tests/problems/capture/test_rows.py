@@ -8,7 +8,7 @@ from proxbench.problems import LawKind, ProblemError, from_mujoco, judge
 from proxbench.problems.capture import rows, step
 from proxbench.problems.capture.step import captured_step
 from proxbench.solvers import solve
-from small_models import CUBE, EVERYTHING, STACK, moving
+from small_models import CUBE, EVERYTHING, STACK, WELDED, moving, refuse_first_rows
 
 mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
@@ -88,15 +88,22 @@ def test_a_moving_surface_moves_the_relative_velocity() -> None:
 def test_a_refused_row_acts_as_the_engine_had_it_act(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = moving(EVERYTHING.format(**PLAIN))
     whole = captured_step(model, data)
-    norms = rows._norms
-    monkeypatch.setattr(rows, "_norms", lambda given, jacobian: norms(given, jacobian) * (np.arange(len(given)) > 0))
+    refuse_first_rows(monkeypatch, 1)
     found = captured_step(model, data)
-    assert [(one.row, one.name, one.reason) for one in found.refused] == [
-        (0, "equality weld", "it moves no degree of freedom")
-    ]
+    assert [(one.row, one.name, one.reason) for one in found.refused] == [(0, "equality weld", rows.IMMOBILE)]
     velocity = found.problem.relative_velocity(found.engine.impulses)
     expected = whole.problem.relative_velocity(whole.engine.impulses)[1:]
     assert velocity == pytest.approx(expected, abs=1e-13)
+
+
+def test_a_step_whose_rows_are_all_refused_names_a_row_and_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    refuse_first_rows(monkeypatch)
+    sentence = (
+        r"none of the 6 constraint rows at 0 s is supported: equality weld is refused because it moves no degree of "
+        r"freedom; give one of its bodies a joint, or remove it from the model\.$"
+    )
+    with pytest.raises(step.EmptyStepError, match=sentence):
+        from_mujoco(*moving(WELDED, 0))
 
 
 def test_the_thrown_cube_solves_its_own_model_and_separates_from_the_floor() -> None:
@@ -160,5 +167,18 @@ def test_a_step_without_contact_is_refused() -> None:
 def test_a_step_that_ends_in_another_velocity_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = moving(STACK.format(**PLAIN))
     monkeypatch.setattr(step, "_unbalanced", lambda inverse, data, total: 0.01 * total)
-    with pytest.raises(ProblemError, match="from the velocity of its forces"):
+    with pytest.raises(ProblemError, match=r"differs by a relative \d\.\de-\d+ from the velocity of its forces"):
         from_mujoco(model, data)
+    monkeypatch.setattr(step, "STEP_ERROR", 1.0)
+    found = captured_step(model, data)
+    factors = found.problem.factors
+    kick = factors.inverse_mass.times(factors.force_directions @ found.engine.impulses)
+    velocities = [data.qvel, factors.free_motion + kick, factors.free_motion + 1.01 * kick]
+    error = 0.01 * np.abs(kick).max() / np.abs(velocities).max()
+    assert found.problem.provenance["velocity_error"] == pytest.approx(error, rel=1e-6)
+
+
+@pytest.mark.parametrize(("after", "error"), [(0.0, 0.0), (2.0, 0.5), (np.nan, np.nan)])
+def test_the_error_of_the_velocity_is_relative_to_the_largest_velocity(after: float, error: float) -> None:
+    before, expected = np.zeros(2), np.array([0.0, after / 2])
+    assert step._velocity_error(expected, before, np.array([0.0, after])) == pytest.approx(error, nan_ok=True)

@@ -10,9 +10,10 @@ import pytest
 from proxbench.problems import ProblemError, load, save_problem
 from proxbench.problems.capture.engine_model import judge_own_model
 from proxbench.problems.capture.files import read_step
+from proxbench.problems.capture.rows import IMMOBILE
 from proxbench.problems.capture.sequence import CaptureOptions, capture, captured_steps
 from proxbench.problems.exchange.folder import list_folder
-from small_models import CUBE, STACK, moving
+from small_models import CUBE, STACK, WELDED, moving, refuse_first_rows
 
 mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
@@ -78,7 +79,9 @@ def test_a_failure_keeps_the_steps_before_it(boxes: Path, tmp_path: Path, monkey
     monkeypatch.setattr(mujoco, "mj_step", failing)
     summary = capture(boxes, tmp_path, CaptureOptions(duration=0.4, every=1))
     assert len(summary.files) == 173
-    assert summary.error == "MuJoCo failed in the step at 0.346 s: the arena is full."
+    assert summary.error == (
+        "MuJoCo failed in the step at 0.346 s: the arena is full; correct the model, or stop before this step."
+    )
     assert len(list_folder(tmp_path).members) == 173
 
 
@@ -139,7 +142,7 @@ def test_earlier_steps_are_replaced_only_when_asked(boxes: Path, tmp_path: Path)
             "has no contact and no other constraint in the 1 step examined during 0.002 s",
         ),
         (CUBE, {"keyframe": "trown"}, "has no keyframe 'trown'; did you mean 'thrown'"),
-        ("<mujoco>", {}, "MuJoCo cannot read"),
+        ("<mujoco>", {}, r"MuJoCo cannot read .*; correct the model\."),
         (BOXES.replace("Euler", "RK4"), {}, "the integrator RK4 solves the constraints four times"),
     ],
 )
@@ -149,6 +152,38 @@ def test_a_model_that_cannot_be_captured(text: str, options: dict[str, Any], sen
     with pytest.raises(ProblemError, match=sentence):
         capture(file, tmp_path / "steps", CaptureOptions(**options))
     assert not (tmp_path / "steps").exists()
+
+
+def test_rows_refused_in_steps_with_and_without_other_rows_are_listed_by_step(
+    boxes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_first_rows(monkeypatch)
+    text = WELDED.replace('<body name="left">', '<geom type="plane" size="5 5 0.1" pos="0 0 -0.11"/><body name="left">')
+    file = tmp_path / "welded.xml"
+    file.write_text(text)
+    summary = capture(file, tmp_path / "steps", CaptureOptions(duration=0.1, every=5))
+    landed = int(summary.files[0].stem.removeprefix("welded-"))
+    assert list(summary.refused_rows) == list(range(0, 50, 5))
+    assert landed > 0
+    assert summary.empty == landed // 5
+    assert {(row.row, row.name, row.reason) for row in summary.refused_rows[landed]} == {
+        (index, "equality weld", IMMOBILE) for index in range(6)
+    }
+    assert summary.refused == {IMMOBILE: 6 * 10}
+    assert summary.engine_rows == 60 + sum(len(read_step(one).engine.forces) - 6 for one in summary.files)
+
+
+def test_a_model_whose_rows_are_all_refused_is_named_with_a_row_and_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse_first_rows(monkeypatch)
+    file = tmp_path / "welded.xml"
+    file.write_text(WELDED)
+    sentence = (
+        "no supported constraint in the 1 step examined during 0.002 s: equality weld is refused because it moves"
+    )
+    with pytest.raises(ProblemError, match=sentence):
+        capture(file, tmp_path / "steps", CaptureOptions(duration=0.002))
 
 
 def test_bad_options_are_refused() -> None:

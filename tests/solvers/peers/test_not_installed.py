@@ -30,7 +30,7 @@ def test_the_sentence_names_solver_library_and_command(name: str) -> None:
         create(name)
 
 
-@pytest.mark.parametrize(("name", "version", "tried"), [("MuJoCo", "3.2.7", "4"), ("KaminoPADMM", "1.9.0", "1.8")])
+@pytest.mark.parametrize(("name", "version", "tried"), [("MuJoCo", "4.1.0", "4.0"), ("KaminoPADMM", "1.9.0", "1.8")])
 def test_another_version_is_refused(name: str, version: str, tried: str, monkeypatch: pytest.MonkeyPatch) -> None:
     library, extra = LIBRARIES[name]
     monkeypatch.setattr(installed, "find_spec", lambda module: module)
