@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -159,3 +160,100 @@ def test_a_dump_of_kamino_has_its_velocity_and_a_small_residual() -> None:
     assert problem.n_contacts == 4
     assert problem.provenance["stored_solution_residual"] < 1e-3
     assert judge(problem, solve(problem, tolerance=1e-6).impulses).residual <= 1e-6
+
+
+def dropped_box(pin: Any) -> SimpleNamespace:
+    """Return a tilted box of Pinocchio that falls onto the ground, with a contact at each lower corner."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "box")
+    model.appendBodyToJoint(joint, pin.Inertia.FromBox(2.0, *3 * [2 * HALF]), pin.SE3.Identity())
+    q, v = pin.neutral(model), np.array([0.3, 0.1, -0.5, 0.1, 0.2, 0.3])
+    q[2:3], q[3:7] = HALF + 0.001, pin.Quaternion(pin.rpy.rpyToMatrix(0.004, 0.002, 0.3)).coeffs()
+    corners = [(joint, np.array([x, y, -HALF])) for x in (-HALF, HALF) for y in (-HALF, HALF)]
+    return SimpleNamespace(model=model, q=q, v=v, corners=corners, ground=0.0)
+
+
+def humanoid(pin: Any) -> SimpleNamespace:
+    """Return Pinocchio's humanoid, which bends its knees and lands on both feet, with four contacts at each."""
+    model = pin.buildSampleModelHumanoid()
+    q = pin.neutral(model)
+    for side in ("rleg", "lleg"):
+        for joint, angle in (("shoulder2", -0.4), ("elbow", 0.8), ("wrist1", -0.4)):
+            q[model.joints[model.getJointId(f"{side}_{joint}_joint")].idx_q] = angle
+    v = 0.1 * np.random.default_rng(0).standard_normal(model.nv)
+    v[2] -= 1.0
+    feet = [model.getJointId(f"{side}_wrist2_joint") for side in ("rleg", "lleg")]
+    corners = [(foot, np.array([x, y, -0.1])) for foot in feet for x in (-0.1, 0.2) for y in (-0.05, 0.05)]
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    ground = min(data.oMi[foot].act(point)[2] for foot, point in corners)
+    return SimpleNamespace(model=model, q=q, v=v, corners=corners, ground=ground)
+
+
+@pytest.fixture(params=[dropped_box, humanoid], ids=lambda made: made.__name__)
+def posed(request: pytest.FixtureRequest) -> SimpleNamespace:
+    """Return a model of Pinocchio at q and v, and the problem that the writer gives for it."""
+    pin = pytest.importorskip("pinocchio", reason="the extra peers is not installed")
+    found: SimpleNamespace = request.param(pin)
+    found.pin, found.torque = pin, np.zeros(found.model.nv)
+    data = found.model.createData()
+    pin.forwardKinematics(found.model, data, found.q)
+    found.points, found.contacts = [], pin.StdVec_ConstraintModel()
+    for joint, local in found.corners:
+        point = data.oMi[joint].act(local)
+        on_ground = pin.SE3(np.eye(3), np.array([point[0], point[1], found.ground]))
+        contact = pin.PointContactConstraintModel(found.model, 0, on_ground, joint, pin.SE3(np.eye(3), local))
+        contact.setFriction(0.5)
+        found.contacts.append(pin.ConstraintModel(contact))
+        found.points.append(point)
+    names = {name: getattr(found, name) for name in ("model", "q", "v", "torque", "contacts")}
+    run_writer("Pinocchio", pinocchio=pin, **names)
+    found.problem = load("step.npz")
+    found.impulses = solve(found.problem, "Robust", tolerance=1e-9).impulses
+    return found
+
+
+def test_the_matrix_of_a_pinocchio_model_is_that_of_its_cholesky_decomposition(posed: SimpleNamespace) -> None:
+    pin, model, contacts = posed.pin, posed.model, posed.contacts
+    data, datas = model.createData(), pin.StdVec_ConstraintData()
+    pin.computeAllTerms(model, data, posed.q, posed.v)
+    for contact in contacts:
+        datas.append(contact.createData())
+        contact.calc(model, data, datas[-1])
+    cholesky = pin.ConstraintCholeskyDecomposition(model, data, contacts, datas)
+    damping = 1e-9
+    cholesky.compute(model, data, contacts, datas, damping)
+    expected = cholesky.getInverseOperationalSpaceInertiaMatrix() - damping * np.eye(3 * len(contacts))
+    order = np.arange(3 * len(contacts)).reshape(-1, 3)[:, [2, 0, 1]].ravel()
+    assert np.abs(posed.problem.delassus().toarray() - expected[order][:, order]).max() <= 1e-9 * expected.max()
+
+
+def test_solved_impulses_move_a_pinocchio_model_as_external_forces_do(posed: SimpleNamespace) -> None:
+    """Forces in the world's axes at the corners and ``aba``, which knows no constraint, give the velocity after."""
+    pin, model, step = posed.pin, posed.model, 0.001
+    data = model.createData()
+    pin.forwardKinematics(model, data, posed.q)
+    forces = pin.StdVec_Force([pin.Force.Zero() for _ in range(model.njoints)])
+    by_contact = posed.impulses.reshape(-1, 3)
+    for (joint, local), (normal, *tangential) in zip(posed.corners, by_contact, strict=True):
+        force = data.oMi[joint].rotation.T @ np.array([*tangential, normal]) / step
+        forces[joint] = forces[joint] + pin.Force(force, np.cross(local, force))
+    after = posed.v + step * pin.aba(model, data, posed.q, posed.v, posed.torque, forces)
+    pin.forwardKinematics(model, data, posed.q, after)
+    moved = [data.oMi[joint].rotation @ at for joint, at in velocities(posed, data)]
+    gaps = np.array([point[2] - posed.ground for point in posed.points])
+    expected = np.array(moved)[:, [2, 0, 1]]
+    expected[:, 0] += np.maximum(gaps, 0.0) / step
+    found = posed.problem.relative_velocity(posed.impulses).reshape(-1, 3)
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(posed.v).max()
+    assert by_contact[:, 0].max() > 0.0
+
+
+def velocities(posed: SimpleNamespace, data: Any) -> list[tuple[int, np.ndarray]]:
+    """Return the joint of each corner and the corner's velocity in axes of the joint."""
+    return [(joint, data.v[joint].linear + np.cross(data.v[joint].angular, local)) for joint, local in posed.corners]
+
+
+def test_the_solution_of_a_pinocchio_model_is_judged_solved(posed: SimpleNamespace) -> None:
+    assert judge(posed.problem, posed.impulses).residual <= 1e-9
+    assert posed.problem.n_contacts == len(posed.corners)
