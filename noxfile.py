@@ -46,15 +46,16 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test outside solvers, devices of Warp, captures, engines and contacts of coal, each with its extra."""
+    """Test outside solvers, devices of Warp, captures, engines, writers and contacts of coal, each with its extra."""
     session.install(".[test,peers,kamino,mujoco,engines,bodies,gpu]")
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
     engines = "tests/bench/measure/trajectories/engines"
     shapes = ("tests/problems/motion/detection", "tests/problems/motion/scenes/rigid/test_rolling.py")
-    warp = "tests/solvers/prox/test_warp_sorprox.py"
+    warp, writers = "tests/solvers/prox/test_warp_sorprox.py", "tests/docs/test_engine_writers.py"
     parallel = ("-n", "auto", "--dist", "loadfile")
-    session.run("pytest", *parallel, "tests/solvers/peers", warp, *captures, engines, *shapes, *session.posargs)
+    folders = ("tests/solvers/peers", warp, *captures, engines, writers, *shapes)
+    session.run("pytest", *parallel, *folders, *session.posargs)
 
 
 @nox.session

@@ -1,4 +1,8 @@
-"""A file of ContactBench is the same problem with its normal row last."""
+"""A file of ContactBench is the same problem with its normal row last.
+
+All arrays here are synthetic, with the names, shapes and row order of ContactBench's sources. Its own samples are
+binary ``.npz`` files, and no test reads them.
+"""
 
 from pathlib import Path
 from typing import Any
