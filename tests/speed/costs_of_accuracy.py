@@ -2,6 +2,8 @@
 
 ``arch``     least thickness at which a masonry arch stands, over that of the equilibrium, by tolerance and step
 ``sizes``    the same for arches of 7 to 51 stones
+``friction`` the same for arches of 27 stones with little friction, which collapse by hinging and sliding
+``sliding``  when such an arch of any thickness falls, with less friction than it can stand with
 ``sweeps``   the same by the number of sweeps
 ``creep``    how far a stone of an arch moves in ten seconds that is one per cent thicker than it must be
 ``stack``    drift of ten boxes by the ratio of their masses, and by the depth at which they touch at the start
@@ -57,6 +59,9 @@ RELAXED = "ClarabelSOCP"
 MAX_ITERATIONS = 5000
 MAX_SECONDS = 20.0
 """Processor time of one simulation [s]."""
+
+FRICTION = 0.8
+"""Friction coefficient of the joints of an arch where it does not vary."""
 
 FALLEN = 1e-3
 """Displacement [m] at which an arch of radius 1 m counts as falling; it takes less than a second."""
@@ -115,26 +120,29 @@ def to_tolerance(tolerance: float) -> Stop:
 
 
 @cache
-def least_thickness(stones: int) -> float:
+def least_thickness(stones: int, friction: float = FRICTION) -> float:
     """Return the least t/R at which the equilibrium program says that the arch can stand."""
 
     def stands(thickness: float) -> bool:
-        arch = Arch(stones, thickness)
-        return find_equilibrium(problem_at_rest(arch.system(), arch.start())).can_stand
+        return can_stand(Arch(stones, thickness, friction))
 
-    return bisect(stands, 0.05, 0.2, 1e-6)
+    return bisect(stands, 0.05, 0.4, 1e-6)
 
 
-def thickness_ratio(stones: int, solver: str, stop: Stop, step: float) -> float:
+def can_stand(arch: Arch) -> bool:
+    return find_equilibrium(problem_at_rest(arch.system(), arch.start())).can_stand
+
+
+def thickness_ratio(stones: int, solver: str, stop: Stop, step: float, friction: float = FRICTION) -> float:
     """Return the least t/R at which the arch stands for a second of motion, over that of the equilibrium.
 
     Returns:
         The ratio to 2e-4; 0.5 if it stands even then, inf if it falls with 1.5.
     """
-    exact = least_thickness(stones)
+    exact = least_thickness(stones, friction)
 
     def stands(ratio: float) -> bool:
-        arch = Arch(stones, ratio * exact)
+        arch = Arch(stones, ratio * exact, friction)
         return simulate(arch, arch.moved, solver, stop, step, 1.0, FALLEN).largest <= FALLEN
 
     low, high = next(((1.0 - width, 1.0 + width) for width in (0.01, 0.1) if brackets(stands, width)), (0.5, 1.5))
@@ -168,6 +176,20 @@ def sizes() -> Iterator[dict[str, Any]]:
                 limit = least_thickness(stones)
                 found = {"equilibrium": limit, "motion": ratio * limit, "ratio": ratio}
                 yield {"stones": stones, "solver": solver, "tolerance": tolerance, **found}
+
+
+def friction() -> Iterator[dict[str, Any]]:
+    for coefficient in (0.36, 0.33, 0.31):
+        limit = least_thickness(27, coefficient)
+        ratio = thickness_ratio(27, "Robust", to_tolerance(1e-6), STEP, coefficient)
+        yield {"friction": coefficient, "equilibrium": limit, "motion": ratio * limit, "ratio": ratio}
+
+
+def sliding() -> Iterator[dict[str, Any]]:
+    for thickness in (0.2, 0.3):
+        scene = Arch(27, thickness, 0.30)
+        motion = simulate(scene, scene.moved, "Robust", to_tolerance(1e-6), STEP, 10.0, THROWN_OVER)
+        yield {"friction": scene.friction, "thickness": thickness, "stands": can_stand(scene), **asdict(motion)}
 
 
 def sweeps() -> Iterator[dict[str, Any]]:
@@ -240,7 +262,8 @@ def chain() -> Iterator[dict[str, Any]]:
 
 
 TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
-    made.__name__: made for made in (arch, sizes, sweeps, creep, stack, drift, cube, chain, orders, joints, free, piles)
+    made.__name__: made
+    for made in (arch, sizes, friction, sliding, sweeps, creep, stack, drift, cube, chain, orders, joints, free, piles)
 }
 
 

@@ -143,9 +143,9 @@ def test_the_scene_has_the_limit_of_straight_stones() -> None:
     assert bisect(stands, 0.05, 0.2, 1e-6) == pytest.approx(0.09570, abs=1e-5)
 
 
-def largest_displacement(arch: Arch, time_step: float, tolerance: float) -> float:
+def largest_displacement(arch: Arch, time_step: float, tolerance: float, solver: str = "NSGS") -> float:
     """Return how far a stone moves within a second, up to a millimetre [m]."""
-    rule = MidpointRule(arch.system(), create("NSGS"), Stop(tolerance, 20_000), time_step)
+    rule = MidpointRule(arch.system(), create(solver), Stop(tolerance, 20_000), time_step)
     moved = 0.0
     for step in rule.steps(arch.start(), round(1.0 / time_step)):
         moved = arch.moved(step.state)
@@ -170,6 +170,22 @@ def test_the_limit_in_motion_is_that_of_equilibrium(stones: int) -> None:
     found = bisect(stands, 0.97 * exact, 1.03 * exact, 1e-4 * exact)
     assert found == pytest.approx(exact, rel=2e-3)
     assert found == pytest.approx(PUBLISHED[stones], rel=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "stands"), [(0.95, False), (1.05, True)])
+def test_in_motion_an_arch_that_hinges_and_slides_has_the_limit_of_equilibrium(factor: float, stands: bool) -> None:
+    thickness = factor * least_thickness(27, 0.33, straight_stone)
+    moved = largest_displacement(Arch(27, thickness, 0.33), 5e-3, 1e-6, "Robust")
+    assert moved < 1e-5 if stands else moved > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thickness", [0.2, 0.3])
+def test_in_motion_no_arch_stands_with_less_friction_than_the_published_least(thickness: float) -> None:
+    arch = Arch(27, thickness, 0.30)
+    assert not find_equilibrium(at_rest(arch, straight_stone)).can_stand
+    assert largest_displacement(arch, 5e-3, 1e-6, "Robust") > 1e-3
 
 
 def test_the_scene_is_registered_with_its_displacement() -> None:

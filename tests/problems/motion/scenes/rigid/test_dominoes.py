@@ -64,6 +64,7 @@ def test_friction_slows_the_wave_and_energy_never_grows() -> None:
     row = Dominoes(n_dominoes=12, push=12.0)
     states = fall(row, 1e-3, 0.42, 1e-5)
     speed = wave_speed(row, states, 6, 10)
+    # No published speed is at hand for this friction; the band is wide on purpose.
     assert 0.6 * row.frictionless_speed < speed < 0.9 * row.frictionless_speed
     energy = energies(row, states)
     assert np.diff(energy).max() <= 1e-5 * energy[0]
