@@ -23,8 +23,9 @@ def test_the_equilibrium_of_a_wall_exists_whatever_its_friction(rows: int, colum
     assert problem.n_contacts == on_ground + halves_and_bricks
 
 
-def test_a_wall_stands_unstruck() -> None:
-    wall = BrickWall(speed=0.0)
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_a_wall_stands_unstruck_whatever_its_friction(friction: float) -> None:
+    wall = BrickWall(speed=0.0, friction=friction)
     rule = MidpointRule(wall.system(), create("Robust"), Stop(1e-10, 20_000), 1e-3)
     for step in rule.steps(wall.start(), 100):
         assert step.status is Status.SOLVED
