@@ -1,4 +1,4 @@
-"""Measure what the tolerance of a step changes in pours of 1000 to 16 000 balls, and what it costs.
+"""Measure what the tolerance of a step changes in pours of thousands of balls, and what it costs.
 
 A pour begins with balls on a lattice above the funnel. Means are over the second half of ``--duration``, in which balls
 leave through the outlet: flow rate, mean height and energy lost (see ``MotionRecorder``), and the largest penetration
@@ -88,7 +88,8 @@ def markdown(table: pd.DataFrame) -> str:
         cells += [f"{row['contacts']:.0f}", f"{row['iterations']:.0f}", f"{100 * row['unsolved']:.1f} %"]
         cells += [f"{1e3 * row['step_seconds']:.3g} ms"]
         for name in QUANTITIES:
-            cells.append(f"{100 * row[name + ', deviation']:.1f} ± {100 * row[name + ', error']:.1f} %")
+            deviation, error = 100.0 * row[name + ", deviation"], 100.0 * row[name + ", error"]
+            cells.append(f"{deviation:.1f} %" if np.isnan(error) else f"{deviation:.1f} ± {error:.1f} %")
         cells.append(f"{row['penetration']:.3f} r")
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
