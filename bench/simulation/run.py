@@ -6,12 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+from psutil import virtual_memory
+
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
 from ...problems.motion.stepping.step import AcceptedStep
 from ..errors import BenchError, FailedSimulationError
 from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
+from ..report.layout.text import counted
 from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
@@ -64,7 +67,8 @@ def simulate(
         The simulation; ``is_finished`` tells whether it reached its end.
 
     Raises:
-        BenchError: if the output exists or cannot be written.
+        BenchError: if the output exists or cannot be written, or if the memory of this machine does not suffice for the
+            states to keep.
         FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
@@ -95,7 +99,7 @@ def resume_simulation(
 
     Raises:
         BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has already passed
-            ``duration``.
+            ``duration``; or if memory does not suffice.
         FailedSimulationError: as in ``simulate``.
     """
     simulation = resumable_simulation(file, given, duration, solver)
@@ -129,10 +133,12 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
     Raises:
+        BenchError: if the memory of this machine does not suffice for the states to keep.
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.
     """
     if simulation.is_finished:
         return
+    _require_memory(simulation)
     simulation.failure = None
     should_stop, on_progress = hooks.get("should_stop"), hooks.get("on_progress")
     checkpoint_seconds = hooks.get("checkpoint_seconds", CHECKPOINT_SECONDS)
@@ -155,6 +161,25 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
                 on_progress(simulation)
     finally:
         _store(simulation)
+
+
+def _require_memory(simulation: Simulation) -> None:
+    """Raise a ``BenchError`` if positions and velocities of the states to keep exceed the available memory.
+
+    Writing the result file copies them. Impulses are not counted, as the number of contacts is not known.
+    """
+    plan, state = simulation.plan, simulation.state
+    scene, step = plan.scene, plan.stepper.resolution(plan.scene)
+    if step != plan.stepper.shortest_step(scene):  # the number of variable steps is not known
+        step = scene.longest_step
+    n_states = min(2 * plan.states, 1 + math.floor(plan.duration / step))
+    needed = n_states * (state.position.nbytes + state.velocity.nbytes) * (1 if simulation.file is None else 2)
+    available = virtual_memory().available
+    if needed > available:
+        needs = f"{counted(n_states, 'state')} of {scene.name} take at least {needed / 1e9:.2g} GB of memory"
+        raise BenchError(
+            f"{needs}, but {available / 1e9:.2g} GB are available; keep fewer states, or simulate fewer bodies."
+        )
 
 
 def _steps(
