@@ -96,7 +96,8 @@ AT_HOME = {
     "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
     "warp": {f"solvers/prox/parallel/warp_{name}.py" for name in ("kernels", "sweeps")},
     "distributed": {"bench/measure/execution/cluster.py"},
-    "psutil": {"bench/measure/machine.py", "bench/isolation/child.py", "bench/isolation/process_tree.py"},
+    "psutil": {"bench/measure/machine.py"}
+    | {f"bench/isolation/{name}.py" for name in ("child", "process_tree", "process_usage")},
 }
 
 

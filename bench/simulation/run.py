@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from psutil import virtual_memory
-
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
 from ...problems.motion.stepping.step import AcceptedStep
 from ..errors import BenchError, FailedSimulationError
+from ..isolation.process_usage import available_bytes
 from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
 from ..report.layout.text import counted
@@ -174,7 +173,7 @@ def _require_memory(simulation: Simulation) -> None:
         step = scene.longest_step
     n_states = min(2 * plan.states, 1 + math.floor(plan.duration / step))
     needed = n_states * (state.position.nbytes + state.velocity.nbytes) * (1 if simulation.file is None else 2)
-    available = virtual_memory().available
+    available = available_bytes()
     if needed > available:
         needs = f"{counted(n_states, 'state')} of {scene.name} take at least {needed / 1e9:.2g} GB of memory"
         raise BenchError(

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -258,9 +257,7 @@ def test_memory_that_does_not_suffice_for_the_states_is_named_before_the_first_s
     needed = kept * (start.position.nbytes + start.velocity.nbytes)
 
     def simulate_with(available: int, output: Path | None) -> int:
-        monkeypatch.setattr(
-            "proxbench.bench.simulation.run.virtual_memory", lambda: SimpleNamespace(available=available)
-        )
+        monkeypatch.setattr("proxbench.bench.simulation.run.available_bytes", lambda: available)
         return simulate(plan, output).n_steps
 
     file = tmp_path / "a.npz"
