@@ -59,10 +59,11 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
 def _least_ratio(measured: Measured, seconds: list[float], repeated_seconds: list[float]) -> float | None:
     """Return the ratio of the fastest of several first solves to the slowest repeated ones [s].
 
-    None if there are too few of them, if most rounds are excluded, or if the machine explains the ratio.
+    Excluded rounds count as repeated solves, since they show how slow the machine was at times. None if there are too
+    few first solves, or if the machine explains the ratio.
     """
-    excluded = sum(timed.excluded != "" for timed in measured.rounds)
-    if min(len(seconds), len(repeated_seconds)) < MIN_NOTED or 2 * excluded > len(measured.rounds):
+    if min(len(seconds), len(repeated_seconds)) < MIN_NOTED:
         return None
-    fastest, repeated = min(seconds), max(measured.total_seconds.median, *repeated_seconds)
+    excluded = [timed.total_seconds.median for timed in measured.rounds if timed.excluded]
+    fastest, repeated = min(seconds), max(measured.total_seconds.median, *repeated_seconds, *excluded)
     return None if is_explained(repeated, fastest) else fastest / repeated
