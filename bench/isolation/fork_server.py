@@ -190,7 +190,8 @@ def serve(descriptor: int) -> None:
     from ...problems.compilation import load_cached_kernels, silence_notice
 
     silence_notice()  # forked cases inherit standard error
-    from . import preload
+    from . import preload  # noqa: F401
+    from .process_state import exempt_from_collection
 
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
@@ -198,7 +199,7 @@ def serve(descriptor: int) -> None:
         request, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
         if request == _LOAD_KERNELS:
             load_cached_kernels()
-            preload.exempt_memory()
+            exempt_from_collection()
             requests.send(_LOAD_KERNELS)
             continue
         try:

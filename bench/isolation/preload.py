@@ -3,7 +3,6 @@
 A forked case then starts in milliseconds instead of importing and compiling everything again.
 """
 
-import gc
 import io
 
 import scipy.sparse.csgraph  # noqa: F401  solvers import this and scipy.sparse.linalg where they need them
@@ -13,8 +12,9 @@ from ...problems.exchange.catalog import load
 from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.registry import BUILT_IN, create
 from . import supervisor
+from .process_state import exempt_from_collection
 
-__all__ = ["exempt_memory", "supervisor"]
+__all__ = ["supervisor"]
 
 PROBLEMS = ("hard-no-motion", "hard-sticking-box", "woodpecker-beak-impact", "hard-counterexample", "hard-mixed-laws")
 """Small problems without friction, spatial, planar, with G only, and with laws of several kinds."""
@@ -32,11 +32,5 @@ def _touch_kernels() -> None:
                 solver.prepare(problem.fresh()).solve(Stop(1e-8, max_iterations=200, max_seconds=0.1))
 
 
-def exempt_memory() -> None:
-    """Exempt all objects from garbage collections, because one in a case would copy all their pages."""
-    gc.collect()
-    gc.freeze()
-
-
 _touch_kernels()
-exempt_memory()
+exempt_from_collection()  # a garbage collection in a case would copy the pages of all objects

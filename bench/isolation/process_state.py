@@ -136,6 +136,12 @@ def _streams() -> list[tuple[int, bool]]:
     return [(id(stream), getattr(stream, "closed", True)) for stream in (sys.stdin, sys.stdout, sys.stderr)]
 
 
+def exempt_from_collection() -> None:
+    """Exempt all objects that are left by now from later garbage collections."""
+    gc.collect()
+    gc.freeze()
+
+
 def replaced_names(before: ProcessState) -> str:
     """Return a sentence about what has been replaced since ``before``, empty if nothing has."""
     replaced = before.replaced()

@@ -163,19 +163,21 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
 
 
 def _require_memory(simulation: Simulation) -> None:
-    """Raise a ``BenchError`` if positions and velocities of the states to keep exceed the available memory.
+    """Raise a ``BenchError`` if positions and velocities of the states still to be kept exceed the available memory.
 
-    Writing the result file copies them. Impulses are not counted, as the number of contacts is not known.
+    Writing the result file copies all states. Impulses are not counted, as the number of contacts is not known.
     """
     plan, state = simulation.plan, simulation.state
     scene, step = plan.scene, plan.stepper.resolution(plan.scene)
     if step != plan.stepper.shortest_step(scene):  # the number of variable steps is not known
         step = scene.longest_step
     n_states = min(2 * plan.states, 1 + math.floor(plan.duration / step))
-    needed = n_states * (state.position.nbytes + state.velocity.nbytes) * (1 if simulation.file is None else 2)
+    n_copied = 0 if simulation.file is None else n_states
+    n_left = n_states - len(simulation.states) + n_copied
+    needed = n_left * (state.position.nbytes + state.velocity.nbytes)
     available = available_bytes()
     if needed > available:
-        needs = f"{counted(n_states, 'state')} of {scene.name} take at least {needed / 1e9:.2g} GB of memory"
+        needs = f"{counted(n_states, 'state')} of {scene.name} take at least {needed / 1e9:.2g} GB more memory"
         raise BenchError(
             f"{needs}, but {available / 1e9:.2g} GB are available; keep fewer states, or simulate fewer bodies."
         )

@@ -26,7 +26,7 @@ from ....problems.exchange.files.problem_file import read_problem
 from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...isolation.child import MisbehaviourError, refuse
-from ...isolation.process_state import ProcessState, replaced_names
+from ...isolation.process_state import ProcessState, exempt_from_collection, replaced_names
 from ...isolation.process_usage import ContextSwitches, used_processor_seconds
 from ...plugins.solver_specs import SolverSpec
 from ...store.outcome import LATE_PREPARING
@@ -102,8 +102,7 @@ class Measurement:
         refuse(type_fault(prepared.solve(stop)))
         self._check_threads()
         self.before = self.before.after_imports()
-        gc.collect()
-        gc.freeze()
+        exempt_from_collection()
 
     def observe(self, stop: Stop, start: FloatArray | None = None) -> tuple[list[int], FloatArray, int, int]:
         """Return the iterations of one observed solve from ``start`` and their impulses, one row each.

@@ -251,17 +251,20 @@ def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None
 def test_memory_that_does_not_suffice_for_the_states_is_named_before_the_first_step(
     states: int, kept: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At most twice as many states are kept as requested, and at most one more than steps; writing copies them."""
+    """At most twice as many states are kept as requested, and at most one more than steps; writing copies them.
+
+    The first state is in memory.
+    """
     plan = make_simulation_plan("pile", {"balls": 10}, duration=10.0 * make_scene("pile").step_size, states=states)
     start = plan.scene.start
-    needed = kept * (start.position.nbytes + start.velocity.nbytes)
+    state_bytes = start.position.nbytes + start.velocity.nbytes
 
     def simulate_with(available: int, output: Path | None) -> int:
         monkeypatch.setattr("proxbench.bench.simulation.run.available_bytes", lambda: available)
         return simulate(plan, output).n_steps
 
     file = tmp_path / "a.npz"
-    for least, output in ((needed, None), (2 * needed, file)):
+    for least, output in (((kept - 1) * state_bytes, None), ((2 * kept - 1) * state_bytes, file)):
         with pytest.raises(BenchError, match=rf"{kept} states of pile take at least .* GB are available; keep fewer"):
             simulate_with(least - 1, output)
         assert not file.exists()
