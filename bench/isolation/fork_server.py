@@ -39,8 +39,11 @@ ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", 
 KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMAP")}
 """Environment in which a process keeps freed memory, instead of requesting the same pages again."""
 
-START_SECONDS = 120.0
-"""Wall time limit for loading libraries, compiling kernels that are not cached, and forking [s]."""
+START_SECONDS = 900.0
+"""Wall time limit for loading libraries, compiling kernels that are not cached, and forking [s].
+
+Compilation takes minutes on a slow core. A server that ends is noticed at once.
+"""
 
 _ATTEMPTS = 3
 

@@ -47,7 +47,10 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     """
     supervisor = os.getpid()
     os.setsid()
-    os.write(orders, NUMBER.pack(supervisor))
+    try:
+        os.write(orders, NUMBER.pack(supervisor))
+    except BrokenPipeError:  # the run no longer waits for this case
+        os._exit(0)
     adopt_orphans()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with contextlib.suppress(OSError):  # the case may need no temporary files

@@ -2,9 +2,12 @@
 
 import os
 import signal
+import socket
+from pathlib import Path
 
 import pytest
-from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe
+from proxbench.bench.isolation.child import Assignment
+from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe, keep
 
 
 def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
@@ -24,3 +27,19 @@ def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def test_a_supervisor_whose_run_no_longer_waits_ends_without_a_case(tmp_path: Path) -> None:
+    folder = tmp_path / "case"
+    assignment = Assignment(b"", "", [], 2**28, folder, {})
+    run, orders = socket.socketpair()
+    run.close()
+    process = os.fork()
+    if process == 0:
+        try:
+            keep(0, orders.fileno(), 1, assignment)
+        finally:
+            os._exit(1)
+    assert os.waitpid(process, 0)[1] == 0
+    assert not folder.exists()
+    orders.close()
