@@ -26,11 +26,11 @@ def falling(name: str = "mine", weight: float = 1.0) -> ContactProblem:
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return run(falling(), "SORprox", results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=1e-4)
+    return run(falling(), "SORprox", results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=1e-4, passes=1)
 
 
 def test_single_values_are_as_good_as_lists(finished: Run, tmp_path: Path) -> None:
-    listed = run([falling()], ["SORprox"], results=tmp_path, tolerances=[1e-4])
+    listed = run([falling()], ["SORprox"], results=tmp_path, tolerances=[1e-4], passes=1)
     same = ["problem", "solver", "digest", "outcome"]
     assert listed.cases[same].to_dict() == finished.cases[same].to_dict()
     assert listed.points["residual"].tolist() == finished.points["residual"].tolist()
@@ -75,7 +75,7 @@ def test_limits_are_given_by_name_and_keep_the_others(tmp_path: Path) -> None:
 def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_path: Path) -> None:
     save_problem(falling(), tmp_path / "p.npz")
     for given in (tmp_path / "p.npz", str(tmp_path / "p.npz")):
-        made = run(given, "SORprox", results=tmp_path, run_id=type(given).__name__, tolerances=1e-4)
+        made = run(given, "SORprox", results=tmp_path, run_id=type(given).__name__, tolerances=1e-4, passes=1)
         assert made.cases["digest"].tolist() == finished.cases["digest"].tolist()
         assert made.cases["problem"].tolist() == ["mine"]
 
@@ -83,7 +83,7 @@ def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_pa
 @pytest.mark.slow
 def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path: Path) -> None:
     mine, same = falling(), falling("other name")
-    made = run([mine, same, "hard-no-motion", "funnel-30"], "SORprox", results=tmp_path, tolerances=1e-1)
+    made = run([mine, same, "hard-no-motion", "funnel-30"], "SORprox", results=tmp_path, tolerances=1e-1, passes=1)
     assert [file.name for file in (made.folder / "problems").iterdir()] == [f"{mine.digest}.npz"]
     assert made.info.carried == {"mine": mine.digest, "other name": mine.digest}
     for name in ("mine", "other name", "hard-no-motion"):
@@ -106,7 +106,7 @@ def test_going_on_with_a_finished_run_changes_nothing(tmp_path: Path) -> None:
 def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_them(
     finished: Run, tmp_path: Path
 ) -> None:
-    made = run([falling(), falling("heavy", 2.0)], ["SORprox", "Jprox"], results=tmp_path, tolerances=1e-4)
+    made = run([falling(), falling("heavy", 2.0)], ["SORprox", "Jprox"], results=tmp_path, tolerances=1e-4, passes=1)
     lost = sorted((made.folder / "cases").iterdir())[::2]
     for file in lost:
         file.unlink()
@@ -125,7 +125,7 @@ def test_a_problem_of_a_plugin_needs_the_plugin_no_more(tmp_path: Path) -> None:
         "def point():\n    return ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3)\n"
         "PROBLEMS = {'plugged': point}\n"
     )
-    made = run("plugged", "SORprox", results=tmp_path, tolerances=1e-4, plugins=plugin)
+    made = run("plugged", "SORprox", results=tmp_path, tolerances=1e-4, passes=1, plugins=plugin)
     assert [(use.kind, use.name, use.file) for use in made.info.plugins] == [("problem", "plugged", str(plugin))]
     for file, _ in registered():
         forget(file)
@@ -148,7 +148,7 @@ def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_f
         lambda names: [save_problem(falling(name, 2.0), cache / f"{name}.npz") for name in names],
     )
     save_problem(falling("early"), cache / "early.npz")
-    made = run(["early", "late"], "SORprox", results=tmp_path / "results", tolerances=1e-1)
+    made = run(["early", "late"], "SORprox", results=tmp_path / "results", tolerances=1e-1, passes=1)
     assert made.info.carried == {"early": falling().digest, "late": falling(weight=2.0).digest}
     shutil.rmtree(cache)
     assert made.problem("late").digest == made.info.carried["late"]
@@ -156,7 +156,7 @@ def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_f
 
 @pytest.mark.slow
 def test_a_carried_problem_that_is_damaged_stops_the_run_by_name(tmp_path: Path) -> None:
-    made = run(falling(), "SORprox", results=tmp_path, tolerances=1e-1)
+    made = run(falling(), "SORprox", results=tmp_path, tolerances=1e-1, passes=1)
     (file,) = (made.folder / "problems").iterdir()
     file.write_bytes(file.read_bytes()[:-30])
     with pytest.raises(ProblemError, match=f"{file.name} is damaged"):
@@ -170,7 +170,7 @@ def test_a_name_of_the_library_stands_for_its_numbers_only(name: str, tmp_path: 
     with pytest.raises(BenchError, match=f"the problem '{name}' differs from the problem of that name"):
         run(falling(name), "SORprox", results=tmp_path)
     assert list(tmp_path.iterdir()) == []
-    made = run(load_problem(name).fresh(), "SORprox", results=tmp_path, tolerances=1e-1)
+    made = run(load_problem(name).fresh(), "SORprox", results=tmp_path, tolerances=1e-1, passes=1)
     assert made.info.carried == {}
 
 

@@ -27,7 +27,7 @@ def say(event):
 
 run(
     ["hard-sticking-box", "funnel-30"],
-    ["SORprox", "ClarabelSOCP", "PyramidPGS(sides=8)"],
+    ["SORprox", "ClarabelSOCP"],
     tolerances=[1e-1, 1e-3],
     limits=Limits(solve_seconds=30.0, case_seconds=120.0),
     passes=2,

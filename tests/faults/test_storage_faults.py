@@ -20,7 +20,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from sandbox import Sandbox, Verdicts, verdicts
 
-SMALL = "['hard-sticking-box', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3]"
+SMALL = "['hard-sticking-box', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3], passes=1"
 
 
 @pytest.fixture
@@ -159,7 +159,7 @@ def test_a_clock_that_jumps_changes_no_result(
     monkeypatch.setattr("proxbench.bench.measure.execution.local.datetime", JumpingClock)
     monkeypatch.setattr(time, "time", lambda: JumpingClock.now(UTC).timestamp())
     problems, solvers = ["hard-sticking-box", "funnel-30"], ["SORprox", "ClarabelSOCP"]
-    folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3]).folder
+    folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3], passes=1).folder
     monkeypatch.undo()
     assert verdicts(folder) == verdicts(undisturbed)
     assert load(folder).cases["wall_seconds"].between(0.0, 3600.0).all()

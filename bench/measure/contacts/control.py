@@ -53,6 +53,9 @@ MAX_SOLVES = 9
 MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """Factor and time [s] by which first solves must exceed repeated ones to prove a repeated answer."""
 
+MAX_LOADED_COPIES = 2
+"""Number of copies after which cached kernels are loaded; the first one may compile some, and the next find all."""
+
 N_COPIES = 2
 """Number of copies that a fork solves before a further first solve, so that it has run all the code that one needs."""
 
@@ -197,7 +200,8 @@ class Controls:
             found.append(solve)
             if solve.is_undisturbed and solve.is_explained:
                 break
-            self._load_kernels()
+            if not solve.is_explained and len(found) <= MAX_LOADED_COPIES:
+                self._load_kernels()
         return found
 
     def _copies(self, stop: Stop) -> list[ContactProblem]:

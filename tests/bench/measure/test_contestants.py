@@ -32,7 +32,7 @@ SCRIPT = (
     + """
 print("begun")
 from proxbench.bench import load, run
-folder = run(["hard-groove"], [Mine()], results="results", tolerances=[1e-3])
+folder = run(["hard-groove"], [Mine()], results="results", tolerances=[1e-3], passes=1)
 print(load(folder).cases["outcome"].tolist())
 """
 )
@@ -62,7 +62,7 @@ def test_a_class_of_a_script_or_of_standard_input_is_measured_and_the_script_not
 @pytest.mark.slow
 def test_a_class_of_a_module_that_cases_cannot_import_is_measured(tmp_path: Path) -> None:
     module: Any = module_from(CLASS, "made_in_memory")
-    folder = run(["hard-groove"], [module.Mine()], results=tmp_path, tolerances=[1e-3])
+    folder = run(["hard-groove"], [module.Mine()], results=tmp_path, tolerances=[1e-3], passes=1)
     assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
 
 

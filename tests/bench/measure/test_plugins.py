@@ -92,7 +92,7 @@ def test_a_case_runs_what_was_read_even_if_the_file_is_edited_meanwhile(
     path = written(GOOD)
     use_plugin_files([path])
     path.write_text("raise RuntimeError('edited')")
-    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4])
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], passes=1)
     assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
 
 
@@ -238,7 +238,7 @@ def test_a_solver_that_breaks_the_contract_costs_its_own_case(
     old: str, new: str, outcome: Outcome, words: str, written: Callable[..., Path], tmp_path: Path
 ) -> None:
     path = written(GOOD.replace(old, new))
-    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], passes=1, plugins=[path])
     cases = load(folder).cases.set_index("solver")
     assert cases.loc["SORprox", "outcome"] == Outcome.MEASURED
     assert cases.loc["Filed", "outcome"] == outcome
@@ -251,7 +251,7 @@ def test_a_solver_of_a_file_may_hold_what_cannot_be_pickled(written: Callable[..
         "    relaxation: float = 1.0\n", "    def __post_init__(self): self.__dict__['f'] = lambda: 0\n"
     )
     path = written(text.replace("self.relaxation", "1.0"))
-    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], plugins=[path])
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], passes=1, plugins=[path])
     assert load(folder).cases["outcome"].tolist() == [Outcome.MEASURED]
 
 
@@ -271,7 +271,9 @@ def test_a_problem_that_cannot_be_built_is_named_before_anything_is_measured(
 @pytest.mark.slow
 def test_resume_requires_the_file_and_refuses_another_version(written: Callable[..., Path], tmp_path: Path) -> None:
     path = written(GOOD)
-    folder = run(["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], plugins=[path]).folder
+    folder = run(
+        ["falling-point"], ["Filed", "SORprox"], results=tmp_path, tolerances=[1e-4], passes=1, plugins=[path]
+    ).folder
     recorded = load(folder).info.plugins
     assert {(use.kind, use.name) for use in recorded} == {("solver", "Filed"), ("problem", "falling-point")}
     assert {use.file for use in recorded} == {str(path)}
@@ -301,7 +303,7 @@ def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(GOOD)
-    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], plugins=[path]).folder
+    folder = run(["falling-point"], ["Filed"], results=tmp_path, tolerances=[1e-4], passes=1, plugins=[path]).folder
     for file, _ in registered():
         forget(file)
     assert run_command(["run", "--resume", str(folder)]) == 2

@@ -102,7 +102,9 @@ def test_run_json_describes_the_machine_and_the_core_of_its_session(finished_run
 
 def test_resume_measures_the_missing_and_the_damaged_and_keeps_the_rest(tmp_path: Path) -> None:
     solvers = ["SORprox", "Jprox"]
-    folder = run(["hard-tresca-joint", "hard-no-motion"], solvers, results=tmp_path, tolerances=[1e-2, 1e-4]).folder
+    folder = run(
+        ["hard-tresca-joint", "hard-no-motion"], solvers, results=tmp_path, tolerances=[1e-2, 1e-4], passes=1
+    ).folder
     files = sorted((folder / "cases").iterdir())
     kept = {(case.problem, case.solver): case for case in Store.open(folder).read_cases()[0]}
     files[0].unlink()
@@ -135,7 +137,7 @@ def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Pat
 @pytest.mark.slow
 def test_a_problem_and_a_solver_can_be_objects(tmp_path: Path) -> None:
     problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
-    folder = run([problem], [create("SORprox"), Misbehaving("exit")], results=tmp_path, tolerances=[1e-6])
+    folder = run([problem], [create("SORprox"), Misbehaving("exit")], results=tmp_path, tolerances=[1e-6], passes=1)
     cases = load(folder).cases
     assert cases["problem"].tolist() == ["mine", "mine"]
     assert cases["outcome"].tolist() == [Outcome.MEASURED, Outcome.CRASHED]
@@ -219,8 +221,9 @@ def test_a_script_without_a_main_guard_is_run_once(tmp_path: Path) -> None:
     script.write_text(
         "from proxbench.bench import load, run\n"
         "print('begin')\n"
-        f"folder = run(['hard-no-motion'], ['SORprox', 'Jprox'], results={str(tmp_path)!r}, tolerances=[1e-2])\n"
-        "print(load(folder).cases['outcome'].tolist())\n"
+        f"results = {str(tmp_path)!r}\n"
+        "made = run(['hard-no-motion'], ['SORprox', 'Jprox'], results=results, tolerances=[1e-2], passes=1)\n"
+        "print(load(made.folder).cases['outcome'].tolist())\n"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=True, timeout=600)
     assert done.stdout.splitlines() == ["begin", "['measured', 'measured']"]

@@ -145,7 +145,7 @@ def test_a_run_measures_libraries_and_programs_and_counts_lies(
     names = [f"Shared('{sweeps}')", name_of(faulty, "lie"), name_of(faulty, "hang"), name_of(faulty, "crash")]
     names += [name_of(program, ""), name_of(program, "hang"), f"Executable('{own}')"]
     limits = Limits(solve_seconds=2.0, case_seconds=6.0)
-    run([PROBLEM], names, results=str(tmp_path), run_id="it", tolerances=[1e-2], limits=limits)
+    run([PROBLEM], names, results=str(tmp_path), run_id="it", tolerances=[1e-2], passes=1, limits=limits)
     cases = load_run(tmp_path / "it").cases.set_index("solver")["outcome"].to_dict()
     points = load_run(tmp_path / "it").points.set_index("solver")["outcome"].to_dict()
     assert points[names[0]] == points[names[6]] == "solved"

@@ -145,13 +145,14 @@ def test_contacts_open_where_a_stack_overlaps_by_less_than_its_tolerance_allows(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "heavy_on_top"), [(1e3, False), (1e6, True)])
-def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top: bool) -> None:
-    scene = BoxStack(10, ratio, heavy_on_top)
-    moreau = MidpointRule(scene.system(), create("Robust"), Stop(1e-8, 20_000, np.inf), 1e-3)
-    for step in moreau.steps(scene.start(), 10_000):
+@pytest.mark.parametrize(("ratio", "heavy_on_top", "time_step"), [(1e3, False, 1e-3), (1e6, True, 1e-2)])
+def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top: bool, time_step: float) -> None:
+    """The uppermost box drifts by at most n τ g Δt T; solutions of ``Robust`` are ten times as accurate."""
+    scene, tolerance, seconds = BoxStack(10, ratio, heavy_on_top), 1e-8, 10.0
+    moreau = MidpointRule(scene.system(), create("Robust"), Stop(tolerance, 20_000, np.inf), time_step)
+    for step in moreau.steps(scene.start(), round(seconds / time_step)):
         assert step.status is Status.SOLVED
-        assert scene.drift(step.state) <= 1e-9
+        assert scene.drift(step.state) <= 0.1 * scene.n_boxes * tolerance * 9.81 * time_step * seconds
 
 
 @pytest.mark.parametrize(
