@@ -36,6 +36,7 @@ def test_every_plugin_of_the_folder_is_tested() -> None:
     assert set(PLUGINS.values()) == set(FOLDER.glob("*.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PLUGINS)
 def test_a_run_measures_the_plugin(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.chdir(tmp_path)

@@ -20,6 +20,7 @@ def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
     assert FALLEN < motion.largest < 10.0 * FALLEN
 
 
+@pytest.mark.slow
 def test_the_least_thickness_in_motion_is_that_of_the_equilibrium() -> None:
     assert least_thickness(7) == pytest.approx(0.09570, abs=1e-5)
     assert thickness_ratio(7, "Robust", to_tolerance(1e-6), 1e-2) == pytest.approx(1.0, abs=3e-4)

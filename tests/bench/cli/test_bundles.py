@@ -44,6 +44,7 @@ def test_shards_travel_and_become_one_run(
     assert run_command(["report", "results/whole", "--no-charts"]) == 0
 
 
+@pytest.mark.slow
 def test_a_missing_shard_is_said_beside_what_there_is(
     shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -53,6 +54,7 @@ def test_a_missing_shard_is_said_beside_what_there_is(
     assert "proxbench: shard 1/2 is missing." in printed.err
 
 
+@pytest.mark.slow
 def test_a_case_that_lies_is_named_and_the_exit_code_is_1(
     shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -100,6 +100,7 @@ def test_run_json_describes_the_machine_and_the_core_of_its_session(finished_run
     assert session.started <= session.finished
 
 
+@pytest.mark.slow
 def test_resume_measures_the_missing_and_the_damaged_and_keeps_the_rest(tmp_path: Path) -> None:
     solvers = ["SORprox", "Jprox"]
     folder = run(

@@ -53,6 +53,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, events: list[Event]) -> Run:
     )
 
 
+@pytest.mark.slow
 def test_every_solved_point_has_a_round_in_every_pass(made: Run) -> None:
     solved = made.points.query("outcome == 'solved'")
     assert len(solved) >= 7

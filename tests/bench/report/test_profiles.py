@@ -302,6 +302,7 @@ def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residu
     pd.testing.assert_frame_equal(residual_matrix(one), residual_matrix(frames))
 
 
+@pytest.mark.slow
 def test_a_run_of_excluded_times_alone_has_a_report(finished_run: Path, tmp_path: Path) -> None:
     copied = tmp_path / "run"
     shutil.copytree(finished_run, copied)

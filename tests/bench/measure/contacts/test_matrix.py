@@ -125,6 +125,7 @@ def test_a_solver_that_crashes_costs_its_own_cell() -> None:
     assert "crashed" in matrix_page(found, 1e-6, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("action", ["sleep", "prepare for ever"])
 def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str) -> None:
     ended: list[float] = []

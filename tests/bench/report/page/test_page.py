@@ -193,6 +193,7 @@ def axis_titles(browser: Chromium, chart: str) -> list[str]:
     )
 
 
+@pytest.mark.slow
 def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_run: Path, tmp_path: Path) -> None:
     frames, file = load(finished_run), tmp_path / "report.html"
     is_declined = (frames.cases["problem"] == "funnel-30") & (frames.cases["solver"] == "ClarabelSOCP")
@@ -249,6 +250,7 @@ def test_an_address_opens_a_case_with_all_that_is_known_of_it(browser: Chromium,
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_the_address_keeps_filters_by_their_names(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     uncheck(browser, ["Lemke", "hard: rods"])
@@ -270,6 +272,7 @@ def test_the_address_keeps_filters_by_their_names(browser: Chromium, reference: 
     assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_unsupported_cases_are_apart_from_failures(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     cases = load(REFERENCE).cases
@@ -281,6 +284,7 @@ def test_unsupported_cases_are_apart_from_failures(browser: Chromium, reference:
     assert set(found["solver"]) == set(unsupported["solver"])
 
 
+@pytest.mark.slow
 def test_colours_follow_the_theme_and_paper_is_white(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     script = "(({ backgroundColor, color }) => [backgroundColor, color])(getComputedStyle(document.body))"
@@ -295,6 +299,7 @@ def test_colours_follow_the_theme_and_paper_is_white(browser: Chromium, referenc
     browser.call("Emulation.setEmulatedMedia", media="screen", features=[])
 
 
+@pytest.mark.slow
 def test_a_narrow_window_shows_a_cue_where_columns_are_out_of_sight(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     cut = "new Promise((done) => setTimeout(done, 300)).then(() => document.querySelectorAll('.frame.cut').length)"

@@ -37,6 +37,7 @@ def heights(found: list[Step]) -> np.ndarray[Any, Any]:
     return np.array([step.state.position[2] for step in found])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_pendulum_rebounds_from_its_limit_to_the_height_that_restitution_leaves(restitution: float) -> None:
     """From θ₀ it hits a limit at 0 with ω² ~ 1 − cos θ₀, and returns to 1 − cos θ₁ = ε² (1 − cos θ₀)."""
@@ -66,6 +67,7 @@ def test_a_slider_falls_against_its_stop_and_rests_there() -> None:
     assert np.abs(last.state.velocity).max() <= 1e-12
 
 
+@pytest.mark.slow
 def test_a_slider_bounces_between_two_stops_with_the_velocity_that_restitution_leaves() -> None:
     """Between stops 0.2 m apart it takes 0.2/v, 0.2/(εv), … without gravity."""
     joint = Joint("prismatic", 0, axis=(1.0, 0.0, 0.0), limits=(-0.1, 0.1), restitution=0.5)
