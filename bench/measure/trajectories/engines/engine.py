@@ -143,7 +143,7 @@ def version_of(name: str) -> str:
     except metadata.PackageNotFoundError:
         raise BenchError(f"the engine {name} is not installed; {remedy}.") from None
     if kind.tried and not version.startswith(f"{kind.tried}."):
-        raise BenchError(f"the engine {name} {version} is untried, {kind.tried}.x is supported; {remedy}.")
+        raise BenchError(f"the engine {name} {version} is not supported, only {kind.tried}.x is; {remedy}.")
     return version
 
 

@@ -58,7 +58,7 @@ def _incline(name: str, slope: float) -> Description:
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE))
     gravity = (STANDARD_GRAVITY * float(np.sin(angle)), 0.0, -STANDARD_GRAVITY * float(np.cos(angle)))
     slides = slope > SLIDING_FRICTION
-    errors = ("way [%]" if slides else "drift [mm]", "lift [mm]")
+    errors = ("distance [%]" if slides else "drift [mm]", "lift [mm]")
     measure = _measure_slide if slides else _measure_drift
     options = {"slope": float(angle)}
     return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, "box_on_incline", options, gravity=gravity)
