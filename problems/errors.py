@@ -5,10 +5,10 @@ from difflib import get_close_matches
 
 
 class ProxbenchError(Exception):
-    """A user error; its text says what is wrong, where, and what to do.
+    """A user error, whose message states what is wrong, where, and what to do.
 
-    It names options as in Python, between backticks: ```run_id```, ```force=True```. The command line prints
-    ``--run-id`` and ``--force`` instead.
+    The message names options as in Python, between backticks: ```run_id```, ```force=True```. The command line replaces
+    them by ``--run-id`` and ``--force``.
     """
 
 
@@ -35,7 +35,10 @@ PROBLEMS_LISTED = "proxbench list problems --suite all"
 
 
 def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
-    """Return ``"; did you mean 'X'?"`` for the known name closest to ``name``, or the known names if there are few.
+    """Return a clause that suggests a valid name, to be appended to an error message.
+
+    It is ``"; did you mean 'X'?"`` for the known name most similar to ``name``. Otherwise it lists the known names if
+    there are few, or states their number.
 
     Args:
         name: the name given.

@@ -1,4 +1,4 @@
-"""Checks that a plugin's solver implements the interface; each fault is a sentence for its author.
+"""Checks that a plugin's solver implements the interface; each fault is described in a sentence for its author.
 
 Only the form is checked: members, signatures, names, and the types of return values. The conformance tests check the
 behaviour.
@@ -20,21 +20,21 @@ _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 _SOLVE = "solve(stop, start=None, observe=None)"
 
 MAX_ITERATIONS = 2**53
-"""Largest accepted number of iterations; tables that hold it as a float keep it exact."""
+"""Largest accepted number of iterations, up to which floating-point columns of tables are exact."""
 
 
 def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -> Solver:
     """Create a solver from a plugin's class and ``options``, and check that it implements the interface.
 
     Args:
-        name: the plain name that the plugin offers.
+        name: the name of the solver without options, as the plugin registers it.
         source: the name of the plugin in messages.
         factory: the class, or a function of the options.
         options: keyword arguments of the factory.
 
     Raises:
         PluginError: if it does not implement the interface.
-        ProxbenchError: from the class itself, for an option out of range.
+        ProxbenchError: if the class raises it, for example for an option out of range.
     """
     head = f"solver {name} of {source}"
     check_factory(name, source, factory)
@@ -141,7 +141,7 @@ def type_fault(solution: Any) -> str | None:
 
 
 def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: dict[str, Any]) -> str | None:
-    """Return why a solver's name does not recreate it, or None; stored results identify solvers by their names."""
+    """Return why the solver cannot be recreated from its name, or None; results identify solvers by their names."""
     plain, _, written_options = solver.name.partition("(")
     if plain != name:
         return f"it calls itself {solver.name!r}; its name must begin with {name!r}, the name that the plugin offers"

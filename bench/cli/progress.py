@@ -28,7 +28,7 @@ LOADING = "loading kernels; compiling them at the first use takes about a minute
 """Description of a run until the first solver starts."""
 
 ESTIMATE_SECONDS = 3600.0
-"""Length of the past period from which the remaining time is estimated [s]; a point of a study takes minutes."""
+"""Past period from which the remaining time is estimated [s], long because a point of a study takes minutes."""
 
 
 class ProgressBar(Progress):
@@ -53,7 +53,7 @@ class ProgressBar(Progress):
         self._task = self.add_task("starting", total=None)
 
     def count(self, done: int, total: int | None = None) -> None:
-        """Show the finished number, and the total if given."""
+        """Show the number of finished items, and the total number if given."""
         self.update(self._task, completed=done, total=total)
 
     def count_one(self) -> None:
@@ -61,7 +61,7 @@ class ProgressBar(Progress):
         self.advance(self._task)
 
     def name(self, text: str, again: bool = False) -> None:
-        """Show the name of the current work; with ``again``, print no plain line for it."""
+        """Show the name of the current work. With ``again``, print no line for it if there is no terminal."""
         self.update(self._task, description=text)
         if not (again or self.console.is_terminal):
             self.note(f"measuring {text}")

@@ -27,7 +27,7 @@ MEMORY_BYTES = 2**31
 RESULTS = ("passed", "failed", "not applicable")
 
 OnCheck = Callable[[str, int, int], None]
-"""Called before each check with the names of subject and check, and the numbers of finished and of all its checks."""
+"""Called before each check with ``"SUBJECT: CHECK"``, the number of finished checks, and the number of all checks."""
 
 
 def run_checks(
@@ -37,15 +37,16 @@ def run_checks(
 
     Args:
         target: a name, with or without options, or the path of a plugin file.
-        seconds: time limit of one test [s].
+        seconds: time limit of one check [s].
         on_check: called before every check, to show the progress.
 
     Returns:
-        For each solver or problem: kind, name, source, passed, and checks, each with check, promise, result ("passed",
-        "failed", "not applicable"), sentence and seconds.
+        For each solver or problem, a dict of kind, name, source, passed and checks. Each of its checks is a dict of
+        check, promise, result ("passed", "failed" or "not applicable"), sentence and seconds.
 
     Raises:
-        ProxbenchError: for an unknown name, or a plugin without solvers and problems.
+        ProxbenchError: for an unknown name, a time limit that is not positive, or a plugin without solvers and
+            problems.
     """
     if not seconds > 0:
         raise BenchError(f"the time limit of a check must be positive, got {seconds:g} s.")
@@ -95,7 +96,7 @@ def _subjects_of_file(file: PluginFile, seconds: float) -> list[dict[str, str]]:
     use_plugin_files([file.path], seconds)
     offers = [offer for offer in (*plugin_solvers(), *plugin_problems()) if offer.file == file]
     if not offers:
-        raise BenchError(f"{file.source} provides only scenes, which are not checked; try: proxbench simulate.")
+        raise BenchError(f"{file.source} provides only scenes, which are not checked; run `proxbench simulate`.")
     return [{"kind": offer.kind, "name": offer.name, "source": offer.source} for offer in offers]
 
 
@@ -124,7 +125,7 @@ def _check_subject(worker: RenewedWorker, subject: dict[str, str], on_check: OnC
         try:
             answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)
         except Fault as fault:
-            late = f"it did not end within {worker.seconds:g} s."
+            late = f"it did not finish within {worker.seconds:g} s."
             sentence = late if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
             answer = {"result": "failed", "sentence": sentence}
         seconds = round(time.perf_counter() - began, 3)

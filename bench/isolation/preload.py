@@ -1,11 +1,11 @@
-"""Modules that the fork server imports once: they load libraries and compile built-in kernels.
+"""Module that the fork server imports once, to load libraries and compile the built-in kernels.
 
 A forked case then starts in milliseconds instead of importing and compiling everything again.
 """
 
 import io
 
-import scipy.sparse.csgraph  # noqa: F401  solvers import this and scipy.sparse.linalg where they need them
+import scipy.sparse.csgraph  # noqa: F401  solvers import it and scipy.sparse.linalg late
 
 from ...problems.contact.solver import Stop
 from ...problems.exchange.catalog import load
@@ -17,11 +17,11 @@ from .process_state import exempt_from_collection
 __all__ = ["supervisor"]
 
 PROBLEMS = ("hard-no-motion", "hard-sticking-box", "woodpecker-beak-impact", "hard-counterexample", "hard-mixed-laws")
-"""Small problems without friction, spatial, planar, with G only, and with laws of several kinds."""
+"""Small problems: frictionless, spatial, planar, with G instead of its factors, and with several kinds of laws."""
 
 
 def _touch_kernels() -> None:
-    """Solve these problems with each built-in solver, so that most kernels are in memory."""
+    """Solve ``PROBLEMS`` with each built-in solver, to compile most kernels or load them from the cache."""
     for name in PROBLEMS:
         problem = read_problem(io.BytesIO(problem_bytes(load(name).anonymous())), name)
         for solver_name, module in BUILT_IN.items():
@@ -33,4 +33,4 @@ def _touch_kernels() -> None:
 
 
 _touch_kernels()
-exempt_from_collection()  # a garbage collection in a case would copy the pages of all objects
+exempt_from_collection()  # a garbage collection in a forked case would copy the memory pages of all objects

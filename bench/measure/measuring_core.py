@@ -5,8 +5,8 @@ system moves other programs elsewhere, and another run on the same machine claim
 show whether other programs disturbed a round of solves:
 
 * context switches and processor seconds of the solves (``Round`` in ``store/records.py``);
-* a *probe*: before and after each round this process, which runs no code of a plugin, times a fixed piece of work on
-  the same core. It is slower if another hardware thread shares the core, or if the clock rate drops;
+* a *probe*: before and after each round this process, which runs no code of a plugin, times a fixed computation on
+  the same core, which takes longer if another hardware thread shares the core, or if the clock rate drops;
 * the load of the *other* cores, which are idle if only this run works.
 
 A disturbed round is excluded and measured again. Measured times are never corrected.
@@ -38,7 +38,7 @@ FIRST_PROBES = 40
 """Number of probes before the first round, which determine the reference."""
 
 CLAIM = "proxbench-core"
-"""Prefix of the names of claims."""
+"""Prefix of the names of the sockets that claim cores."""
 
 REFERENCE_SHARE = 0.25
 """Quantile of all probes that is the reference; it is unaffected if the core is shared for half of the time."""
@@ -107,14 +107,14 @@ class MeasuringCore:
         return set(others) if self.number is None else {self.number, *others}
 
     def pin(self, process: int, count: int = 1) -> None:
-        """Pin all threads of a process and its descendants to ``count`` cores, again while others start."""
+        """Pin all threads of a process and its descendants to ``count`` cores; repeat while new ones start."""
         if self.number is None:
             return
         cores = self.cores(count)
         for _ in range(MAX_PINNING):
             processes = (process, *descendants(process))
             for thread in [thread for one in processes for thread in threads(one)]:
-                with contextlib.suppress(OSError):  # a thread that has ended
+                with contextlib.suppress(OSError):  # the thread has ended
                     os.sched_setaffinity(thread, cores)
             if all(self.holds(one, count) for one in processes):
                 return
@@ -130,7 +130,7 @@ class MeasuringCore:
             return True
 
     def probe(self) -> float:
-        """Return the wall time of a fixed piece of work [s]: the second of two, with warm caches."""
+        """Return the wall time of a fixed computation [s], the second of two, with warm caches."""
         self._work()
         self.probes.append(self._work())
         return self.probes[-1]

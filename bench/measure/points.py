@@ -17,7 +17,7 @@ _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
-    """Return the points of a case without impulses, except for the finest measured one."""
+    """Return the points of a case, of which only the finest measured point keeps its impulses."""
     finest = max((level for level, point in enumerate(points) if point.measured is not None), default=-1)
     return [
         point
@@ -28,9 +28,9 @@ def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
 
 
 def joined(before: Point, now: Point) -> Point:
-    """Return a point with the rounds of both, the worse outcome with its reason, and the worse answer.
+    """Return a point with the rounds of two passes, the worse outcome with its reason, and the worse answer.
 
-    A time limit that was reached in excluded rounds alone is ignored if another round is not excluded.
+    A time limit that only excluded rounds reached is ignored if another round is not excluded.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
@@ -67,7 +67,7 @@ def _joined(before: Measured, now: Measured) -> Measured:
 
 
 def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
-    """Return times and repeats of a point from its rounds; excluded rounds count only if all are excluded."""
+    """Return the fields of a point that follow from its rounds; times use excluded rounds only if all are excluded."""
     kept = [one for one in rounds if not one.excluded] or rounds
     columns = {
         "prepare_seconds": [one.prepare_seconds for one in kept],
@@ -83,6 +83,6 @@ def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
 
 
 def quartiles(values: FloatArray) -> Quartiles:
-    """Return minimum, quartiles and median of times [s]."""
+    """Return the minimum, the quartiles and the median of times [s], shape (n,)."""
     low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
     return Quartiles(min=low, q1=first, median=median, q3=third)

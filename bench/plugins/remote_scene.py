@@ -1,9 +1,9 @@
 """A scene in a separate process, with the ``Scene`` interface.
 
 The process describes the scene, and evaluates single states: energies and observables, and the contacts that a
-recording draws. Another process takes the steps of a simulation, see ``simulation.remote_steps``. The scene may raise,
-hang, crash or exhaust memory without harm to this process. A request without an answer raises ``FailedSceneError``, and
-the next request starts a new process.
+recording draws. Another process takes the steps of a simulation, see ``simulation.remote_steps``. If the scene raises
+an exception, hangs, crashes or exhausts memory, this process is not affected. A request without an answer raises
+``FailedSceneError``, and the next request starts a new process.
 """
 
 from collections.abc import Callable, Mapping
@@ -109,14 +109,14 @@ class RemoteSystem(RenewedWorker):
         )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        """Return q after ``seconds`` at the velocity u."""
+        """Return q after a motion of ``seconds`` [s] with the velocity u."""
         shape = position.shape
         return self._arrays(
             lambda arrays: checked_array(arrays["position"], shape), "move", position, velocity, seconds
         )
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Linearise at q_M."""
+        """Return the quantities of a step at the midpoint q_M, as ``System.assemble`` does."""
 
         def read(arrays: Arrays) -> StepAssembly:
             free_motion = finite_numbers(arrays["free_motion"], velocity.shape)

@@ -37,7 +37,7 @@ class RecordingFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._temporary.touch(exist_ok=False)
         except OSError as error:
-            raise UnwritableError(f"cannot write {path}: {error.strerror}; choose another place.") from None
+            raise UnwritableError(f"cannot write {path}: {error.strerror}; choose another folder.") from None
 
     def begin(self, kind: str, title: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
         """Open the stream and return it.
@@ -58,7 +58,9 @@ class RecordingFile:
     def __enter__(self) -> "RecordingFile":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
         try:
             if self._stream is not None:
                 self._stream.flush()
@@ -78,7 +80,7 @@ def write_curve(
     at: Sequence[rr.TimeColumn],
     values: ArrayLike,
 ) -> None:
-    """Log a curve with its style: ``values`` at the times ``at``."""
+    """Write a curve to the recording: its style, and ``values`` at the times ``at``, shape (n_times,)."""
     stream.log(path, rr.SeriesLines(colors=[colour], names=[label], widths=[2.0]), static=True)
     stream.send_columns(path, at, rr.Scalars.columns(scalars=values))
 
@@ -86,7 +88,8 @@ def write_curve(
 def refuse_bad_path(path: Path, force: bool) -> None:
     """Raise ``BenchError`` if a recording cannot be written to ``path``.
 
-    The path must end in ``.rrd``. It may exist only with ``force``, and must not link out of its folder.
+    The path must end in ``.rrd``. An existing file needs ``force``, and the path must not be a link that leaves its
+    folder.
     """
     refuse_links_out(path, path.parent)
     if path.suffix != SUFFIX:

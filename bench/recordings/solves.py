@@ -28,7 +28,7 @@ from .file import SUFFIX, RecordingFile, write_curve
 from .traces import Trace, trace_solve
 
 MIN_RESIDUAL = 1e-16
-"""Lower bound of curves, which are logarithms."""
+"""Lower bound of the values of curves, because these are shown as logarithms."""
 
 MAX_GROWTH = 1e2
 """Bound of the curves of diverging solvers, relative to the largest initial value of any solver."""
@@ -94,9 +94,9 @@ def record_solves(
 ) -> RecordedSolves:
     """Solve ``problem`` with each solver from zero, and write the iterations as a recording.
 
-    Curves contain the first thousand iterations, arrows the first twenty, followed by a geometric sequence and the last
-    iterate. If a solver raises, or does not support the problem, the recording and its trace report this; the other
-    solvers are still recorded.
+    Curves contain the first thousand iterations, and arrows the first twenty. Both continue with a geometric sequence
+    of iterations and the last one. If a solver raises an exception, or does not support the problem, the recording and
+    its trace report this; the other solvers are still recorded.
 
     Args:
         problem: the contact problem.
@@ -107,8 +107,8 @@ def record_solves(
         places: places of the contacts; computed by ``find_places`` if None.
 
     Raises:
-        BenchError: before solving, without solvers or contacts, for places of other contacts, or if the file exists,
-            does not end in ``.rrd``, or cannot be written.
+        BenchError: before solving, if there are no solvers or contacts, ``places`` belong to other contacts, or the
+            file exists (without ``force``), does not end in ``.rrd``, or cannot be written.
     """
     if not solvers:
         raise BenchError("name at least one solver to record.")
@@ -148,7 +148,7 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     Cases that timed out, crashed or misbehaved in the run are omitted. Recordings of an earlier call are replaced.
 
     Raises:
-        BenchError: if the folder is not a run, cannot be written, or its recordings are a link out of it.
+        BenchError: if the folder is not a run, cannot be written, or its recordings are a link that leaves it.
         SolverError: for a solver object that cannot be created from its name.
         ProblemError: for a damaged problem of the run.
     """

@@ -1,4 +1,4 @@
-"""Time and number of problems to reach an accuracy, on one problem and over all problems of a run."""
+"""Times to reach an accuracy, and numbers of solved problems, for one problem and over all problems of a run."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,14 +19,14 @@ SUMMARY_ACCURACIES = (1e-4, 1e-6)
 """Judged residuals of the summary."""
 
 SHIFT_SECONDS = 1e-3
-"""Shift of the geometric mean, which limits the weight of tiny problems."""
+"""Shift of the geometric mean [s], which limits the weight of problems that are solved in less."""
 
 
 def accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals for which the tables of a run give times, from coarse to fine.
 
     These are the tolerances of the run if they are at most as many as ``ACCURACIES``. Otherwise they are those of
-    ``ACCURACIES`` that its tolerances reach, because finer ones would count as failures.
+    ``ACCURACIES`` that are not finer than the finest tolerance, because finer ones would count as failures.
     """
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
@@ -58,7 +58,7 @@ def accuracy_tag(accuracy: float) -> str:
 
 
 def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: float = np.inf) -> pd.DataFrame:
-    """Return the least median time [s] of the points of a case that reach an accuracy; NaN if none does.
+    """Return the least median time [s] in which each case reaches each accuracy; NaN if it does not.
 
     Rows are cases that reach any accuracy, by problem and solver; columns are accuracies.
 
@@ -77,7 +77,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
 
 
 def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases whose time to an accuracy has only excluded rounds.
+    """Return problem and solver of the cases for whose time to an accuracy all rounds are excluded.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
@@ -93,8 +93,8 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
     """Return the standing of each solver on each problem at each of ``accuracies``, with intervals of the ratios.
 
-    A solver is compared with those that compute in as many threads; if no other does, its standing is "alone".
-    Columns: problem, accuracy, and those of ``standings``. A run over trajectories has no such table.
+    A solver is compared with those that use the same number of threads; if there are none, its standing is "alone".
+    Columns: problem, accuracy, and those of ``standings``. The table of a run over trajectories is empty.
     """
     points, rounds, limit = frames.points, frames.rounds, frames.info.plan.limits.solve_seconds
     found = []
@@ -111,14 +111,14 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
-    """Return the solvers of a run by the number of threads in which they compute, in ascending order."""
+    """Return the solvers of a run by their number of threads, in ascending order."""
     solvers = frames.cases.drop_duplicates("solver")
     counts = sorted(map(int, solvers["threads"].unique()))
     return {count: list(solvers["solver"][solvers["threads"] == count]) for count in counts}
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:
-    """Return the times with only excluded rounds: problem, solver, accuracy and standing."""
+    """Return the times of which all rounds are excluded: problem, solver, accuracy and standing."""
     limit = frames.info.plan.limits.solve_seconds
     rows = [
         (problem, solver, accuracy, EXCLUDED)
@@ -129,7 +129,7 @@ def excluded_times(frames: RunFrames) -> pd.DataFrame:
 
 
 def mean_time(times: FloatArray, limit: float) -> float:
-    """Return the shifted geometric mean of times [s], with missing (NaN) and longer ones replaced by ``limit`` [s].
+    """Return the shifted geometric mean of times [s], with NaN and times above ``limit`` [s] replaced by it.
 
     It is NaN without times.
     """
@@ -140,7 +140,7 @@ def mean_time(times: FloatArray, limit: float) -> float:
 
 
 def counted_cases(frames: RunFrames) -> pd.DataFrame:
-    """Return the cases that tables count: supported ones with a complete ladder."""
+    """Return the cases that tables count: supported ones whose ladder of tolerances is complete."""
     cases: pd.DataFrame = frames.cases[(frames.cases["outcome"] != Outcome.UNSUPPORTED) & frames.cases["is_tried"]]
     return cases
 
@@ -155,8 +155,8 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     """Return one row per solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
     Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
-    solver claims it), common (whether all solvers of the table support the problem), excluded (whether the time has
-    only excluded rounds), compared (whether the problem is common, and no solver's time is excluded).
+    solver claims it), common (whether all solvers of the table support the problem), excluded (whether all rounds of
+    the time are excluded), compared (whether the problem is common, and no solver's time is excluded).
     """
     cases = counted_cases(frames)
     common = common_problems(cases)
@@ -193,8 +193,9 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     ``summary_accuracies``: the share of its problems that the solver claims to solve (success), the share that the
     judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a solve.
     The means are over the common problems (mean_time; NaN without any), and over all its own (own_mean_time), which is
-    not comparable between solvers. The numbers of problems in both means (mean_problems, own_problems) and of wrong
-    claims follow. Means ignore excluded times; a common problem with one is omitted for all solvers.
+    not comparable between solvers. Further columns are the numbers of problems in both means (mean_problems,
+    own_problems) and of wrong claims (wrong). Means ignore excluded times; a common problem with one is
+    omitted for all solvers.
     """
     shown = summary_accuracies(frames)
     tried = attempts(frames, shown)
@@ -236,12 +237,13 @@ def families_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def starts_table(frames: RunFrames) -> pd.DataFrame:
-    """Return what a warm start is worth: one row for each family, solver and tolerance of solves from zero and warm.
+    """Return the effect of warm starts, one row for each family, solver and tolerance.
 
-    Columns: family, solver, tolerance; problems (with a step before them), and how many of them are solved from zero
-    (cold_solved) and warm (warm_solved); over those solved both ways, the mean iterations (cold_iterations,
-    warm_iterations), over those of them whose times count (timed), the geometric mean times [s] (cold_seconds,
-    warm_seconds), the ratio of the two (gain), and how many are slower warm by ``MARGIN`` or more (slower).
+    Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
+    solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
+    over those solved in both ways. Those of them without excluded times (timed) have geometric mean times [s]
+    (cold_seconds, warm_seconds), their ratio (gain), and the number that a warm start slows down by ``MARGIN`` or more
+    (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points
@@ -298,11 +300,12 @@ def _compare_starts(pairs: pd.DataFrame) -> dict[str, float]:
 def problems_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row per problem: the number of solvers that reach each accuracy, and the fastest one.
 
-    Only solvers of the fewest threads in the run are compared by their times.
+    Times are compared only between the solvers with the fewest threads.
 
     Columns: problem, family, n_contacts, n_rows, solvers (with a counted case); for each accuracy the number of solvers
     that reach it (``solved_1e-04``), the fastest of them (``fastest_1e-04``, empty if none, or if a time is excluded)
-    and its time [s] (``time_1e-04``); the least judged residual without wrong claims, and its solver (best).
+    and its time [s] (``time_1e-04``); the least judged residual, ignoring wrong claims (residual), and its solver
+    (best).
     """
     table = frames.cases.drop_duplicates("problem")[["problem", "family", "n_contacts", "n_rows"]].reset_index(
         drop=True
@@ -342,7 +345,7 @@ def compares_all(summary: pd.DataFrame) -> bool:
 
 
 def shown_means(summary: pd.DataFrame) -> dict[str, str]:
-    """Return the heads of the informative means of a summary, with the prefixes of their keys."""
+    """Return the headings of the means that a summary shows, with the prefixes of their columns."""
     if compares_all(summary):
         return {"mean": "mean_time"}
     common = int(summary["common"].max())

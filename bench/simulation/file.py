@@ -44,13 +44,13 @@ ABOUT = "about"
 """The name of the JSON among the arrays."""
 
 KIND = "proxbench simulation"
-"""The kind of file, as stored in it."""
+"""Kind of the file, stored in its description."""
 
 FORMAT = 6
-"""Version of the content."""
+"""Version of the format."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
-"""Exceptions raised on reading foreign content."""
+"""Exceptions that reading files of unknown origin may raise."""
 
 
 class SimulationRecord(Record, frozen=True, kw_only=True):
@@ -83,7 +83,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     """Write ``simulation`` to a file as a whole or not at all.
 
     Raises:
-        BenchError: if the file cannot be written, or is a link out of its folder.
+        BenchError: if the file cannot be written, or is a link that leaves its folder.
     """
     simulation.kept_states.offer(simulation.state)  # an interruption may have occurred between a step and this line
     plan = simulation.plan

@@ -37,15 +37,15 @@ class Segment(Record, frozen=True, kw_only=True):
 
 
 def planned_segment(plan: SimulationPlan, first: int) -> Segment:
-    """Return the segment that begins at index ``first`` under the settings of ``plan``."""
+    """Return the segment that begins at index ``first`` with the settings of ``plan``."""
     record = structs.asdict(plan.record)
     return Segment(first=first, **{name: record[name] for name in Segment.__struct_fields__ if name != "first"})
 
 
 def extended(segments: tuple[Segment, ...], plan: SimulationPlan, first: int) -> tuple[Segment, ...]:
-    """Return ``segments`` with the step of index ``first``, which has the settings of ``plan``.
+    """Return ``segments`` extended by the step of index ``first``, which has the settings of ``plan``.
 
-    A segment is added only if the settings differ from those of the last segment.
+    A new segment begins only if the settings differ from those of the last segment.
     """
     new = planned_segment(plan, first)
     is_same = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
@@ -81,7 +81,7 @@ class Failure(Record, frozen=True, kw_only=True):
 
     @property
     def description(self) -> str:
-        """The step, its time, the solver and the reason, as a clause."""
+        """The step, its time, the solver and the reason, without a full stop."""
         # reasons reported by isolated solvers begin with the name of the solver
         reason = self.reason.removeprefix(f"{self.solver}: ")
         return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {reason}"

@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import ProblemError
 
 TRIED_VERSION = "4.0"
-"""Version of MuJoCo whose identities the tests check, with all its patch releases."""
+"""Supported version of MuJoCo, with any patch release."""
 
 INSTALL = 'pip install ".[mujoco]" in a clone of proxbench'
 """Command that installs MuJoCo."""
@@ -26,7 +26,7 @@ def mujoco() -> Any:
     module = importlib.import_module("mujoco")
     version = str(module.__version__)
     if not f"{version}.".startswith(f"{TRIED_VERSION}."):
-        raise ProblemError(f"MuJoCo {version} is untried, {TRIED_VERSION}.x is supported; run {INSTALL}.")
+        raise ProblemError(f"MuJoCo {version} is not supported, only {TRIED_VERSION}.x is; run {INSTALL}.")
     return module
 
 

@@ -30,10 +30,11 @@ from .engine_model import EngineSet
 from .installed import mujoco
 
 EMPTY = 1e-14
-"""A contact row below this fraction of its largest one moves nothing, as friction normal to a planar model."""
+"""A contact row whose norm is below this fraction of the largest one of the contact moves nothing, for example friction
+normal to a planar model."""
 
 IMMOBILE = "it moves no degree of freedom; give one of its bodies a joint, or remove it from the model"
-"""Reason to refuse a row of zeros."""
+"""Reason for not capturing a row of zeros."""
 
 _SLIDING = (LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION)
 _ROLLING = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
@@ -46,7 +47,7 @@ class RefusedRow:
     Attributes:
         row: its index among the rows of the engine.
         name: name of its constraint.
-        reason: why it is refused.
+        reason: why it has no law, and the remedy.
     """
 
     row: int
@@ -148,7 +149,7 @@ def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> Capture
 
 
 def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
-    """Return kind and first row of each set of MuJoCo's own model, and the coefficient of each row."""
+    """Return the kind and the first row of each set of MuJoCo's own model, and the coefficient of each row."""
     types = mujoco().mjtConstraint
     kinds, firsts, coefficient, row = [], [], np.ones(data.nefc), 0
     while row < data.nefc:

@@ -1,8 +1,8 @@
 """The layout of a problem in blocks of equal width, which lets kernels treat all contacts alike.
 
 A block is a unilateral law with the friction laws that it bounds, or a single law. Its lanes are N, T1, T2, R1, R2, R3,
-without those that no block uses. A lane that a block does not use has a zero row and column in G and a zero in c, and
-every projection keeps Λ = 0 in it.
+without those that no block uses. An unused lane of a block has a zero row and column
+in G and a zero in c, and every projection keeps Λ = 0 in it.
 """
 
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ from .laws import BALL, HALF_LINE, LINE, Laws
 class BlockLayout:
     """The place of each row of a problem in the padded blocks, and the friction bound of each block.
 
-    The bound of the tangential lanes is fixed_bound + friction_coefficient · max(Λ_N of block ``partner``, 0), that of
-    the rolling lanes rolling_bound + rolling_coefficient · max(Λ_N, 0) with the block's own Λ_N.
+    The bound of the tangential lanes is fixed_bound + friction_coefficient · max(Λ_N, 0) with Λ_N of block ``partner``.
+    The bound of the rolling lanes is rolling_bound + rolling_coefficient · max(Λ_N, 0) with the block's own Λ_N.
 
     Attributes:
         width: lanes per block, 1 + ``sliding`` + ``rolling``.
@@ -38,8 +38,8 @@ class BlockLayout:
         rolling_bound: a of the rolling friction [N m s], shape (n_blocks,).
         partner: block whose normal impulse bounds the friction, shape (n_blocks,); the block itself if there is none.
         is_bilateral: whether the block is a bilateral law, shape (n_blocks,).
-        has_contacts_only: whether all laws are contacts with or without sliding friction, so that every block has a
-            friction cone.
+        has_contacts_only: whether there are neither joints nor rolling friction, so that every block has one friction
+            cone.
     """
 
     width: int
@@ -78,9 +78,9 @@ class BlockLayout:
         return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n], has_contacts_only)
 
     def first(self, n_blocks: int) -> "BlockLayout":
-        """Return the layout of the first blocks.
+        """Return the layout of the first ``n_blocks`` blocks.
 
-        No later block may bound their friction, and every lane must be a row.
+        The layout must be dense, and no later block may bound the friction of these.
         """
         arrays = {name: getattr(self, name)[:n_blocks] for name in _OF_BLOCKS}
         slot = self.slot[: n_blocks * self.width]
@@ -165,7 +165,7 @@ def _lay_out(  # type: ignore[no-untyped-def]
     and rolling law, the partner, μ, a, μ_r, the rolling a, and whether it is a joint.
     """
     block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0
-    for law in range(len(sets)):  # friction right behind its partner shares its block, and so does rolling friction
+    for law in range(len(sets)):  # friction that directly follows its partner shares its block; so does rolling
         if is_rolling[law]:
             rolling = max(rolling, row_count[law])
         elif sets[law] == BALL:

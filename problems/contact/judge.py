@@ -1,4 +1,4 @@
-"""The judge measures how well impulses solve a contact problem, from the impulses alone.
+"""The judge, which measures how well impulses solve a contact problem, from the impulses alone.
 
 For law i, let α_i be the largest diagonal entry of its block of G, and C_i(Λ) its set of admissible impulses. Then
 
@@ -10,11 +10,12 @@ solver, on units, on the choice of tangents, on the number of contacts, or on ot
 large mass ratios, where an impulse error relative to max|Λ| does not. If the free velocity of a component is zero, or
 no more than rounding, its residual is relative to the largest free velocity of the problem.
 
-The rows of rolling friction contain angular velocities [rad/s]. They are converted to velocities at the distance
+The rows of rolling friction contain angular velocities [rad/s]. They are converted to velocities [m/s] at the
+distance from the axis
 
     ℓ_i = √(α_N/α_i)      (1 for all other laws),
 
-from the axis, where α_N belongs to the unilateral law of the contact. For a single body ℓ_i is a radius of gyration.
+where α_N belongs to the unilateral law of the contact. For a single body ℓ_i is a radius of gyration.
 The violation is ℓ_i α_i ‖R_i‖ and the free velocity ℓ_i ‖c_i‖, so that the residual does not depend on the unit of
 length.
 
@@ -22,8 +23,8 @@ Impulses of wedged bodies may be huge, and the terms of ξ = GΛ + c then cancel
 working precision (``matrices.accurate``), and violations are computed without cancellation (``residual``). Every
 reported error is at least its possible rounding error.
 
-The impulse of a unilateral law with α = 0 has no effect on velocities, but it may permit friction. Such a law has
-the largest α of the friction laws that it bounds, so that Λ_N > 0 at an opening contact is a violation.
+The impulse of a unilateral law with α = 0 has no effect on velocities, but it may permit friction. Such a law is
+given the largest α of the friction laws that it bounds, so that Λ_N > 0 at an opening contact is a violation.
 """
 
 import math
@@ -68,18 +69,18 @@ class Verdict:
     Attributes:
         residual: the judge's residual, as in the module docstring; inf if Λ is not finite or the problem is infeasible.
         local_residual: max_i α_i ‖R_i‖/s_i, where s_i is the largest ‖c‖ of the contacts that share a body with the
-            contact of law i, and at least the free fall in a step if that is known.
+            contact of law i, but at least the velocity of free fall in a step, if known.
         local_median: median of α_i ‖R_i‖/s_i over the laws.
         local_q90: its 90 % quantile.
         local_q99: its 99 % quantile.
-        energy_residual: max_i(√α_i ‖R_i‖) / max_i(‖c_i‖/√α_i), the same violations in the scale of √energy.
+        energy_residual: max_i(√α_i ‖R_i‖) / max_i(‖c_i‖/√α_i), the same violations as roots of energies.
         natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N (De Saxcé), ρ = 1.
         natural_map_max: the same error divided by max(‖c‖, ‖Λ‖, ‖ξ‖), as in Siconos.
         penetration_velocity: max_i (−ξ_N)₊ [m/s].
         cone_violation: distance of Λ from its bounds, the largest of (−Λ_N)₊, (‖Λ_T‖ − b)₊ and (‖Λ_R‖ − b)₊/ℓ [N s].
         complementarity: largest absolute Λ_N ξ_N [J].
         dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], the energy lost relative to the free motion; exact for ε = 0.
-        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ if the answer of the problem contains ξ*, else None.
+        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ if the answer of the problem contains ξ*, otherwise None.
         infeasible: whether no impulse can satisfy some law: a unilateral one with α_i = 0 and c_i < 0, or a bilateral
             one with α_i = 0 and c_i ≠ 0.
         model: the friction model of the residuals.
@@ -128,6 +129,9 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         impulses: Λ, shape (n_rows,).
         model: the friction model; it affects the residuals, not the other errors.
 
+    Returns:
+        The verdict, with all errors of the impulses.
+
     Raises:
         ProblemError: if Λ has the wrong shape, or the model does not apply to the problem's laws.
     """
@@ -175,7 +179,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
 
 @np.errstate(over="ignore", invalid="ignore")
 def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: float = 0.0) -> float:
-    """Return the local residual of impulses, without computing a full verdict.
+    """Return ``Verdict.local_residual`` of impulses, without computing a full verdict.
 
     Args:
         problem: the contact problem.

@@ -42,7 +42,7 @@ UNNAMED = "unnamed"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem:
-    """One frictional contact problem; build it with ``from_delassus`` or ``from_factors``.
+    """One frictional contact problem; create it with ``from_delassus`` or ``from_factors``.
 
     Attributes:
         free_velocity: c [m/s], shape (n_rows,).
@@ -51,9 +51,13 @@ class ContactProblem:
         factors: W, M⁻¹ and the free motion, or ``None`` if G is given.
         name: its name in tables and files.
         provenance: its origin (scene, step, seed, …).
-        answer: the known part of its solution, if any.
+        answer: the known parts of its solution, or ``None``.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
         keys: name of each contact, the same in all steps of a sequence; empty if contacts have no names.
+
+    Raises:
+        ProblemError: if a field has the wrong shape or a value that is not finite, or both or neither of ``matrix`` and
+            ``factors`` are given.
     """
 
     free_velocity: FloatArray
@@ -70,7 +74,7 @@ class ContactProblem:
         object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if (self.matrix is None) == (self.factors is None):
-            raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, not both and not neither.")
+            raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, and not both.")
         if self.matrix is not None:
             object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.n_rows, self.allow_asymmetric))
         if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
@@ -111,7 +115,7 @@ class ContactProblem:
             friction: μ, one number or one for each contact.
             dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
             laws: any mixture of laws, instead of ``friction`` and ``dim``.
-            attributes: name, provenance, answer, allow_asymmetric.
+            attributes: name, provenance, answer, allow_asymmetric and keys, see ``ContactProblem``.
 
         Raises:
             ProblemError: if an argument has the wrong shape or a value that is not finite, G is not symmetric positive
@@ -142,7 +146,7 @@ class ContactProblem:
             dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
             laws: any mixture of laws, instead of ``friction`` and ``dim``.
             free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,); optional.
-            attributes: name, provenance, answer.
+            attributes: name, provenance, answer and keys, see ``ContactProblem``.
 
         Raises:
             ProblemError: if an argument has the wrong shape or a value that is not finite, M⁻¹ is not positive
@@ -159,7 +163,7 @@ class ContactProblem:
 
     @property
     def n_contacts(self) -> int:
-        """Number of contacts (a unilateral law and its friction count once; a lone friction law counts too)."""
+        """Number of blocks: a unilateral law with its friction, a lone friction law or a bilateral law counts once."""
         return self.layout.n_blocks
 
     @property
@@ -226,11 +230,11 @@ class ContactProblem:
         return velocity
 
     def accurate_velocity(self, impulses: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return ξ = G Λ + c [m/s], as ``relative_velocity`` does, in twice the working precision.
+        """Return ξ = G Λ + c [m/s], computed in twice the working precision, and a bound on its error.
 
         Returns:
-            ξ, to the rounding of each entry, and a bound on the remaining error of its terms, both of shape (n_rows,);
-            see ``matrices.accurate``.
+            ξ [m/s], rounded to double precision, and a bound on the remaining error [m/s], both of shape (n_rows,); see
+            ``matrices.accurate``.
         """
         impulses = np.asarray(impulses, dtype=np.float64)
         if self.factors is not None:
@@ -262,24 +266,24 @@ class ContactProblem:
         return numbers + sparse_numbers("G", self.matrix)
 
     def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
-        """Return the same numbers under another name, with ``provenance`` added."""
+        """Return the same problem under another name, with ``provenance`` added."""
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def answered(self, answer: Answer | None, **provenance: str | int | float) -> "ContactProblem":
-        """Return the same numbers with another known answer, and ``provenance`` added."""
+        """Return the same problem with another known answer, and ``provenance`` added."""
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def keyed(self, keys: Sequence[str]) -> "ContactProblem":
-        """Return the same numbers with names of the contacts that last from step to step.
+        """Return the same problem with names for its contacts, which identify them in all steps of a sequence.
 
         Raises:
-            ProblemError: unless there is one for each contact, and all differ.
+            ProblemError: unless there is one name for each contact, and all names differ.
         """
         _check_keys(keys, self.n_contacts)
         return self._described(keys=tuple(keys))
 
     def anonymous(self) -> "ContactProblem":
-        """Return the same numbers without name, provenance, answer and keys."""
+        """Return the same problem without name, provenance, answer and keys."""
         return self._described(name="problem", provenance={}, answer=None, keys=())
 
     def fresh(self) -> "ContactProblem":
@@ -292,7 +296,7 @@ class ContactProblem:
         )
 
     def _described(self, **changes: Any) -> "ContactProblem":
-        """Return a problem with other fields that hold equal numbers, without checking them again."""
+        """Return a copy with changed fields, without checking the numbers again; the changes must not affect them."""
         other = object.__new__(ContactProblem)
         values = {one.name: getattr(self, one.name) for one in fields(self)} | changes
         values["provenance"] = MappingProxyType(dict(values["provenance"]))
@@ -331,10 +335,10 @@ def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
         raise ProblemError(f"`keys` must name each of {counted(n_contacts, 'contact')}, got {len(keys)}.")
     repeated = [key for key, count in Counter(keys).items() if count > 1]
     if repeated:
-        raise ProblemError(f"`keys` names more than one contact {repeated[0]!r}; distinct contacts need distinct keys.")
+        raise ProblemError(f"`keys` has {repeated[0]!r} more than once; give each contact its own key.")
 
 
 def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:
     if dim in (1, 2, 3) and len(free_velocity) % dim:
-        raise ProblemError(f"c has {len(free_velocity)} rows, which is no multiple of dim = {dim}.")
+        raise ProblemError(f"c has {len(free_velocity)} rows, which is not a multiple of dim = {dim}.")
     return Laws.contacts(friction, dim, len(free_velocity) // dim if dim in (1, 2, 3) else 0)

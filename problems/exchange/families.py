@@ -35,13 +35,13 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
     """Return the names of ``count`` problems in the given order, or all names if there are fewer.
 
     "proportional" rounds the share of each family by the largest-remainder method. "even" takes the same number from
-    each family, and all members of smaller families. From each family, it takes the names with the smallest SHA-256
-    hash of ``seed`` and name. The sample is the same on all machines, and changes little when problems are added.
+    each family, and all members of smaller families. In both cases, the members with the smallest SHA-256 hashes of
+    ``seed`` and name are chosen. The sample is the same on all machines, and changes little when problems are added.
 
     Args:
         families: the family of each problem, by name.
         count: size of the sample.
-        seed: selects one of many samples.
+        seed: seed of the sample.
         sampling: "proportional" or "even".
 
     Raises:

@@ -39,7 +39,7 @@ _MASSES = {
 """Masses of stacks [kg], from below."""
 
 _ANGLES = {"below": -1e-9, "critical": 0.0, "above": 1e-9}
-"""Angles of inclines above the critical angle [rad]."""
+"""Angles of inclines minus the critical angle [rad]."""
 
 _MILLIGRAM = {"mass": 1e-6, "length": 1e-6}
 _TONNE = {"mass": 1e3, "length": 1e3}
@@ -249,12 +249,16 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         ),
     },
 }
-"""The cases by name, for each group."""
+"""Functions that create the cases, by name, for each group."""
 
 HARD_CASES: dict[str, Maker] = dict(chain.from_iterable(group.items() for group in CASE_GROUPS.values()))
-"""The cases of the suite ``hard``, by name."""
+"""Functions that create the cases of the suite ``hard``, by name."""
 
 
 def hard_case(name: str) -> ContactProblem:
-    """Return one case by name."""
+    """Return one case of ``HARD_CASES``.
+
+    Raises:
+        KeyError: for an unknown name.
+    """
     return HARD_CASES[name]().renamed(name, scene="hard")

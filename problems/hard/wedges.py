@@ -11,9 +11,10 @@ DISC = np.array([1.0, 1.0, 2.0])
 
 
 def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
-    """Return a disc of 1 kg in a groove whose walls stand at ``half_angle`` to the vertical.
+    """Return a disc of 1 kg in a groove whose walls are inclined by ``half_angle`` α [rad] to the vertical.
 
-    Without friction Λ_N = m g Δt/(2 sin α) at each wall. With friction u = 0 is unique (see ``supports``), but not Λ.
+    Without friction, Λ_N = m g Δt/(2 sin α) at each wall. With friction, u = 0 is unique (see ``supports``), but Λ is
+    not.
     """
     sin, cos = np.sin(half_angle), np.cos(half_angle)
     normals = np.array([[cos, -cos], [sin, sin]])
@@ -37,9 +38,9 @@ def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
 def arch(n: int, friction: float) -> ContactProblem:
     """Return an arch of ``n`` discs of 1 kg between two abutments, built along its line of thrust.
 
-    Contact k has the thrust (H, V_k), H = n m g Δt/2 and V_k = (n/2 − k) m g Δt, along its normal. Normal impulses
-    λ_k = √(H² + V_k²) alone bear the weights, so u = 0 is the only velocity at any friction. Without friction λ is the
-    only solution, because W_N has full rank.
+    The normal of contact k is along its thrust (H, V_k) with H = n m g Δt/2 and V_k = (n/2 − k) m g Δt. The normal
+    impulses λ_k = √(H² + V_k²) alone carry the weight, so u = 0 is the only velocity for any friction coefficient.
+    Without friction, λ is the only solution, because W_N has full rank.
     """
     thrust = 0.5 * n * WEIGHT
     shear = (0.5 * n - np.arange(n + 1)) * WEIGHT
@@ -66,10 +67,10 @@ def arch(n: int, friction: float) -> ContactProblem:
 
 
 def chimney(friction: float) -> ContactProblem:
-    """Return a disc of 1 kg between two vertical walls, which may fall, be slowed, or be held by the walls.
+    """Return a disc of 1 kg between two vertical walls; it may fall freely, slow down or stick.
 
-    Normal impulses are equal, Λ_N1 = Λ_N2 = p for any p ≥ 0, and so are friction impulses. Every p has a solution, so
-    only these two equations are known. With p = 0 the disc falls freely.
+    The normal impulses are equal, Λ_N1 = Λ_N2 = p, and so are the friction impulses. There is a solution for every
+    p ≥ 0, so only these two equations are known. With p = 0, the disc falls freely.
     """
     directions = np.zeros((3, 4))
     directions[0, 0::2], directions[1, 1::2], directions[2, 1::2] = (1.0, -1.0), 1.0, (-1.0, 1.0)
@@ -80,8 +81,8 @@ def chimney(friction: float) -> ContactProblem:
 def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     """Return a point mass of 1 kg on ``n`` planar contacts whose normals lie within ±``angle`` [rad] of the vertical.
 
-    The normals alone bear the mass, so ξ = 0 for any friction; Σ of all impulses is (0, m g Δt). Horizontally the
-    normals act only by their tilt, so the sensitivity is n / ``angle``.
+    Normal impulses alone carry the weight, so ξ = 0 for any friction; the sum of all impulses is (0, m g Δt). Only the
+    tilt of the normals acts horizontally, so the sensitivity is n / ``angle``.
     """
     tilt = np.linspace(-angle, angle, n)
     directions = np.zeros((2, 2 * n))

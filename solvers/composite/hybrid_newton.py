@@ -1,15 +1,15 @@
 """HybridNewton: sweeps, and Newton's method on the projection equations if they are slow.
 
-Sweeps identify quickly which contacts are open, stick and slip, but find the impulses slowly if masses differ or
-many contacts are coupled; Newton's method does the reverse. Sweeps therefore come first, and Newton's method is tried
-when they are slow. Its result is kept only if the judge's residual has fallen.
+Sweeps quickly identify which contacts are open, stick or slip, but determine the impulses slowly if masses differ or
+many contacts are coupled. Newton's method has the opposite properties. Sweeps therefore come first, and Newton's method
+is tried when they are slow. Its result is kept only if the judge's residual has fallen.
 
-Newton's method converges only from nearby, and sweeps at high friction may never come near a solution. If sweeps
-stall, Newton's method starts from other predictors (``restarts``), from the best iterate and from the first.
+Newton's method converges only near a solution, which sweeps at high friction may never reach. If sweeps stall, Newton's
+method restarts after sweeps of other kinds, from the best iterate and from the first one (``restarts``).
 
-No decision depends on the tolerance: a solve to a tighter tolerance begins with the same iterates, and its result is no
-worse. No decision depends on the speed of the machine, except near the deadline, where no Newton step starts that would
-miss it (``linear_solver``).
+No decision depends on the tolerance: a solve to a smaller tolerance begins with the same iterates, and its residual is
+not larger. No decision depends on the speed of the machine, except near the deadline: a Newton step that would miss it
+is skipped (``linear_solver``).
 """
 
 from dataclasses import dataclass, field
@@ -34,17 +34,17 @@ SWEEPS_BEFORE = 200
 """Sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
 
 SLOW = 500
-"""Newton's method is tried if sweeps take more than this number per digit: a few of its steps cost as much as a few
-thousand sweeps, on ten contacts and on a thousand."""
+"""Number of sweeps per digit of the residual above which Newton's method is tried. A few Newton steps cost as much as a
+few thousand sweeps, for ten contacts and for a thousand."""
 
 SETTINGS = (SHARP, DAMPED, *THOROUGH)
 """Newton settings of successive attempts between sweeps."""
 
 SUCCESS = 0.1
-"""After an attempt that lowers the residual to this fraction the next one follows at once; otherwise sweeps follow."""
+"""If an attempt reduces the residual to this fraction, the next attempt follows at once; otherwise sweeps follow."""
 
 STUCK_STATUSES = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
-"""Outcomes of sweeps after which other predictors may help."""
+"""Outcomes of sweeps after which restarts may help."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class PreparedHybrid:
     equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Sweep, and try Newton's method if that is slow; see ``Prepared.solve``."""
+        """Do sweeps, and try Newton's method if they converge slowly; see ``Prepared.solve``."""
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
@@ -129,7 +129,11 @@ class PreparedHybrid:
 
 
 class ConvergenceRate:
-    """The convergence rate of sweeps; ``sweeps`` is the number recorded."""
+    """The convergence rate of sweeps.
+
+    Attributes:
+        sweeps: number of recorded sweeps.
+    """
 
     def __init__(self) -> None:
         self.sweeps = 0

@@ -1,4 +1,4 @@
-"""Sequences of solvers on one problem, within the limits of one solve, which keep the best impulses."""
+"""Sequences of solvers on one problem, which share the limits of one solve and keep the best impulses."""
 
 from dataclasses import dataclass, field
 
@@ -18,7 +18,7 @@ class SolverRun:
     Attributes:
         name: name of the run in messages.
         prepared: the prepared solver.
-        start: the first Λ [N s], shape (n_rows,), or None for zero.
+        start: the initial Λ [N s], shape (n_rows,), or None for zero.
         max_iterations: its iteration limit.
     """
 
@@ -35,16 +35,16 @@ class SolverSequence:
     Attributes:
         problem: the problem.
         residual: its residual.
-        prepared: prepared solvers by name; those of later runs are added.
+        prepared: prepared solvers by name, to which later runs add theirs.
         stop: the limits of the whole sequence.
         observe: receives the iterates of all runs, numbered consecutively.
         clock: clock of the whole sequence.
         iterations: number of iterations so far.
         history: the name and outcome of each run.
         best_impulses: the best Λ so far [N s], shape (n_rows,).
-        best_residual: its residual in the judge's arithmetic.
+        best_residual: residual of ``best_impulses``, computed as the judge computes it.
         latest: the Λ of the last run [N s], shape (n_rows,).
-        status: outcome of the last run, or the time limit if any run lacked time for its next step.
+        status: status of the last run, or ``Status.TIME_LIMIT`` if any run ended with it.
     """
 
     problem: ContactProblem
@@ -71,7 +71,7 @@ class SolverSequence:
         return SolverRun(solver.name, self.prepare(solver), start, max_iterations)
 
     def run(self, run: SolverRun) -> Solution | None:
-        """Do one run; return the solution if the sequence is over, else None."""
+        """Do one run, and return the solution if the sequence is over, otherwise None."""
         left = self.stop.max_iterations - self.iterations
         limits = Stop(self.stop.tolerance, min(run.max_iterations, left), max(self.clock.remaining, 1e-9))
         last = run.prepared.solve(limits, run.start, self._run_observer())
@@ -99,7 +99,7 @@ class SolverSequence:
         return Solution(self.best_impulses, status, self.iterations, message)
 
     def _run_observer(self) -> Observer | None:
-        """Return an observer of one run that numbers its iterations after those of the runs before."""
+        """Return an observer of one run that continues the iteration numbers of the previous runs."""
         observe, before = self.observe, self.iterations
         if observe is None:
             return None

@@ -1,10 +1,10 @@
 """Selection of the fastest sweeps for a problem, from its size and its couplings alone.
 
 NSGS solves uncoupled contacts in one sweep. With many contacts, momentum halves the number of sweeps. A sweep over the
-assembled matrix reads each pair of contacts of a body, and a sweep over the factors each contact. On a slab that rests
-on five hundred contacts, the matrix therefore takes two hundred times as long. Momentum slows the convergence of such a
-slab, which behaves like a single contact. If both forms read the same amount of data, the matrix needs fewer
-operations, and its sweeps have the safeguard for high friction.
+assembled matrix reads a block for each pair of contacts on a body, a sweep over the factors one for each contact. On a
+slab that rests on five hundred contacts, a sweep over the matrix therefore takes two hundred times as long. Momentum
+slows the convergence of such a slab, which behaves like a single contact. If both forms read the same amount of data,
+the matrix needs fewer operations, and ``SafeguardedSORprox`` can be used.
 """
 
 from typing import Any
@@ -40,7 +40,7 @@ FACTORS_DENSITY, MAX_MOMENTUM_DENSITY = 1.5, 10.0
 """Densities above which sweeps use the factors, and above which they have no momentum."""
 
 FEW_ROWS, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
-"""Up to this number of rows, this density replaces ``FACTORS_DENSITY``: the safeguard saves more than the factors."""
+"""Up to ``FEW_ROWS`` rows, the second value replaces ``FACTORS_DENSITY``: the safeguard saves more than the factors."""
 
 ROWS_PER_CHECK = 100
 """Rows that a sweep visits in the time of one residual check; on few rows, call overhead dominates that time."""
@@ -50,7 +50,7 @@ UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 
 
 def select_sweeps(problem: ContactProblem) -> Sweeps:
-    """Return the sweeps that are fast on problems like this one."""
+    """Return the sweeps that are expected to be fastest on ``problem``."""
     found = density(problem)
     if found == UNCOUPLED:
         return UNCOUPLED_SWEEPS
@@ -83,8 +83,8 @@ def sweeps_between_checks(problem: ContactProblem, sweeps: Sweeps) -> int:
 def density(problem: ContactProblem) -> float:
     """Return the ratio of the numbers that a sweep reads from the assembled matrix to those from the factors.
 
-    The ratio is ``UNCOUPLED`` if no two contacts share a body or an entry of the matrix. For other given matrices it
-    is 1.
+    The ratio is ``UNCOUPLED`` if no two contacts share a body or an entry of the matrix. If the problem holds only a
+    matrix that couples contacts, it is 1.
     """
     if problem.n_contacts <= 1:
         return UNCOUPLED

@@ -1,25 +1,26 @@
-"""The work of sweeps, interior point steps and cone programs, in nominal seconds, counted instead of timed.
+"""Nominal times of sweeps, interior-point steps and cone programs, computed from numbers of operations.
 
-For m blocks (contacts and joints) with k rows, blocks padded to equal size, and f operations of a factorisation:
+Here m is the number of blocks (contacts and joints), k the number of their rows with padding to blocks of equal width,
+and f the number of operations of a factorisation:
 
     sweep                  10 ns · k for contacts alone,   50 ns · k with joints or rolling friction
-    interior point step    0.3 ms + 5 µs · m + f / 15 GHz
+    interior-point step    0.3 ms + 5 µs · m + f / 15 GHz
     cone program           20 f / 3 GHz
 
-A cone program takes about 20 steps with a factorisation by scalars instead of blocks. Decisions that compare such
+A cone program takes about 20 steps, each with a factorisation by entries instead of blocks. Decisions that compare such
 numbers are the same on all machines and under any load.
 """
 
 from ...problems.contact.problem import ContactProblem
 
 MAX_STEPS = 20
-"""Limit of the work of a window of sweeps, or of a cone program, in interior point steps."""
+"""Largest time of a window of sweeps or of a cone program, in nominal times of an interior-point step."""
 
 SWEPT_ROW, SWEPT_ROW_OF_ANY_LAW = 1e-8, 5e-8
-"""Seconds to sweep a row of contacts alone, and a row with joints or rolling friction."""
+"""Seconds per row of a sweep over contacts, and of a sweep over a problem with joints or rolling friction."""
 
 STEP, STEPPED_BLOCK, OPERATION = 3e-4, 5e-6, 1 / 15e9
-"""Seconds of an interior point step: constant, for each block, and for each operation of its factorisation."""
+"""Seconds of an interior-point step: the constant part, per block, and per operation of its factorisation."""
 
 PROGRAM_OPERATION = 20 / 3e9
 """Seconds of a cone program for each operation of a factorisation."""
@@ -32,7 +33,7 @@ def sweep_seconds(problem: ContactProblem) -> float:
 
 
 def step_seconds(problem: ContactProblem, operations: float) -> float:
-    """Return the nominal seconds of an interior point step whose factorisation takes ``operations``."""
+    """Return the nominal seconds of an interior-point step whose factorisation takes ``operations``."""
     return STEP + STEPPED_BLOCK * problem.layout.n_blocks + OPERATION * operations
 
 

@@ -4,10 +4,11 @@ The optimality condition of the model is −ξ ∈ N_K(Λ). It agrees with Coulo
 sliding contact separates with ξ_N = μ‖ξ_T‖ instead of staying closed. The programs are those of ``programs``. Clarabel
 is an interior point method (Goulart & Chen 2024).
 
-The tolerance of a conic solver is not a residual: it is tightened until the judge's residual of the convex model
-reaches the tolerance of the solve. Once a tolerance is too tight for the solver's factorisations, all other tolerances
-are tried, and then all of them with more careful linear algebra, because the attainable residual is not predictable.
-A failing solve to a tighter tolerance thus includes all runs of a looser one, and is no worse.
+The tolerance of a conic solver is not a bound of the residual. It is therefore reduced until the judge's residual under
+the convex model reaches the tolerance of the solve. Once a tolerance is too tight for the solver's factorisations, all
+other tolerances are tried, and then all of them with more accurate linear algebra, because the attainable residual is
+not predictable. A failed solve to a smaller tolerance thus includes all runs of a solve to a larger one, and its
+residual is not larger.
 """
 
 from collections.abc import Iterator
@@ -41,7 +42,7 @@ _LIMITS = {ConicStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT, ConicStatus.TIME
 class ClarabelSOCP(Method):
     """Clarabel on the convex model, through its direct interface.
 
-    Its interior point iterates satisfy no force law, so observers do not see them.
+    Its interior-point iterates satisfy no force law, so they are not passed to observers.
 
     Attributes:
         form: impulses over the "delassus" matrix as variables, or velocities over the "factors" W and M⁻¹.
@@ -63,7 +64,7 @@ class ClarabelSOCP(Method):
         return unsupported_reason(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedConvex":
-        """Set up the program."""
+        """Create the cone program of a problem."""
         self.check_supports(problem)
         return PreparedConvex(problem, ModelResidual(problem, Model.CONVEX), ClarabelProgram(problem, self.form))
 
@@ -109,7 +110,7 @@ class PreparedConvex:
 
 
 class _Accuracies:
-    """The tolerances to try: decreasing ones until the conic solver fails, then the others, then all carefully."""
+    """Tolerances to try: decreasing until the conic solver fails, then the others, then all with better accuracy."""
 
     def __init__(self, tolerance: float) -> None:
         fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]

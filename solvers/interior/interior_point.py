@@ -1,7 +1,7 @@
 """InteriorPoint: Newton's method inside the friction cones, with De Saxcé's term as an unknown.
 
 With u = ξ + μ‖ξ_T‖ e_N for each contact, Coulomb's law is K_μ ∋ Λ ⟂ u ∈ K_μ* (De Saxcé & Feng 1998). In the units of
-``scaled_problem`` both cones are the second-order cone, and with s = ‖û_T‖ as an unknown of its own
+``scaled_problem``, both cones are the second-order cone. With s = ‖û_T‖ as a separate unknown, the equations are
 
     R_p = û − Ĝr − ĉ − s e_N = 0,      R_s = s − ‖û_T‖ = 0,      r ∘ û = τ e,      τ → 0
 
@@ -38,10 +38,10 @@ SECOND_ORDER = 0.25
 """Mehrotra's second-order term is used below this σ."""
 
 BASE_FRACTION, FURTHER_FRACTION = 0.9, 0.09
-"""A step goes this fraction of the distance to the boundary: the first, plus the second times the last length."""
+"""Fraction of the distance to the boundary in a step: the first number plus the second times the last step length."""
 
 REFINED_RESIDUAL = 1e-5
-"""Residual below which directions are refined; above it the accuracy of a factorisation suffices."""
+"""Residual below which directions are refined; above it, the factorisation is accurate enough."""
 
 WARM_SHARE, MIN_WARM_TAU, MAX_WARM_TAU = 0.1, 1e-8, 0.5
 """A warm start begins at τ = share × its residual, within these limits."""
@@ -52,7 +52,7 @@ class InteriorPoint(InteriorMethod):
     """A primal-dual interior point method for exact Coulomb friction; one iteration is one Newton step.
 
     Attributes:
-        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
+        form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
 
     Raises:
         SolverError: for an unknown form.
@@ -61,7 +61,7 @@ class InteriorPoint(InteriorMethod):
     form: Literal["delassus", "factors"] = "delassus"
 
     def run(self, prepared: PreparedRuns, progress: Progress) -> None:
-        """Do Newton steps until the progress has ended."""
+        """Do Newton steps until there is an outcome."""
         iterate = _Iterate(prepared.scaled, prepared.system, progress.best, progress.best_residual)
         while progress.outcome is None:
             iterate.step(progress)
@@ -75,7 +75,7 @@ class _Iterate:
         self._scaled, self._system = scaled, system
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
-        # a bound by another contact is constant in the matrix of a step
+        # the matrix of a step treats a bound that another contact determines as constant
         self._share = np.where(self._scaled.is_remote, 0.0, 1.0)
         self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))

@@ -3,7 +3,7 @@
 Each law contributes unknowns and conditions; b = a + μ Λ_N is the friction bound.
 
 * Unilateral contact: z = Λ_N, w = ξ_N.
-* Planar friction, exact (Glocker & Studer 2005): the distances to both bounds, and both parts of the velocity,
+* Planar friction, exact (Glocker & Studer 2005), in the distances to both bounds and both parts of the velocity:
 
       z = (Λ_T + b, ξ⁻),    w = (ξ⁺, b − Λ_T),    ξ_T = ξ⁺ − ξ⁻.
 
@@ -76,8 +76,8 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
 
     Args:
         problem: the contact problem.
-        residual: its residual, which has α of each law.
-        sides: k of the pyramids; planar friction is exact for any k.
+        residual: the judge's residual of the problem, which provides α of each law.
+        sides: number of sides of a pyramid, k; planar friction is exact for any k.
     """
     laws, scale, speed = problem.laws, _scales(problem, residual), residual.scale or 1.0
     of_law = scale[laws.first_row]
@@ -98,7 +98,7 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
 
 
 class _Conditions:
-    """A, Λ₀, B, C and w₀ of Λ = A z + Λ₀ and w = B ξ + C z + w₀, which make M = B G A + C and q = B (G Λ₀ + c) + w₀.
+    """Coefficients of Λ = A z + Λ₀ and w = B ξ + C z + w₀, from which M = B G A + C and q = B (G Λ₀ + c) + w₀ follow.
 
     Impulses are scaled, and velocities are in units of the largest free velocity.
     """
@@ -140,7 +140,7 @@ class _Conditions:
         return law, self._laws.first_row[law], self._first[law]
 
     def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:
-        """Return ``factor`` times μ in the columns of normal impulses, for each law with a coefficient."""
+        """Return entries of ``factor`` times μ in the columns of the normal impulses, for each law with μ > 0."""
         slides = self._friction[law] > 0.0
         normal = self._first[self._laws.partner[law[slides]]]
         return row[slides], normal, factor * self._friction[law[slides]]

@@ -1,6 +1,7 @@
-"""The messages between Proxbench and an executable: their packing, and checks of answers.
+"""The messages between Proxbench and an executable: their format, and checks of answers.
 
-A message is a head of 16 bytes, the length of the body (uint64), its kind (uint32) and a code (int32), and the body.
+A message consists of a head and a body. The head has 16 bytes: the length of the body [bytes] (uint64), the kind of the
+message (uint32) and a code (int32).
 Numbers are in the byte order of the machine, doubles and int64 at multiples of 8 bytes from the beginning of the body.
 
     to the executable       body
@@ -11,12 +12,12 @@ Numbers are in the byte order of the machine, doubles and int64 at multiples of 
 
     from the executable     body
     1 description           interface, model, sides, forms, laws, flags (int32), then name, line feed, version
-    2 prepared              seconds (double), then text; the code is a pb_status, PB_SOLVED unless it refuses
+    2 prepared              seconds (double), then text; the code is a pb_status, PB_SOLVED on success
     3 solution              iterations, n_rows (int64), seconds (double), impulses [n_rows], then text; the code is a
                             pb_status
-    4 iterate               iteration (int64), impulses [n_rows]; after each iteration, only while it is observed
+    4 iterate               iteration (int64), impulses [n_rows]; after each iteration of an observed solve
 
-Seconds are those of the clock of the executable; results use the clock of Proxbench, and also show these.
+Seconds are measured by the executable. Results use the clock of Proxbench, and also show these seconds.
 """
 
 import struct
@@ -48,7 +49,7 @@ _ITERATION = struct.Struct("=q")
 
 @dataclass(frozen=True)
 class Message:
-    """One message."""
+    """One message: its kind, code and body."""
 
     kind: int
     code: int
@@ -88,7 +89,11 @@ def read_description(source: str, message: Message) -> SolverFacts:
 
 
 def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
-    """Return the status, the seconds and the text of an executable that has prepared a problem."""
+    """Return the status, the seconds and the text of an executable that has prepared a problem.
+
+    Raises:
+        BrokenInterfaceError: if the message is too short.
+    """
     if len(message.body) < _SECONDS.size:
         raise BrokenInterfaceError(
             f"{source} sent {len(message.body)} bytes as the answer to prepare; send seconds and a text"
@@ -101,7 +106,7 @@ def read_answer(source: str, message: Message) -> Answer:
     """Return the end of a solve, with the declared number of impulses.
 
     Raises:
-        BrokenInterfaceError: if the message is shorter than that.
+        BrokenInterfaceError: if the message is too short for the declared number of impulses.
     """
     size = len(message.body) - _COUNTS.size
     iterations, count, seconds = _COUNTS.unpack_from(message.body) if size >= 0 else (0, -1, 0.0)
@@ -114,7 +119,13 @@ def read_answer(source: str, message: Message) -> Answer:
 
 
 def read_iterate(source: str, message: Message, n_rows: int) -> tuple[int, FloatArray]:
-    """Return an iteration and its impulses [N s], read-only, shape (n_rows,)."""
+    """Return an iteration number and its impulses [N s], read-only, shape (n_rows,).
+
+    Raises:
+        BrokenInterfaceError: if the message does not have the length of an iterate.
+    """
     if len(message.body) != _ITERATION.size + 8 * n_rows:
-        raise BrokenInterfaceError(f"{source} sent {len(message.body)} bytes as an iterate of {n_rows} rows")
+        raise BrokenInterfaceError(
+            f"{source} sent {len(message.body)} bytes as an iterate; send the iteration and {n_rows} impulses"
+        )
     return _ITERATION.unpack_from(message.body)[0], np.frombuffer(message.body, np.float64, n_rows, _ITERATION.size)

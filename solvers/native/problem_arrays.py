@@ -1,4 +1,4 @@
-"""A contact problem as the plain arrays of ``pb_problem``, copied into one piece of memory.
+"""A contact problem as the plain arrays of ``pb_problem``, copied into one block of memory.
 
 Writing to these arrays does not change the problem. Executables receive the same memory, with offsets instead of
 addresses.
@@ -19,7 +19,7 @@ ALIGNMENT = 64
 """Alignment of the address of each array in bytes."""
 
 MAX_WEIGHT = 1e300
-"""Weight of laws of a problem at rest, where any violation is infinite relative to the free velocity [s/m]."""
+"""Weight of the laws if the free velocity is zero, so that any violation is infinite relative to it [s/m]."""
 
 _TYPES: dict[str, np.dtype[Any]] = {"d": np.dtype(np.float64), "i": np.dtype(np.int32)}
 
@@ -33,7 +33,7 @@ class ProblemArrays:
 
     @staticmethod
     def of(problem: ContactProblem, forms: int) -> "ProblemArrays":
-        """Copy the arrays of the wanted forms, without ``FACTORS`` if the problem has G only."""
+        """Copy the arrays of the requested forms, without ``FACTORS`` if the problem has G only."""
         structure: Problem = addressed(Problem)
         if problem.factors is None:
             forms &= ~FACTORS
@@ -118,7 +118,7 @@ _COLLECTORS = {SCALES: _scales, DENSE: _dense, SPARSE: _sparse, BLOCKS: _blocks,
 
 
 def _copy(arrays: dict[str, Any], structure: Problem) -> NDArray[np.uint8]:
-    """Copy arrays into one piece of memory, and store their addresses."""
+    """Copy arrays into one block of memory, and store their addresses."""
     places, end = [], 0
     for name, source in arrays.items():
         kind = _TYPES[ARRAYS[name]]

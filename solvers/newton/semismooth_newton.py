@@ -1,9 +1,9 @@
 """The solver SemismoothNewton: Newton's method on the projection equations, not combined with another method.
 
 The steps are those of the module ``steps`` with a line search, in three phases with the dampings 10⁻¹², 10⁻⁶ and 10⁻³.
-Each phase begins at the best iterate so far and ends when its steps find no better one. The last phase continues to the
-limits, unless its iterates repeat or diverge. Newton's method converges only near a solution. Far from a solution it
-may cycle through contact states indefinitely, so it is most useful as a part of a ``Fallback``.
+Each phase begins at the best iterate so far, and ends when its steps no longer improve it. The last phase continues to
+the limits, unless its iterates repeat or diverge. Newton's method converges only near a solution. Far from a solution
+it may cycle through contact states indefinitely, so it is most useful as a part of a ``Fallback``.
 """
 
 from dataclasses import dataclass, field, replace
@@ -83,7 +83,7 @@ class _NewtonSolve:
         )
 
     def outcome(self) -> Outcome | None:
-        """Return the outcome if the solve is over, None if another phase may follow."""
+        """Return the outcome if the solve is over, otherwise None."""
         progress = f"residual {self._best_residual:.1e} after {self._iteration} Newton steps"
         if self._best_residual <= self._stop.tolerance:
             return Outcome(Status.SOLVED, "")
@@ -97,7 +97,7 @@ class _NewtonSolve:
         return None
 
     def final_outcome(self) -> Outcome:
-        """Return the outcome of a last phase that ended before the limits."""
+        """Return the outcome if the last phase ended before a limit was reached."""
         if self._cycle.status is Status.STALLED:
             return Outcome(Status.STALLED, f"the impulses no longer change at residual {self._best_residual:.1e}")
         if self._cycle.status is Status.OSCILLATING:
@@ -124,7 +124,7 @@ class CycleDetector:
     """Detector of iterates that repeat in a cycle of any length (Brent 1980).
 
     Iterates are compared with a reference iterate, which is replaced after 1, 2, 4, … iterations. A cycle is detected
-    as soon as this interval is as long as the cycle.
+    when the interval between two references is at least as long as the cycle.
 
     Attributes:
         latest: the latest iterate, shape (n_rows,).

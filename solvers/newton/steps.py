@@ -3,17 +3,18 @@
 Each step solves the linearised equations, scaled and damped (``linear_solver``).
 
 If contacts over-determine the motion of bodies, the Jacobian is rank-deficient. Damping makes the step a proximal one
-and leaves the solution unchanged, because it weighs δ and not Λ, and δ vanishes at a solution (Levenberg 1944;
+and leaves the solution unchanged, because it penalises δ instead of Λ, and δ vanishes at a solution (Levenberg 1944;
 Marquardt 1963; for equations with non-isolated solutions: Yamashita & Fukushima 2001). Little damping gives Newton's
 quadratic convergence; more keeps undetermined impulses bounded.
 
-Far from a solution a full step may lead to states that lead back, a cycle. A line search for the first of
+Far from a solution, full steps may cycle between contact states. A line search for the first of
 t = 1, ½, …, 1/64 with
 
     ρ(Λ + tδ) < (1 − 10⁻⁴ t) ρ(Λ),      ρ the judge's residual,
 
-breaks the cycle (De Luca, Facchinei & Kanzow 1996). ρ has kinks where no t may satisfy this; the shortest step is taken
-there, and the best Λ of all is returned. Neither full nor shortened steps are better everywhere, so solvers alternate.
+breaks the cycle (De Luca, Facchinei & Kanzow 1996). At a kink of ρ, no t may satisfy this; the shortest step is then
+taken. The best Λ of all is returned. Neither full nor shortened steps are always better, so solvers alternate between
+them.
 """
 
 from collections.abc import Callable
@@ -30,7 +31,7 @@ from .linearised import Equations
 from .work import Work
 
 DIVERGENCE = 1e2
-"""A run ends when the residual exceeds this many times the one it began with."""
+"""A run ends when the residual exceeds this multiple of its initial value."""
 
 SUFFICIENT_DECREASE = 1e-4
 """Share of the linear decrease that a shortened step has to reach."""
@@ -47,7 +48,7 @@ class NewtonSettings:
         damping: weight of δ in the equations, relative to α.
         max_steps: largest number of steps.
         min_step: shortest fraction of a step in the line search; 1 means full steps.
-        gain: the run ends when a new best residual is more than this fraction of the residual before it.
+        gain: the run ends when a new best residual exceeds this fraction of the previous residual.
         patience: the run ends after this many steps without a new best residual.
     """
 
@@ -59,7 +60,7 @@ class NewtonSettings:
 
 
 SHARP = NewtonSettings(damping=1e-12, max_steps=8)
-"""Full steps with almost no damping; they may raise the residual at first, while states change."""
+"""Full steps with almost no damping, which may at first increase the residual while contact states change."""
 
 DAMPED = NewtonSettings(damping=1e-3, max_steps=10)
 """Full steps for undetermined impulses that would grow without bound."""
@@ -69,10 +70,10 @@ THOROUGH = tuple(
     for damping in (1e-12, 1e-6, 1e-3)
     for min_step in (1.0, MIN_STEP)
 )
-"""Settings for problems on which the others fail."""
+"""Settings for problems on which ``SHARP`` and ``DAMPED`` fail."""
 
 LINE_SEARCH = THOROUGH[1]
-"""The most successful one of them."""
+"""The most successful settings of ``THOROUGH``."""
 
 
 class NewtonMethod:
@@ -87,13 +88,13 @@ class NewtonMethod:
         self._equations, self._tolerance = equations, tolerance
 
     def residual(self, impulses: FloatArray) -> float:
-        """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
+        """Return the residual of Λ [N s], shape (n_rows,), as the judge computes it."""
         return self._equations.residual.judged(self._equations.problem, impulses)
 
     def run(
         self, settings: NewtonSettings, impulses: FloatArray, first: float, may_continue: Callable[[FloatArray], bool]
     ) -> tuple[FloatArray, float]:
-        """Do Newton steps from Λ [N s], shape (n_rows,), of residual ``first``; return the best Λ and its residual.
+        """Do Newton steps from Λ [N s], shape (n_rows,), with residual ``first``; return the best Λ and its residual.
 
         ``may_continue`` receives each iterate and returns whether another step may follow.
         """
@@ -137,11 +138,11 @@ class NewtonMethod:
 
 
 class NewtonRunner:
-    """Newton's method from any iterate of one solve, whose driver counts and shows each step.
+    """Newton's method from any iterate of one solve; the driver of the solve counts and shows each step.
 
     Attributes:
         driver: runs the sweeps of the solve.
-        work: work of sweeps and Newton steps; code that sweeps must add to it.
+        work: work of sweeps and Newton steps; the caller must add its sweeps.
     """
 
     def __init__(self, equations: Equations, driver: IterationDriver) -> None:
@@ -177,5 +178,5 @@ class NewtonRunner:
         return self._newton.run(settings, impulses, residual, may_continue)
 
     def residual(self, impulses: FloatArray) -> float:
-        """Return the residual of Λ, shape (n_rows,), in the judge's arithmetic."""
+        """Return the residual of Λ [N s], shape (n_rows,), as the judge computes it."""
         return self._newton.residual(impulses)

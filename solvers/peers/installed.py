@@ -19,4 +19,4 @@ def check_installed(solver: str, library: str, extra: str, tried: str = "") -> N
     if find_spec(library) is None:
         raise SolverError(f"{solver} needs {library}, which is not installed; {remedy}")
     if tried and not (version := metadata.version(library)).startswith(f"{tried}."):
-        raise SolverError(f"{solver} is untried with {library} {version}, {tried}.x is supported; {remedy}")
+        raise SolverError(f"{solver} does not support {library} {version}, only {tried}.x; {remedy}")

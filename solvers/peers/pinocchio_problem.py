@@ -1,4 +1,4 @@
-"""A contact problem in the form of Pinocchio's constraint solvers, and the import and call of Pinocchio.
+"""Contact problems in the form of Pinocchio's constraint solvers, and calls of Pinocchio.
 
 Pinocchio (Carpentier et al.) solves for σ over contacts
 
@@ -6,8 +6,8 @@ Pinocchio (Carpentier et al.) solves for σ over contacts
 
 which is Coulomb's law in De Saxcé's form. Its contacts have the rows T1, T2, N. The data are scaled by units of the
 problem (``Scaling``): G has a diagonal of about 1 and g is at most 1. Absolute tolerances then mean the same on every
-problem and, for ADMM, are nearly equal to the judge's residual. In SI units any impulses of small bodies would satisfy
-Pinocchio's default tolerances.
+problem and, for ADMM, are nearly equal to the judge's residual. In SI units, any impulses of small bodies would satisfy
+Pinocchio's default tolerances, which are absolute.
 """
 
 import importlib
@@ -25,7 +25,7 @@ from ...problems.contact.problem import ContactProblem
 from ..conic.programs import Scaling
 
 STACK_BYTES, STACK_BYTES_OF_CONTACT = 64 * 2**20, 128 * 2**10
-"""Stack of a call, and its growth per contact: the usual 8 MiB cause a segmentation fault beyond 341 contacts."""
+"""Stack size of a call [bytes], constant and per contact; the usual 8 MiB cause a segmentation fault above 341."""
 
 Answer = TypeVar("Answer")
 
@@ -55,10 +55,10 @@ class Contacts:
     """The contacts of a problem in Pinocchio's terms.
 
     Attributes:
-        matrix: scaled G, rows in Pinocchio's order, as scipy's csc_matrix with 32-bit indices.
+        matrix: scaled G in Pinocchio's order of rows, a scipy csc_matrix with 32-bit indices, shape (n_rows, n_rows).
         velocity: scaled c in that order, shape (n_rows,).
         order: row of the problem for each row of the matrix, shape (n_rows,).
-        impulse: unit of the impulse of each row of the problem [N s], shape (n_rows,).
+        impulse: scale of the impulse of each row of the problem [N s], shape (n_rows,).
         models: constraint models, one per contact; their kinematics are not used.
         datas: data of the constraint models.
     """
@@ -105,10 +105,10 @@ class Contacts:
 
 
 def on_deep_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
-    """Return the result of a call in a thread whose stack is deep enough for ``n_contacts``.
+    """Return the result of ``call`` in a thread whose stack is large enough for ``n_contacts``.
 
     Raises:
-        Exception: the exception of the call.
+        BaseException: any exception that ``call`` raises.
     """
     answers: list[Answer] = []
     errors: list[BaseException] = []

@@ -7,8 +7,8 @@ other, with the lower bound l = 0 for Λ_N of a unilateral law and l = −∞ fo
     Λ_T ← prox of the disc of radius a + μ Λ_N  of  Λ_T − r_T ξ_T,
     Λ_R ← prox of the ball of radius a_r + μ_r Λ_N  of  Λ_R − r_R ξ_R.
 
-For fixed Λ_N the cone of a rolling contact is the product of a disc and a ball, with separate projections. Problems
-of contacts with sliding friction alone have specialised kernels of fixed width.
+For fixed Λ_N, the cone of a rolling contact is the product of a disc and a ball, which are projected onto separately.
+Problems that contain only contacts with sliding friction have specialised kernels of fixed width.
 """
 
 from typing import Any, NamedTuple
@@ -21,16 +21,16 @@ from ...problems.contact.blocks import BlockLayout
 
 
 class AnyLawArrays(NamedTuple):
-    """Laws of any kind as kernels read them.
+    """Arrays of laws of any kind for compiled kernels; n is the number of blocks.
 
     Attributes:
-        step_sizes: r of N, T and R of each block, flat [kg].
-        friction: μ of each block.
-        fixed_bound: a of each block [N s].
-        partner_lanes: N lane of the block whose normal impulse bounds each block's friction.
-        lower_bound: l of each block.
-        rolling: μ_r of each block [m].
-        rolling_bound: a_r of each block [N m s].
+        step_sizes: r of N, T and R of each block, flat [kg], shape (3n,).
+        friction: μ, shape (n,).
+        fixed_bound: a [N s], shape (n,).
+        partner_lanes: N lane of the block whose normal impulse bounds the friction, shape (n,).
+        lower_bound: l [N s], shape (n,).
+        rolling: μ_r [m], shape (n,).
+        rolling_bound: a_r [N m s], shape (n,).
         axes: the lanes of a block, a tuple of known length, so that the compiler unrolls loops over it.
         sliding: number of tangential lanes.
     """
@@ -65,7 +65,7 @@ class AnyLawArrays(NamedTuple):
 
 @njit(cache=True)
 def velocity_of_block(i, first, axes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
-    """Write ξ of the lanes of block i from G in block rows, without its ``first`` stored blocks."""
+    """Write ξ of the lanes of block i from G in block rows, skipping the ``first`` stored blocks of its row."""
     width = uint64(len(axes))
     for lane in range(width):
         xi[lane] = free[width * uint64(i) + lane]
@@ -96,7 +96,7 @@ def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-
 def sweep_delassus(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses
 ):
-    """Gauss–Seidel sweeps over G in block rows."""
+    """Do ``count`` Gauss–Seidel sweeps over G in block rows."""
     width = len(axes)
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
@@ -166,7 +166,7 @@ def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ign
 def sweep_factors(  # type: ignore[no-untyped-def]
     count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses, v
 ):
-    """Gauss–Seidel sweeps over the pieces of W̃, with v = W̃ Λ kept up to date law by law."""
+    """Do ``count`` Gauss–Seidel sweeps over the pieces of W̃, and update v = W̃ Λ after each law."""
     width = len(axes)
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding

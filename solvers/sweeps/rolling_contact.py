@@ -1,4 +1,4 @@
-"""Exact solution of one contact with rolling friction and all other impulses fixed.
+"""Exact solution of one contact with rolling friction, with all other impulses fixed.
 
 A contact with block G and velocity q from all other impulses has the laws
 
@@ -31,7 +31,7 @@ PRECISION = 1e-14
 """A violation below this fraction of the free velocity is rounding."""
 
 MIN_STEP = 1.0 / 64.0
-"""The shortest fraction of a step in the line search."""
+"""The smallest fraction of a Newton step that the line search tries."""
 
 PIVOT = 1e-13
 """A pivot below this fraction of the largest entry of its system counts as zero."""
@@ -39,10 +39,10 @@ PIVOT = 1e-13
 
 @njit(cache=True, error_model="numpy")
 def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no-untyped-def]
-    """Replace ``held``, the present Λ, by the solution of its contact.
+    """Replace the impulse ``held`` of a contact, shape (d,), by the solution.
 
-    ``block`` is G, shape (d, d), ``q`` the velocity without the contact's own impulse, shape (d,), with the lanes
-    N, then ``sliding`` lanes of T, then R.
+    ``block`` is G [1/kg], shape (d, d), and ``q`` is the velocity without the contact's own impulse [m/s], shape (d,).
+    The lanes are N, then ``sliding`` lanes of T, then R.
     """
     d = len(q)
     first = 1 + sliding
@@ -184,7 +184,7 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
 
 @njit(cache=True, error_model="numpy")
 def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-untyped-def]
-    """Write the equations of the step, and their right side as the last column, from ξ as written by ``_violation``.
+    """Write the linear system of a Newton step, with its right side as the last column, from ξ of ``_violation``.
 
     With x_i = Λ_i − ξ_i/α_i a law is at rest (ξ = 0) where x_i lies in its set. Else Λ_N = 0, or with t = x_i/‖x_i‖,
     κ = b/‖x_i‖ and P = κ(I − t tᵀ):  P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).
@@ -206,7 +206,7 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
             squared += (x[k] - xi[k] / alpha[law]) ** 2 if alpha[law] > 0.0 else 0.0
         length = np.sqrt(squared)
         for k in range(begin, end):
-            if alpha[law] <= 0.0:  # no impulse of this law moves anything: it stays
+            if alpha[law] <= 0.0:  # an impulse of this law causes no velocity, so it stays as it is
                 system[k, k] = 1.0
                 continue
             if length <= bound and bound > 0.0:
@@ -228,7 +228,7 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def _eliminated(system):  # type: ignore[no-untyped-def]
-    """Replace the last column by the solution, by Gaussian elimination with row pivots; return whether there is one.
+    """Solve by Gaussian elimination with row pivoting, into the last column; return whether a solution was found.
 
     An unknown without a pivot is damped, so that it hardly changes.
     """

@@ -6,7 +6,7 @@ friction, of the R lanes, shape (n_blocks, 2) or (n_blocks, 3). The rules are
     diagonal [52]:   r_i = ω / α_i,      α_i = largest diagonal entry of the law's block of G
     row sum [53]:    r_i = ω / max_h Σ_k |G_hk|,      h over the rows of law i
 
-(Studer & Glocker 2005). A law whose rows of G are zero has r = 0, because its impulses move nothing.
+(Studer & Glocker 2005). A law whose rows of G are zero has r = 0, because its impulses change no velocity.
 """
 
 from collections.abc import Callable
@@ -66,12 +66,12 @@ def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> 
 
 
 def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
-    """Return ω/curvature, 0 where nothing moves."""
+    """Return ω/curvature, or 0 where the curvature is 0."""
     return np.divide(relaxation, curvature, out=np.zeros_like(curvature), where=curvature > 0.0)
 
 
 def lane_weights(layout: BlockLayout, sizes: FloatArray) -> FloatArray:
-    """Return 1/√r of each lane, padded and flat, 0 where nothing moves: √α up to a factor, for norms of impulses."""
+    """Return 1/√r of each lane, padded and flat, 0 where r is 0: √α up to a factor, for norms of impulses."""
     of_group = np.sqrt(inverse(sizes, 1.0))
     widths = (1, layout.sliding, layout.rolling)[: sizes.shape[1]]
     weights: FloatArray = np.repeat(of_group, widths, axis=1).reshape(-1)
@@ -93,7 +93,7 @@ def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
 
 
 def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
-    """Return the same from the factors, computing one row of G at a time."""
+    """Return the result of ``row_sums_of_blocks`` from the factors, computing one row of G at a time."""
     assert problem.factors is not None
     by_row, length = problem.factors.scaled_directions, None
     if problem.layout.rolling:
@@ -108,7 +108,7 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 @interpretable
 @njit(cache=True)
 def write_step_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
-    """Write ω over the largest number of the rows of each law, 0 where that is 0."""
+    """Write ω divided by the largest of the numbers of each law's rows, or 0 if that is 0."""
     for row in range(len(slot)):
         block, lane = slot[row] // width, min(slot[row] % width, 1)
         sizes[block, lane] = max(sizes[block, lane], of_row[row])

@@ -1,4 +1,4 @@
-"""The writers of ``read-other-programs.md`` run in their programs, and their files hold the steps of these programs."""
+"""The writers of the pages on other programs run in these programs, and their files hold the steps of the programs."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,8 @@ from proxbench.problems.exchange.formats.kamino import problem_of_arrays
 from proxbench.problems.exchange.repair import Repair
 from proxbench.solvers import solve
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "read-other-programs.md"
+HOW_TO = Path(__file__).resolve().parents[2] / "docs" / "how-to"
+PAGES = "\n".join((HOW_TO / name).read_text("utf-8") for name in ("export-from-engines.md", "read-other-programs.md"))
 HALF = 0.1
 """Half the edge of a cube [m]."""
 MASSES = (1.0, 10.0, 100.0)
@@ -22,10 +23,10 @@ GRAVITY = 9.81
 
 def run_writer(program: str, **names: Any) -> None:
     """Execute the code of a section; it finds ``names``, and writes its file into the current folder."""
-    section = re.search(rf"^## {program}\n(.*?)(?=^## |\Z)", PAGE.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    section = re.search(rf"^## {program}\n(.*?)(?=^## |\Z)", PAGES, re.DOTALL | re.MULTILINE)
     assert section is not None
     (block,) = re.findall(r"^```python\n(.*?)^```$", section[1], re.DOTALL | re.MULTILINE)
-    exec(compile(block, f"{PAGE.name}, {program}", "exec"), {"numpy": np, **names})
+    exec(compile(block, f"section {program}", "exec"), {"numpy": np, **names})
 
 
 def velocity_after(problem: ContactProblem, impulses: np.ndarray) -> np.ndarray:

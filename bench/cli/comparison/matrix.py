@@ -26,7 +26,7 @@ def matrix(
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
-    """Show which solver solves which problem, with the reason for every failure. Times are not compared."""
+    """Show which solvers solve which problems, with the reason for each failure. Times are not compared."""
     from ....problems.contact.solver import Stop
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
@@ -45,7 +45,7 @@ def matrix(
     table = None if output is None else output.with_suffix(".csv")
     if table is not None and table == output:
         raise BenchError(
-            f"cannot write {output}: the page is Markdown and its table a CSV file; name a file that ends in .md."
+            f"cannot write {output}: the CSV file of the cells would replace the page; name a file that ends in .md."
         )
     refuse_taken([path for path in (output, table) if path is not None], force=True)
     chosen, methods = select(problem, suite, sample, sampling=sampling), list(solver or default_solvers())
@@ -73,7 +73,7 @@ def matrix(
             print(matrix_page(cells, tolerance, command), end="")  # keep the result of a long measurement
             raise
         if not quiet:
-            print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or at fault")
+            print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or with a failed process")
         print(f"matrix   {output}")
         print(f"table    {table}")
     return int(count_bad(cells) > 0 or bool(chosen.left_out))

@@ -19,7 +19,7 @@ def bundle(
 ) -> None:
     """Pack a run into one file.
 
-    The file holds the plan, machines, cases, impulses, and the problems that Proxbench does not ship.
+    The file contains the plan, machines, cases, impulses, and the problems that are not part of Proxbench.
     """
     from ...report.layout.text import print_json
     from ...runs import bundle as pack
@@ -69,7 +69,7 @@ def merge(
 ) -> None:
     """Combine bundles and runs into one run.
 
-    Their residuals are recomputed first. All cases of a problem must come from one machine.
+    The residuals are recomputed first. All cases of a problem must come from one machine.
     """
     from ...report.layout.text import print_json
     from ...runs import merge as joined

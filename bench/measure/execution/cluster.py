@@ -11,12 +11,12 @@ LOCAL = "local"
 """Address of a cluster on this machine, with one worker per core."""
 
 CONNECT_SECONDS = 10.0
-"""Time limit for the answer of a scheduler, and then of its first worker [s]."""
+"""Time limit for the answer of a scheduler, and for that of its first worker [s]."""
 
 
 @contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """Yield an executor on a cluster; a cluster on this machine ends with it.
+    """Yield an executor on a cluster; a cluster on this machine is closed with the executor.
 
     Args:
         address: address of its scheduler, "tcp://host:8786", or ``LOCAL``.
@@ -28,7 +28,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
         import distributed
     except ImportError:
         raise BenchError('dask is not installed; run pip install ".[dask]" in a clone of proxbench') from None
-    dask: Any = distributed  # its classes have no types
+    dask: Any = distributed  # classes of dask have no types
     with ExitStack() as opened:
         try:
             where: Any = address
@@ -39,6 +39,6 @@ def dask_executor(address: str) -> Iterator[Executor]:
         except (OSError, TimeoutError, ValueError) as error:
             why = type(error).__name__
             raise BenchError(
-                f"there is no dask cluster with workers at {address} ({why}); start it, or name another."
+                f"there is no dask cluster with workers at {address} ({why}); start it, or use another address."
             ) from None
         yield client.get_executor(pure=False)  # a repeated task has a different key

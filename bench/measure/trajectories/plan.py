@@ -20,13 +20,13 @@ from .methods import Method, make_method
 from .problems import MIN_SEEDS
 
 LIMITS = Limits(solve_seconds=600.0, case_seconds=7200.0)
-"""Limits of a study: one simulation may take ten minutes, and a curve two hours."""
+"""Limits of a study: ten minutes for one simulation, and two hours for all simulations of a method."""
 
 NEIGHBOURS = (0.98, 0.99, 1.0, 1.01, 1.02)
-"""Factors on steps and tolerances: the error is erratic in the number of steps, so medians are compared."""
+"""Factors on steps and tolerances. The error varies erratically with the number of steps, so medians are compared."""
 
 N_SEEDS = 6
-"""Seeds of a scene of balls."""
+"""Number of seeds for a scene of balls."""
 
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-6)
 """Errors for which tables give the time."""
@@ -51,10 +51,10 @@ def make_study_plan(
     Args:
         scene: name of the scene, with or without options.
         solvers: additional solvers to compare over their tolerances.
-        methods: ladders by the names of methods; if None, methods suited to the scene.
+        methods: for each method by name, its steps [s] or tolerances; if None, methods suited to the scene.
         tolerance: judged residual that the solvers of ``methods`` must reach, unless the ladder varies it.
         duration: simulated time [s]; if None, a duration suited to the scene.
-        members: seeds of a scene of balls, else factors on steps and tolerances.
+        members: seeds of a scene of balls, otherwise factors on steps and tolerances; if None, defaults.
         limits: limits of each case; those of a solve apply to a simulation.
         start: initial impulses of each solve: "warm", "cold" or "warm-then-cold".
 
@@ -101,7 +101,7 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
         first = int(options.pop("seed", made.options["seed"]))
         members = range(first, first + N_SEEDS) if members is None else members
         if len(set(members)) < MIN_SEEDS:
-            raise BenchError(f"a spread over seeds needs at least {MIN_SEEDS} of them, got {len(set(members))}.")
+            raise BenchError(f"a study over seeds needs at least {MIN_SEEDS} different seeds, got {len(set(members))}.")
     chosen = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
     wrong = next((one for one in chosen if not (0.0 <= one < math.inf and (is_pour or one))), None)
     if wrong is not None or not chosen:

@@ -1,4 +1,4 @@
-"""Arrows for the forces of a simulation, with lengths that suit most of them."""
+"""Arrows for the forces of a simulation, scaled so that most of them are legible."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from ..contact_states import States
 
 SHARE, RADII, MAX_RATIO = 0.9, 0.6, 4.0
 """The ``SHARE`` quantile of all forces has an arrow of ``RADII`` bounding radii of its body. Lengths grow with the
-square root of the force, up to ``MAX_RATIO`` times this length, so that arrows of impacts do not cover the others."""
+square root of the force, up to ``MAX_RATIO`` times this force, so that arrows of impacts do not cover the others."""
 
 NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.uint16))
 """Arguments of ``ForceArrows.add`` for a step without forces."""
@@ -26,7 +26,7 @@ class _StepForces:
 
 
 class ForceArrows:
-    """Collect the forces of all steps, then return their arrows."""
+    """Forces of all steps, and the arrows that show them."""
 
     def __init__(self) -> None:
         self._steps: list[_StepForces] = []
@@ -52,13 +52,13 @@ class ForceArrows:
 
     @property
     def explanation(self) -> str:
-        """What the length of an arrow means."""
+        """A sentence that explains the lengths of arrows; empty without forces."""
         if self.reference is None:
             return ""
         force = float(f"{self.reference:.2g}")
         return (
-            f" Arrows grow with the square root of a force: {RADII:g} radii of the body are {force:g} N, and twice "
-            f"that is {MAX_RATIO:g} times this force or more."
+            f" The length of an arrow grows with the square root of the force: {RADII:g} radii of the body for "
+            f"{force:g} N, and at most twice that, from {MAX_RATIO * force:g} N on."
         )
 
     def drawn(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:

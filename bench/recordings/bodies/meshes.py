@@ -11,7 +11,7 @@ from ....problems.arrays import FloatArray, IntArray
 from ....problems.motion.bodies.surfaces import Plane, Segment, Surface
 
 LATITUDES, LONGITUDES = 6, 12
-"""Numbers of faces of a ball from pole to pole and around the axis; small for scenes of a thousand balls."""
+"""Numbers of faces of a ball from pole to pole and around the axis, small enough for scenes of a thousand balls."""
 
 AROUND = 64
 """Number of faces around a surface of revolution."""

@@ -11,7 +11,11 @@ from .profiles import profile_charts
 
 
 def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
-    """Return the chart of cost against accuracy and of convergence on a problem; see ``Run.plot``."""
+    """Return the charts of time against accuracy and of convergence on a problem; see ``Run.plot``.
+
+    Raises:
+        BenchError: if no solver has a finite residual on it.
+    """
     own = frames.only([problem])
     if not has_drawable_rows(own, problem):
         raise BenchError(f"no solver has a finite residual on {problem}; plot another problem.")
@@ -19,10 +23,14 @@ def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
 
 
 def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str = COMMON) -> alt.VConcatChart:
-    """Return the chart of one kind of profile; see ``Run.plot_profile``."""
+    """Return the chart of one kind of profile; see ``Run.plot_profile``.
+
+    Raises:
+        BenchError: for a study of simulations, an unknown kind, baseline or set of profiles.
+    """
     check_view(profiles)
     if frames.is_study:
-        raise BenchError(f"{frames.folder} is a study of simulations, which has no profiles; plot a problem of it.")
+        raise BenchError(f"{frames.folder} is a study of simulations, which has no profiles; plot one of its problems.")
     against = baseline_of(frames, baseline)
     charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
     if kind not in charts:
@@ -31,7 +39,11 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
 
 
 def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
-    """Return the judged residual over iterations on a problem; see ``plot_convergence``."""
+    """Return the chart of the judged residual over iterations on a problem; see ``Run.plot_convergence``.
+
+    Raises:
+        BenchError: if no solver shows its iterates on it.
+    """
     if not (frames.iterations["problem"] == problem).any():
-        raise BenchError(f"no solver has observable iterates on {problem}; plot another problem.")
+        raise BenchError(f"no solver shows its iterates on {problem}; plot another problem.")
     return convergence(frames, problem)

@@ -8,7 +8,7 @@ from .pairing import CASE, Pairing
 from .times import reaching_tolerances
 
 SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"
-"""Kinds of changes: reached only now, reached only before, and not reached because time was short."""
+"""Kinds of changes: reached only in the second run, only in the first run, and undecided."""
 
 SHARED = 2.0
 """Largest slowdown of a solve on a shared core."""
@@ -20,8 +20,9 @@ CHANGES = [*CASE, "accuracy", "change", "reason"]
 def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
     """Return one row for each solver, problem and accuracy that only one of two runs reaches, columns ``CHANGES``.
 
-    A change is undecided if the other run met a time limit, of a solve or of a case, that a shared core can explain:
-    all its rounds are excluded, the limits differ, or the run that reaches it took more than 1/``SHARED`` of the limit.
+    A change is undecided if the other run reached a time limit, of a solve or of a case, that a shared core can
+    explain: all its rounds are excluded, the limits differ, or the run that reaches the accuracy took more than
+    1/``SHARED`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]
@@ -40,7 +41,7 @@ def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
 def _ending(
     own: RunFrames, other: RunFrames, case: tuple[str, str], tolerance: float, accuracy: float
 ) -> tuple[bool, str]:
-    """Return whether time was short in ``other``, which misses the accuracy, and its ending in words."""
+    """Return whether the result of ``other``, which misses the accuracy, is undecided, and describe its ending."""
     ended = _of_case(other.cases, case).iloc[0]
     if ended["outcome"] != Outcome.MEASURED:
         limits = [run.info.plan.limits.case_seconds for run in (own, other)]

@@ -1,16 +1,16 @@
 """Ratios of the times of two runs, per point, case and solver, with confidence intervals.
 
-A pass is one observation, because its rounds share their processes. Its time is the least of its rounds, since a
-disturbance only makes a round longer. All times are compared by their logarithms. The difference at a point (solver,
-problem, accuracy) is that of the medians of its passes. The difference of a case is the mean over its points, and that
-of a solver is the mean over its cases. The sources of variance are
+A pass is one observation, because its rounds run in the same processes. Its time is the shortest of its rounds, because
+a disturbance can only lengthen a round. All times are compared by their logarithms. The difference at a point (solver,
+problem, accuracy) is that of the medians of the passes of both runs. The difference of a case is the mean over its
+points, and that of a solver is the mean over its cases. The sources of variance are
 
     passes     at a point: ``bootstrap_ratio`` of its passes. In a case, whose two to five passes are too few to
-               resample at the level of all cases together: σ² (1/n + 1/m) for n and m passes. σ² is the larger of
-               the variance of its own passes and the median variance of all cases. Medians of three or more passes
-               have EFFICIENCY times this variance.
+               resample: σ² (1/n + 1/m) for n and m passes, where σ² is the larger of the variance of its own passes
+               and the median variance of all cases. Medians of three or more passes have ``EFFICIENCY`` times this
+               variance.
     problems   ``bootstrap_ratio`` of the cases of a solver, with its problems as clusters
-    runs       RUN_SPREAD of all times together, if it cannot be distinguished from a change
+    runs       ``RUN_SPREAD``, a shift of all times, if it cannot be distinguished from a change of the solvers
 
 Ratios are relative to a scale, the median over the yardsticks: solvers that are the same program in both runs. If the
 program has changed, no yardstick is known. The median of all solvers is then the scale, unless it exceeds
@@ -33,16 +33,16 @@ RUN_SPREAD = 0.04
 """Standard deviation of the common shift in the logarithms of the times of two runs of the same program."""
 
 MAX_DRIFT = 2.0 * RUN_SPREAD
-"""Largest logarithm of a scale if no solver is known to be the same program."""
+"""Largest logarithm of the scale if no solver is known to be the same program in both runs."""
 
 MIN_YARDSTICKS = 3
 """Least number of yardsticks of a scale."""
 
 TAILS = 10
-"""Degrees of freedom of Student's t in intervals of cases, as a long disturbance affects all passes of a case."""
+"""Degrees of freedom of Student's t in intervals of cases; few, because one disturbance may affect all its passes."""
 
 EFFICIENCY = np.pi / 2.0
-"""Variance of the median relative to that of the mean, of many normal numbers."""
+"""Variance of the median of many normally distributed numbers, relative to that of their mean."""
 
 ONE_SIDED = 0.95
 """Probability that the true ratio lies above the lower end of an interval, and that it lies below the upper end."""
@@ -62,7 +62,7 @@ class Times(NamedTuple):
 
     Attributes:
         points: one row per solver, problem and accuracy that both runs reach, columns ``POINTS``; not scaled.
-        cases: one row per solver and problem, columns ``CASES``; with simultaneous intervals.
+        cases: one row per solver and problem, columns ``CASES``, with intervals that hold for all cases at once.
         solvers: one row per solver, columns ``SOLVERS``.
         scale: factor that divides the times of the second run.
     """
@@ -74,7 +74,7 @@ class Times(NamedTuple):
 
 
 def compare_times(pairing: Pairing) -> Times:
-    """Compare the times of two runs."""
+    """Return the ratios of the times of two runs, the second over the first."""
     passes, points = _reached_passes(pairing)
     cases = _with_noise(_cases(points), passes)
     solvers = _solvers(cases)

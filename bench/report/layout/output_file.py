@@ -84,7 +84,7 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
             with tempfile.TemporaryFile(dir=folder):
                 pass
         except OSError as error:
-            raise BenchError(f"cannot write {file}: {error.strerror}; choose another place.") from None
+            raise BenchError(f"cannot write {file}: {error.strerror}; choose another folder.") from None
 
 
 def picture_files(path: Path) -> tuple[Path, Path]:

@@ -1,7 +1,7 @@
 """Data of a page as one JSON document: tables of problems, solvers, cases, points and curves, in columns with names.
 
 Python computes the values that do not depend on filters: the time to each accuracy and the best point of every case.
-Numbers are rounded to the digits that the page shows; residuals that it compares with accuracies are exact.
+Numbers are rounded to the digits that the page shows; residuals that it compares with accuracies are not rounded.
 """
 
 from collections.abc import Iterable
@@ -31,7 +31,7 @@ from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from .commands import option, protocol_options, run_command
 
 MAX_TEXT = 4000
-"""Number of last characters of the output of a failed case on a page; the file of the case contains all."""
+"""Number of characters at the end of the output of a failed case that a page shows; the case file contains all."""
 
 MAX_CURVE_POINTS = 300_000
 """Largest number of points of all convergence curves of a page."""
@@ -125,11 +125,11 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "passes": plan.passes,
         "seed": plan.seed,
         "judge": f"version {info.judge}",
-        "time of a solve": f"{limits.solve_seconds:g} s",
-        "time of a case": f"{limits.case_seconds:g} s",
-        "memory of a case": f"{limits.memory_bytes / 2**20:.0f} MiB",
+        "time limit of a solve": f"{limits.solve_seconds:g} s",
+        "time limit of a case": f"{limits.case_seconds:g} s",
+        "memory limit of a case": f"{limits.memory_bytes / 2**20:.0f} MiB",
         "threads of a library": 1,
-        "probes": "unknown" if np.isnan(factor) else f"90 % over 10 % quantile: {factor:.2f}",
+        "probes": "unknown" if np.isnan(factor) else f"ratio of 90 % to 10 % quantile {factor:.2f}",
     }
     tables["Sessions"] = {
         one.started + ("" if is_single else f" on {one.machine.host}"): f"to {one.finished}"
@@ -192,7 +192,7 @@ def _problems(frames: RunFrames) -> list[dict[str, Any]]:
 
 
 def _law(rows: int, contacts: int) -> str:
-    """Return the laws of a problem, as far as its rows per contact determine them."""
+    """Return the kind of laws that follows from the number of rows per contact."""
     if not contacts:
         return "no contact"
     return LAWS.get(rows // contacts, "more rows per contact") if rows % contacts == 0 else "mixed"
@@ -202,7 +202,7 @@ def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
     """Return the columns of the cases.
 
     ``seconds``, ``excluded`` and ``claimed`` have a value for each accuracy: the time to it (null if it is not
-    reached), whether this time has only excluded rounds, and whether the solver claims to reach it.
+    reached), whether all rounds of this time are excluded, and whether the solver claims the accuracy.
     """
     attempted, limit = attempted_points(frames), frames.info.plan.limits.solve_seconds
     best = reaching(attempted, np.inf, limit).sort_values("residual", kind="stable").drop_duplicates(CASE)

@@ -34,7 +34,7 @@ MAX_COLUMN_ENTRIES = 50_000_000
 """Largest number of entries of M⁻¹ D with D = (H, G), which take 400 MB."""
 
 GUESSES = "stored_guesses"
-"""Entry of the provenance: the number of guesses in a file that contains guesses."""
+"""Entry of the provenance: the number of initial guesses in the file."""
 
 MAX_ROUNDING_ATTEMPTS = 10
 """Largest number of attempts to find an f with which c is reproduced exactly.
@@ -73,7 +73,7 @@ def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
 
     A problem with factors becomes a global problem, and one with a Delassus matrix a local problem. The contents have a
     digest if reading them reproduces the problem exactly, which requires that joints follow the contacts. The free
-    motion is omitted if it prevents an exact c. M is the matrix from which M⁻¹ was computed, if it is known, or else
+    motion is omitted if it prevents an exact c. M is the matrix from which M⁻¹ was computed, if known, otherwise
     the inverse of M⁻¹.
 
     Raises:
@@ -99,7 +99,7 @@ def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
 
 
 def digest_mismatch(contents: LocalContents | GlobalContents, problem: ContactProblem) -> str | None:
-    """Return the reason why a file of ``write_fclib`` is damaged; None if its digest matches, or it has no digest."""
+    """Return why a file of ``write_fclib`` is damaged, or None if its digest matches or is missing."""
     if contents.digest in ("", problem.digest):
         return None
     if problem.provenance.keys() & {"matrix", "eigenvalues"}:  # the digest is that of the unrepaired matrices
@@ -157,7 +157,7 @@ def _condensed_problem(
     w: FloatArray,
     attributes: dict[str, Any],
 ) -> ContactProblem:
-    """Return the problem with the matrix G = Dᵀ M⁻¹ D and c = Dᵀ M⁻¹ f + w, if M⁻¹ would be too large to store."""
+    """Return the problem with G = Dᵀ M⁻¹ D and c = Dᵀ M⁻¹ f + w, for an M⁻¹ that is too large to store."""
     n_dofs, n_rows = directions.shape
     if n_dofs * n_rows > MAX_COLUMN_ENTRIES:
         raise ProblemError(f"M couples too many of its {n_dofs} degrees of freedom for {n_rows} rows; use W and q.")
@@ -177,7 +177,7 @@ def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> N
     """Raise ``ProblemError`` if a block of G between contacts and joints has an asymmetric part ``difference``."""
     if problem.allow_asymmetric and difference.count_nonzero():
         raise ProblemError(
-            f"G of {problem.name!r} is not symmetric between contacts and joints, and FCLIB stores that part once."
+            f"G of {problem.name!r} is not symmetric between contacts and joints, and FCLIB stores one such block."
         )
 
 

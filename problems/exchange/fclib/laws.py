@@ -1,7 +1,8 @@
 """The force laws of the rows of an FCLIB problem, and checks for unsupported laws.
 
-Contacts come first, all with ``spacedim`` rows, the normal one first: a unilateral law and the Coulomb friction that it
-bounds, followed by rolling friction if there is μ_r. Joints follow, a bilateral law for each column of V or G.
+Contacts come first, each with ``spacedim`` rows, beginning with the normal row. Their laws are a unilateral law, the
+Coulomb friction that it bounds, and rolling friction if there is μ_r. Joints follow: a bilateral law for each column
+of V or G.
 
     spacedim 2    N, T                 planar
     spacedim 3    N, T1, T2            spatial
@@ -25,7 +26,7 @@ class ContactLaws:
     """The laws of contacts of one kind.
 
     Attributes:
-        dimension: rows of a contact, 2 or 3, with rolling friction 3 or 5.
+        dimension: rows of a contact: 2 or 3, or 3 or 5 with rolling friction.
         friction: μ, shape (n_contacts,).
         rolling_friction: μ_r [m], shape (n_contacts,); ``None`` without rolling friction.
     """
@@ -48,7 +49,7 @@ def laws_of(contents: LocalContents | GlobalContents) -> Laws:
     """Return the laws of a problem, in the order of its rows.
 
     Raises:
-        ProblemError: for another ``spacedim``, or a friction coefficient that is negative or not finite.
+        ProblemError: for an unsupported ``spacedim``, or a friction coefficient that is negative or not finite.
     """
     contacts = _laws_of_contacts(contents)
     return Laws.together([contacts, Laws.joints(contents.n_joints)]) if contents.n_joints else contacts
@@ -79,7 +80,8 @@ def contacts_of(problem: ContactProblem) -> ContactLaws:
     """Return the laws of the contacts of a problem.
 
     Raises:
-        ProblemError: if FCLIB has no such laws: it has joints, and contacts of one kind with Coulomb friction.
+        ProblemError: if FCLIB does not support the laws. It supports joints, and contacts of one kind with Coulomb
+            friction.
     """
     laws, name = problem.laws, problem.name
     if not problem.n_rows:
@@ -89,15 +91,17 @@ def contacts_of(problem: ContactProblem) -> ContactLaws:
         raise ProblemError(f"law {law} of {name!r} has a fixed friction bound; FCLIB supports Coulomb friction only.")
     count = int(laws.is_unilateral.sum())
     if count and not laws.is_friction.any():
-        raise ProblemError(f"{name!r} has no friction, but contacts of FCLIB do; set the friction coefficient to zero.")
+        raise ProblemError(
+            f"{name!r} has no friction, but every contact of FCLIB has; add friction laws with a coefficient of zero."
+        )
     rolling = np.flatnonzero(laws.is_rolling)
     axes, slides = (laws.row_count[at] for at in (rolling, np.maximum(rolling - 1, 0)))
     if (axes != slides).any():
         k = int(np.argmax(axes != slides))
         about = "1 axis" if axes[k] == 1 else f"{axes[k]} axes"
         raise ProblemError(
-            f"{name!r} resists rolling about {about}, but contacts of FCLIB about as many as they have sliding "
-            f"directions, {slides[k]}."
+            f"{name!r} has rolling friction about {about}, but FCLIB supports only as many axes as sliding directions, "
+            f"here {slides[k]}."
         )
     if laws.is_rolling.any() and problem.factors is None:
         raise ProblemError(
@@ -113,7 +117,7 @@ def contacts_of(problem: ContactProblem) -> ContactLaws:
 
 
 def _equal_contacts(laws: Laws, count: int) -> ContactLaws | None:
-    """Return the laws of ``count`` contacts, also if joints lie between them; None if the contacts differ in kind."""
+    """Return the laws of ``count`` contacts, even with joints between them; None if the contacts differ in kind."""
     if not count and not laws.is_friction.any():
         return ContactLaws(3, np.zeros(0))
     at = np.flatnonzero(~laws.is_bilateral)

@@ -1,7 +1,7 @@
 """Detection of overlapping balls by a cell list, in time and memory proportional to the number of balls.
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell; because neighbours along the first
-axis have consecutive numbers, each ball needs a few ranges of cells, whose starts only move forward.
+axis have consecutive numbers, the search visits a few ranges of cells per ball, whose starts only move forward.
 """
 
 import numpy as np
@@ -21,10 +21,10 @@ and after the projection."""
 
 
 class NearPairs:
-    """Pairs of balls that may overlap, searched again when balls have moved far enough for new pairs.
+    """Pairs of balls that may overlap. The search is repeated when balls have moved far enough to form new pairs.
 
-    Pairs are near if their gap is below the skin, which follows the speed of the balls: it is
-    ``QUERIES_PER_SEARCH`` times as wide as the fastest ball and another one can approach each other between queries.
+    Pairs are near if their gap is less than the skin. The skin is ``QUERIES_PER_SEARCH`` times the distance by which
+    the fastest ball and another ball can approach each other between two queries.
     """
 
     def __init__(self, radii: FloatArray) -> None:
@@ -34,7 +34,11 @@ class NearPairs:
         self._found: tuple[FloatArray, IntArray] | None = None
 
     def at(self, centres: FloatArray) -> IntArray:
-        """Return all pairs i < j that overlap at ``centres`` and some that do not, sorted by i, then j."""
+        """Return pairs i < j, sorted by i, then j, shape (n_pairs, 2): all that overlap, and some that do not.
+
+        Args:
+            centres: x [m], shape (n, 2) or (n, 3).
+        """
         self._queries += 1
         if self._found is not None:
             moved = float(_farthest(self._found[0], centres))

@@ -1,4 +1,4 @@
-"""Impacts: a ball that hits a plane obliquely, and Newton's cradle struck in one coupled impact."""
+"""Impacts: a ball that hits a plane obliquely, and Newton's cradle with all impacts at once."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class ObliqueImpact(ClosedFormScene):
     """A homogeneous sphere without spin that hits level ground obliquely, without gravity and with ε_T = 0.
 
     Attributes:
-        normal_speed: |v_N| towards the ground [m/s].
+        normal_speed: |v_N|, the speed towards the ground [m/s].
         tangential_speed: v_T along x [m/s].
         friction: μ.
         restitution: ε_N.
@@ -80,7 +80,7 @@ class ObliqueImpact(ClosedFormScene):
 
 @dataclass(frozen=True)
 class NewtonsCradle(ClosedFormScene):
-    """A row of equal balls along x that touch, struck by the first one; all impulses in one coupled impact.
+    """A row of equal touching balls along x, which another ball strikes; all impulses act in one coupled impact.
 
     Attributes:
         n_balls: n, including the striking ball.
@@ -120,8 +120,8 @@ class NewtonsCradle(ClosedFormScene):
     def speeds_after(self) -> tuple[float, float]:
         """Speed of the first ball, v ((1 + e)/n − e), and of all others, v (1 + e)/n [m/s].
 
-        Newton's law leaves no relative velocity between balls that touched at rest, −e v between the first two, and
-        momentum is conserved.
+        By Newton's impact law, the relative velocity after the impact is zero between balls that touched at rest, and
+        e v between the first two. Momentum is conserved.
         """
         others = self.speed * (1.0 + self.restitution) / self.n_balls
         return others - self.restitution * self.speed, others

@@ -16,9 +16,10 @@ from .scene import GROUND, OVERLAP, ClosedFormScene, check_positive
 
 
 class RollingSphere(ClosedFormScene):
-    """A homogeneous sphere that descends from rest, touching walls whose normals stand at α to their plane of symmetry.
+    """A homogeneous sphere that descends from rest on a plane or in a groove.
 
-    The points of contact are at the distance r sin α from the axis of rotation; on a plane sin α = 1.
+    The normals of the walls have the angle α to their plane of symmetry. The points of contact are at the distance
+    r sin α from the axis of rotation; on a plane sin α = 1.
     """
 
     slope: float
@@ -43,7 +44,7 @@ class RollingSphere(ClosedFormScene):
 
     @property
     def rolls(self) -> bool:
-        """Whether it rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
+        """Whether the sphere rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
 
         Rolling requires the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), and 2 μ times the force m g cos θ/(2 sin α)
         of each wall is available; on a plane, 2/7 m g sin θ and μ m g cos θ. For tan θ above the bound, up to
@@ -63,7 +64,7 @@ class RollingSphere(ClosedFormScene):
 
     @property
     def spin_acceleration(self) -> float:
-        """Angular acceleration about the horizontal axis across the descent [rad/s²].
+        """Angular acceleration about the horizontal axis normal to the descent [rad/s²].
 
         a/(r sin α) rolling, 5/2 μ g cos θ / r sliding, where all friction acts at the lever r sin α.
         """
@@ -216,7 +217,7 @@ class SlidingSphere(ClosedFormScene):
     def rolling_time(self) -> float:
         """Time at which rolling begins [s], 2 v_0/(7 μ g).
 
-        Friction decreases v at μ g and increases r ω at 5/2 μ g until they are equal.
+        Friction reduces v at the rate μ g and increases r ω at the rate 5/2 μ g until they are equal.
         """
         return 2.0 * self.speed / (7.0 * self.friction * self.gravity)
 

@@ -1,4 +1,4 @@
-"""Scenes ready for simulation, and the registry entries that build them."""
+"""Scenes, and the registry entries that create them."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -37,7 +37,7 @@ class Observable:
     Attributes:
         name: name of its column.
         compute: returns its value at a state.
-        is_count: whether it is a whole number, which jumps.
+        is_count: whether it is a count, a whole number that changes in steps.
         label: its name in charts and recordings; empty if it is not shown.
         head: heading of its column in tables.
         rate: name of its mean rate of change in studies; empty if studies do not compare the rate.
@@ -56,8 +56,8 @@ class SceneEnding:
     """Why a simulation ends before its duration.
 
     Attributes:
-        name: one word, for programs.
-        sentence: what happened, for users.
+        name: identifier in files and JSON.
+        sentence: description of what happened, without a full stop.
         is_success: whether the scene ended as intended.
     """
 
@@ -72,8 +72,8 @@ class EndingRule:
 
     Attributes:
         seconds: simulated time that ``find`` looks back [s].
-        find: returns the ending from the last steps, or None. The steps have ``time`` [s] and the observables as
-            fields; they go back ``seconds`` and one step further, if there are as many.
+        find: returns the ending from the last steps, or None. The steps are a structured array with the fields
+            ``time`` [s] and the observables. They cover the last ``seconds`` and one step before them, if available.
     """
 
     seconds: float
@@ -87,8 +87,8 @@ class StudyDefaults:
     Attributes:
         options: options of the scene.
         duration: simulated time [s]; that of the scene if None.
-        is_limit_cycle: whether the motion returns to its start, up to the descent, after ``duration`` with ``options``,
-            so that its final error is that of the limit cycle. True for exactly these values only.
+        is_limit_cycle: whether ``options`` and ``duration`` describe one period of a limit cycle, so that the error at
+            the end is the deviation from the start, apart from the descent. It does not hold for other values.
     """
 
     options: Mapping[str, OptionValue] = field(default_factory=dict)
@@ -112,16 +112,16 @@ class Scene:
         potential_energy: q ↦ V [J], None if it is not known.
         n_balls: number of balls, 0 if there are none.
         depth: penetration [m] to which positions are projected, None if they are not.
-        longest_step: default Δt_max of a variable step [s]; no contact is missed within it.
+        longest_step: default Δt_max of a variable step [s], short enough to detect every contact.
         coordinates: index of each named coordinate by its name, in the order of figures.
-        has_few_contacts: whether accurate solves and variable steps are affordable, and therefore the default.
+        has_few_contacts: whether contacts are so few that accurate solves and variable steps are the default.
         exact: returns the state in closed form at t [s]; None if there is none.
         balls: sizes and surfaces of the balls, to draw them; None if there are none.
         observables: numbers recorded at each step, in addition to those of all simulations.
         ending: the rule that may end a simulation before its duration, None if there is none.
         contact_names: names of the contacts by their keys, empty if they have none.
         limit_cycle: the known limit cycle, None if there is none.
-        view: name of the recording that draws the scene, None if its balls or its coordinates are drawn.
+        view: name of the view that draws the scene in recordings; if None, its balls or coordinates are drawn.
     """
 
     name: str
@@ -192,11 +192,11 @@ def bare_scene(name: str, options: Mapping[str, OptionValue], system: System, st
 
 
 WORLD_RADIUS = 1e4
-"""Distance from the origin beyond which a body has left the world [m]."""
+"""Distance from the origin beyond which a body ends the simulation [m]."""
 
 
 def completed(scene: Scene) -> Scene:
-    """Check the start of a scene of rigid bodies and bound its world; return other scenes unchanged.
+    """Check the start of a scene of rigid bodies, and return it with ``bounded``; return other scenes unchanged.
 
     Raises:
         ProblemError: if rigid bodies cannot start from this state; see ``check_start``.
@@ -226,8 +226,8 @@ def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> 
         time, distance = float(steps["time"][-1]), float(steps[FARTHEST][-1])
         if distance > radius:
             sentence = (
-                f"ended at {time:.4g} s: a body has left the world, {distance:.4g} m from the origin, beyond the limit "
-                f"of {radius:g} m; earlier steps are kept"
+                f"ended at {time:.4g} s: a body is {distance:.4g} m from the origin, beyond the limit of "
+                f"{radius:g} m; earlier steps are kept"
             )
             return SceneEnding("left-world", sentence, False)
         return None if own is None else own.find(steps)
@@ -244,8 +244,8 @@ RESTING_OVERLAP = 1e-5
 """Initial depth of faces that rest or slide on each other [m].
 
 A solution within the tolerance τ may open a contact with the velocity τ max|c|, and nothing closes it again. A contact
-of depth o therefore lasts at least o/(τ max|c|). If it opens, its body falls for a step, tilts, and opens other
-contacts. This depth lasts for 100 s at τ = 1e-6 if max|c| = g Δt, with Δt = 10 ms."""
+of depth d therefore lasts for at least d/(τ max|c|). If the contact opens, its body falls for a step, tilts, and opens
+other contacts. With τ = 1e-6, max|c| = g Δt and Δt = 10 ms, this depth lasts for 100 s."""
 
 
 GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))

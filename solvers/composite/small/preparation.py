@@ -1,7 +1,7 @@
-"""What sweeps need of a small problem, computed from its arrays by one kernel.
+"""Data of a small problem for sweeps, computed from its arrays by one kernel.
 
-Each function calls the kernels that prepare large problems one by one, so that the numbers are the same. The problem
-has contacts with or without sliding friction alone, all with the same number of rows.
+Each function calls the kernels that prepare large problems, so that the numbers are the same. The problem must contain
+only contacts, with or without sliding friction, and all with the same number of rows.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from ...sweeps.step_size import write_step_sizes
 from ..sweeping import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
-"""Kinds of coupling: other sweeps are faster; no two contacts are coupled; some are."""
+"""Kinds of coupling: coupled such that other sweeps are faster, uncoupled contacts, and coupled contacts."""
 
 ROWS_OF_NUMBERS = 5
 """Rows of the numbers of the residual, as in ``Residual``."""
@@ -114,12 +114,12 @@ def _add_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot):  # type: ignore[no-untyped-def]
-    """Return what the sweeps need.
+    """Return the data for the sweeps.
 
     Returns:
-        The kind of the coupling, a law that no impulse satisfies or −1, the scale of the residual, first stored block
-        of each block row, first lane of each stored block, and all numbers in one array: the blocks, the step sizes,
-        the diagonal of G, the numbers of the residual, and memory for the sweeps.
+        The kind of coupling, the index of a law that no impulse satisfies or −1, the scale of the residual [m/s], the
+        first stored block of each block row, the first lane of each stored block, and all numbers in one array: the
+        blocks, the step sizes, the diagonal of G, the numbers of the residual, and memory for the sweeps.
     """
     starts, columns, values = blocks
     sets, row_count, is_rolling, first_row, partner_law = laws

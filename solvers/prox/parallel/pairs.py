@@ -1,4 +1,4 @@
-"""Contacts of at most two bodies, the form that sweeps by colour and on devices work on."""
+"""Conversion of problems to contacts of at most two bodies, for sweeps by colour and on devices."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
 
 
 def in_pairs(pieces: Pieces) -> Pieces:
-    """Return pieces of width 3, two for each block; those that are added are zero and on the idle chunk."""
+    """Return pieces of width 3, two for each block; added pieces are zero and belong to the idle chunk."""
     if pieces.in_pairs and pieces.width == 3:
         return pieces
     n_blocks, counts = pieces.n_blocks, np.diff(pieces.starts)

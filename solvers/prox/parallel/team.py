@@ -1,9 +1,8 @@
 """Run one compiled kernel in several threads, including the calling one.
 
 The kernels release the interpreter's lock. The other threads start when they are first needed, wait without using a
-core, and end with the team: none outlives a solve, and no threading library need be installed. The members share
-work by claims (``atomic``), so that a member that is late, or preempted, delays the others at most by the task that it
-holds.
+core, and end with the team. None outlives a solve, and no threading library need be installed. The threads claim tasks
+one by one (``atomic``), so a thread that is late or preempted delays the others by at most one task.
 """
 
 import _thread
@@ -16,14 +15,14 @@ from ...iteration.method import check_option
 
 
 def check_threads(threads: int) -> None:
-    """Raise ``SolverError`` unless ``threads`` is at most the number of cores of this machine."""
+    """Raise ``SolverError`` unless ``threads`` is a whole number from 1 to the number of cores of this machine."""
     cores = os.cpu_count() or 1
     is_valid = type(threads) is int and 1 <= threads <= cores
     check_option("threads", threads, is_valid, f"a whole number from 1 to {cores}, the cores of this machine")
 
 
 class _Member:
-    """A thread that runs its calls one by one, until one is None."""
+    """A thread that runs calls one by one, until a call is None."""
 
     def __init__(self) -> None:
         self.call: Callable[[], Any] | None = None
@@ -34,7 +33,7 @@ class _Member:
         _thread.start_new_thread(self._run, ())
 
     def begin(self, call: Callable[[], Any] | None) -> None:
-        """Let the thread do one call, or end."""
+        """Let the thread run ``call``, or end it with None."""
         self.call = call
         self._begin.release()
 
@@ -50,7 +49,7 @@ class _Member:
                 if call is None:
                     return
                 call()
-            except BaseException as error:  # which the calling thread raises
+            except BaseException as error:  # the calling thread raises it
                 self.error = error
             finally:
                 self._end.release()
@@ -63,7 +62,10 @@ class Team:
         self._members: list[_Member] = []
 
     def run(self, threads: int, kernel: Callable[..., Any], *arguments: Any) -> Any:
-        """Return ``kernel(0, threads, *arguments)``, while others run it with the numbers from 1 on, all to the end."""
+        """Run ``kernel(number, threads, *arguments)`` in each thread, and return the result of thread 0.
+
+        Wait for all threads, and raise the first error of any of them.
+        """
         while len(self._members) < threads - 1:
             self._members.append(_Member())
         called = self._members[: threads - 1]

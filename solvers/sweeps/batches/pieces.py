@@ -1,12 +1,12 @@
 """Sweeps over spatial contacts in batches that the vector units of the processor update simultaneously.
 
 Contacts without a common body do not affect each other's updates. The contacts of a sweep are assigned to batches of
-``LANES`` such that no two contacts of a batch share a body, and of two contacts that share one the earlier contact is
-in the earlier batch. Each contact then reads exactly the velocities of a sequential sweep: the iterates are the same.
+``LANES`` contacts. No two contacts of a batch share a body. If two contacts share a body, the earlier one is in the
+earlier batch. Each contact then reads exactly the velocities of a sequential sweep: the iterates are the same.
 
-A batch is stored as a record: for each number of a contact (its two pieces of W̃, c, step sizes, a, μ and coupling) the
-values of all contacts are adjacent. The loop over a batch has no branches, so that the compiler vectorises it; indexed
-data are copied before and after. Empty lanes hold zeros and use the idle chunk.
+A batch is stored as a record. The values of one quantity for all its contacts are adjacent; the quantities are two
+pieces of W̃, c, the step sizes, a, μ and the coupling. The loop over a batch has no branches, so that the compiler
+vectorises it; indexed data are copied before and after. Empty lanes hold zeros and use the idle chunk.
 """
 
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ LANES = 16
 """Contacts in a batch: the smallest number for which compilers vectorise a loop of known length."""
 
 MIN_FILL = 0.75
-"""Smallest share of used lanes for which batches pay."""
+"""Smallest share of used lanes for which batches save time."""
 
 
 class Batches(NamedTuple):
@@ -43,8 +43,12 @@ def batch_arguments(
 ) -> tuple[Any, ...]:
     """Return the constant arguments of ``sweep_batches``: axes of a chunk, bodies of the contacts, and the records.
 
-    W̃ has pairs of pieces of width 3, c is padded and flat; the laws are step sizes (N and T of each block), μ and a;
-    the coupling is G_T1N and G_T2N of each block.
+    Args:
+        pieces: W̃, two pieces of width 3 per block.
+        batches: the batch and lane of each block.
+        free: c [m/s], padded and flat, shape (3 · n_blocks,).
+        laws: step sizes [kg] of N and T of each block, flat, shape (2 · n_blocks,); μ and a [N s], shape (n_blocks,).
+        coupling: G_T1N and G_T2N [1/kg] of each block, flat, shape (2 · n_blocks,).
     """
     arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, *batches, free, *laws, coupling)
     return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)
@@ -86,7 +90,7 @@ def _deal(chunks, idle):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed, coupling):  # type: ignore[no-untyped-def]
-    """Return first coordinate of both bodies of each lane, shape (n_batches, 2, LANES), and the records, flat."""
+    """Return the first coordinates of bodies, flat from shape (n_batches, 2, LANES), and the records, flat."""
     length = values.shape[2]
     pieces, numbers = values.reshape(-1), uint64(6 * length)
     block_at = np.zeros(n_batches * LANES, dtype=np.uint64)
@@ -121,11 +125,12 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
 def sweep_batches(  # type: ignore[no-untyped-def]
     count, axes, bodies, records, held, scaled, change, before, momentum, delay, sweeps, present
 ):
-    """Do ``count`` sweeps on Λ, ``held`` as in ``slots_in_batches``, and v = W̃ Λ, ``scaled``, with an idle chunk last.
+    """Do ``count`` sweeps, and return the β of the sweep after them.
 
-    The last sweep changed Λ by ``change``, and began, where there is momentum, at v ``before``. The coming one has the
-    β ``present``; that of the sweep after these is returned. ``momentum`` and ``delay`` are those of ``MomentumState``,
-    after ``sweeps`` sweeps.
+    ``held`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last. ``change``
+    is the change of Λ in the previous sweep. With momentum, ``before`` is the v at which that sweep began.
+    ``present`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
+    sweeps.
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
@@ -158,9 +163,11 @@ def sweep_batches(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def update_batch(axes, records, begin, held, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
-    """Update a batch: its record from ``begin`` on, its Λ in ``held`` from ``at`` on, v ``before`` and ``after``.
+    """Update the impulses of one batch.
 
-    Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.
+    Its record begins at ``begin`` of ``records``, and its Λ at ``at`` of ``held``. Read v of its bodies from
+    ``before``, and write it to ``after``. Add (y − z)·(z − x) to ``turn``, where Λ moves from x to z and
+    y = x + β ``change``.
     """
     two, lanes, length = uint64(2), uint64(LANES), uint64(len(axes))
     row = lanes * length

@@ -58,7 +58,7 @@ def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
     [
         ("os._exit(3)", 60.0, "its process ended with exit code 3"),
         ("os.abort()", 60.0, "killed by SIGABRT"),
-        ("time.sleep(1000)", 5.0, "it did not end within 5 s"),
+        ("time.sleep(1000)", 5.0, "it did not finish within 5 s"),
         ("raise ValueError('odd')", 60.0, "it raised ValueError: odd (line 18 of wrapped.py)"),
         ("[bytes(2**28) for _ in range(100)]", 60.0, "MiB of memory"),
     ],

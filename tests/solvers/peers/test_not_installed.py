@@ -35,7 +35,7 @@ def test_another_version_is_refused(name: str, version: str, tried: str, monkeyp
     library, extra = LIBRARIES[name]
     monkeypatch.setattr(installed, "find_spec", lambda module: module)
     monkeypatch.setattr(installed.metadata, "version", lambda distribution: version)
-    words = re.escape(f'untried with {library} {version}, {tried}.x is supported; run pip install ".[{extra}]"')
+    words = re.escape(f'does not support {library} {version}, only {tried}.x; run pip install ".[{extra}]"')
     with pytest.raises(SolverError, match=words):
         create(name)
 

@@ -1,4 +1,4 @@
-"""Engines by name, each with its driver, the version it was tested with, and the settings that are compared."""
+"""Engines by name, with their drivers, tested versions and compared settings."""
 
 from dataclasses import dataclass
 from importlib import import_module, metadata
@@ -26,7 +26,7 @@ class Engine(Protocol):
         """Store the state before a step whose contact problem is requested."""
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the contact problem of the last step; None if it had no contacts, or reports no impulses."""
+        """Return the contact problem of the last step; None without contacts, or if the engine reports no impulses."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class EngineKind:
     """An engine of the comparison.
 
     Attributes:
-        module: its driver, a module of this package.
-        distribution: the wheel, whose version is stored.
+        module: name of its driver, a module of this package.
+        distribution: name of the distribution whose version is stored.
         tried: beginning of the versions with which the driver was tested.
         settings: the settings that are compared.
         model: how it differs from rigid bodies with Coulomb friction.
@@ -143,7 +143,7 @@ def version_of(name: str) -> str:
     except metadata.PackageNotFoundError:
         raise BenchError(f"the engine {name} is not installed; {remedy}.") from None
     if kind.tried and not version.startswith(f"{kind.tried}."):
-        raise BenchError(f"the engine {name} {version} is untried, {kind.tried}.x is supported; {remedy}.")
+        raise BenchError(f"the engine {name} {version} is not supported, only {kind.tried}.x is; {remedy}.")
     return version
 
 

@@ -11,9 +11,9 @@ scene                   bodies                                                  
 ``funnel``              250 balls, which pour through a funnel                  overlap 0; energy never grows
 ======================= ======================================================= ==================================
 
-A sliding cube with μ < 1 does not topple, since its supporting force acts μ/2 edges ahead of the middle. Hard
-contact in a cone program, whose velocity lies in the dual cone, throws a cube up instead: v_N = μ ‖v_T‖ with
-‖v_T‖ = v − μ v_N gives v_N = μ v / (1 + μ²), and a lift of v_N² / 2g = 293.6 mm here.
+A sliding cube with μ < 1 does not topple, because the supporting force acts at μ/2 edge lengths ahead of its centre.
+The solution of a cone program, whose velocity lies in the dual cone, instead throws the cube up: v_N = μ ‖v_T‖ with
+‖v_T‖ = v − μ v_N gives v_N = μ v/(1 + μ²), here a rise of v_N²/(2g) = 293.6 mm.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,11 @@ SETTLED_SECONDS = 0.1
 
 
 def describe(name: str) -> Description:
-    """Return a scene by its name, one of ``SCENES``."""
+    """Return a scene by its name.
+
+    Raises:
+        KeyError: if the name is not in ``SCENES``.
+    """
     return SCENES[name]()
 
 
@@ -48,7 +52,7 @@ def _thrown_cube() -> Description:
 
 
 def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the largest rise of the centre [mm], and the error of the last speed over the first one [%]."""
+    """Return the largest rise of the centre [mm], and the error of the final speed over the initial speed [%]."""
     exact = THROW_SPEED - SLIDING_FRICTION * STANDARD_GRAVITY * motion.times[-1]
     return _lift(motion), 100.0 * abs(motion.velocities[-1, 0, 0] - exact) / THROW_SPEED
 
@@ -58,22 +62,22 @@ def _incline(name: str, slope: float) -> Description:
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE))
     gravity = (STANDARD_GRAVITY * float(np.sin(angle)), 0.0, -STANDARD_GRAVITY * float(np.cos(angle)))
     slides = slope > SLIDING_FRICTION
-    errors = ("way [%]" if slides else "drift [mm]", "lift [mm]")
+    errors = ("distance [%]" if slides else "drift [mm]", "lift [mm]")
     measure = _measure_slide if slides else _measure_drift
     options = {"slope": float(angle)}
     return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, "box_on_incline", options, gravity=gravity)
 
 
 def _measure_slide(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the error of the way a t²/2 [%], and the largest rise of the centre [mm]."""
+    """Return the relative error of the distance a t²/2 [%], and the largest rise of the centre [mm]."""
     acceleration = scene.gravity[0] + scene.friction * scene.gravity[2]
     exact = 0.5 * acceleration * motion.times[-1] ** 2
-    way = motion.positions[-1, 0, 0] - motion.positions[0, 0, 0]
-    return 100.0 * abs(way - exact) / exact, _lift(motion)
+    distance = motion.positions[-1, 0, 0] - motion.positions[0, 0, 0]
+    return 100.0 * abs(distance - exact) / exact, _lift(motion)
 
 
 def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the way that a resting cube moves along its slope, and its largest rise [mm]."""
+    """Return the largest displacement of a resting cube along its slope [mm], and its largest rise [mm]."""
     return _drift(motion), _lift(motion)
 
 
@@ -85,7 +89,7 @@ def _stack() -> Description:
 
 
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the deepest penetration along the vertical, the largest drift [mm], and the largest last speed [mm/s]."""
+    """Return the largest vertical penetration [mm], the largest drift [mm], and the largest final speed [mm/s]."""
     heights = motion.positions[:, :, 2]
     gaps = np.diff(heights, axis=1, prepend=-heights[0, 0]) - 2.0 * scene.bodies[0].half
     return -1e3 * min(0.0, float(gaps.min())), _drift(motion), 1e3 * float(_speeds(motion)[-1].max())
@@ -97,7 +101,7 @@ def _pile() -> Description:
 
 
 def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return overlap of balls at the end [r], their last kinetic energy per ball [m g r], and the energy gained."""
+    """Return the overlap of balls at the end [r], the final kinetic energy per ball and the energy gained [m g r]."""
     settled = motion.positions[motion.times > motion.times[-1] - SETTLED_SECONDS]
     kinetic = 0.5 * float((_speeds(motion)[-1] ** 2).mean()) / (STANDARD_GRAVITY * scene.length)
     return max(_overlap(scene, frame) for frame in settled), kinetic, scene.energy_gained(motion)
@@ -109,7 +113,7 @@ def _funnel() -> Description:
 
 
 def _measure_funnel(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the deepest overlap of balls [r], the energy gained, and how many balls are below the outlet."""
+    """Return the largest overlap of balls [r], the energy gained [m g r], and the number of balls below the outlet."""
     overlap = max(_overlap(scene, frame) for frame in motion.positions)
     return overlap, scene.energy_gained(motion), float(np.count_nonzero(motion.positions[-1, :, 2] < 0.0))
 
@@ -193,7 +197,7 @@ def _speeds(motion: Motion) -> FloatArray:
 
 
 def _overlap(scene: Description, centres: FloatArray) -> float:
-    """Return the deepest overlap of two balls over their radius; walls do not count, because the funnels differ."""
+    """Return the largest overlap of two balls, in radii; walls are ignored, because the funnels differ."""
     from scipy.spatial import cKDTree
 
     distances = np.asarray(cKDTree(centres).query(centres, k=2)[0])  # the nearest centre is a ball's own
@@ -208,4 +212,4 @@ SCENES: dict[str, Callable[[], Description]] = {
     "pile": cache(_pile),
     "funnel": cache(_funnel),
 }
-"""Scenes by name."""
+"""Functions that describe the scenes, by name."""

@@ -1,4 +1,4 @@
-"""Scenes of prisms across the plane (x, z), each given by its initial cross-section."""
+"""Scenes of prisms normal to the plane (x, z), each defined by its initial cross-section."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

@@ -26,7 +26,7 @@ class RollingBody(ClosedFormScene):
     Attributes:
         inertia_factor: J/(m r²) about its axis.
         upright: its initial orientation.
-        spin_axis: the horizontal direction across the motion in body axes.
+        spin_axis: the horizontal direction normal to the motion, in body axes at the start.
     """
 
     speed: float
@@ -42,7 +42,10 @@ class RollingBody(ClosedFormScene):
 
     @property
     def deceleration(self) -> float:
-        """Deceleration of the centre [m/s²], μ_r g/(r (1 + J/(m r²))): the moment μ_r m g slows m r² + J."""
+        """Deceleration of the centre [m/s²], μ_r g/(r (1 + J/(m r²))).
+
+        This is r times the moment μ_r m g, divided by the inertia m r² + J about the line of contact.
+        """
         return self.resistance * self.gravity / (self.radius * (1.0 + self.inertia_factor))
 
     @property
@@ -71,11 +74,11 @@ class RollingBody(ClosedFormScene):
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: uniform deceleration, then rest."""
         rolling = min(time, self.stop_time)
-        way = self.speed * rolling - 0.5 * self.deceleration * rolling**2
+        distance = self.speed * rolling - 0.5 * self.deceleration * rolling**2
         speed = self.speed - self.deceleration * rolling
-        turned = product(about(Y_AXIS, way / self.radius)[None], np.array([self.upright]))[0]
+        turned = product(about(Y_AXIS, distance / self.radius)[None], np.array([self.upright]))[0]
         spin = speed / self.radius * np.array(self.spin_axis)
-        centre = np.array([way, 0.0, self.radius - OVERLAP])
+        centre = np.array([distance, 0.0, self.radius - OVERLAP])
         return State(time, np.concatenate([centre, turned]), np.concatenate([[speed, 0.0, 0.0], spin]))
 
 

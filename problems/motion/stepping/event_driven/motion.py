@@ -15,7 +15,7 @@ from ..step import LawName, LawState
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A change of the state of a contact; an impact after which it opens at once is two events at the same time.
+    """A change of the state of a contact. An impact after which the contact opens at once gives two events.
 
     Attributes:
         time: t [s].
@@ -53,7 +53,7 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion.
+    """A motion that the event-driven integrator has computed.
 
     Attributes:
         events: events in the order of time.
@@ -66,7 +66,7 @@ class Motion:
     end: State
 
     def at(self, time: float) -> State:
-        """Return the state at ``time`` [s]; at an event, the one after it.
+        """Return the state at ``time`` [s]; at an event, the state after it.
 
         Raises:
             MotionError: if the motion does not reach ``time``.
@@ -100,15 +100,15 @@ class AccumulationError(MotionError):
 
     Attributes:
         contact: the bouncing contact.
-        impacts: number of resolved impacts.
+        impacts: number of computed impacts.
         accumulation_time: time at which they accumulate [s], from the ratio of the last two flights.
     """
 
     def __init__(self, motion: Motion, contact: int, impacts: int, flight: float, accumulation_time: float) -> None:
         super().__init__(
-            f"the impacts of contact {contact} accumulate at t = {accumulation_time:.9g} s: {impacts} are resolved, "
-            f"the last flight took {flight:.1e} s, and infinitely many follow; event-driven integration cannot pass "
-            "this point, time stepping (Moreau) can.",
+            f"the impacts of contact {contact} accumulate at t = {accumulation_time:.9g} s: after {impacts} impacts, "
+            f"the last flight took {flight:.1e} s, and infinitely many impacts would follow; choose a time-stepping "
+            "method, such as Moreau.",
             motion,
         )
         self.contact = contact

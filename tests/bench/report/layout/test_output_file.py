@@ -90,7 +90,7 @@ def test_what_cannot_be_written_is_refused_and_what_can_leaves_nothing(tmp_path:
     (tmp_path / "plain").write_text("")
     (tmp_path / "folder.svg").mkdir()
     for name in ("plain/a", "plain/deeper/a", "folder", "a" * 300):
-        with pytest.raises(BenchError, match=r"cannot write .* choose another place"):
+        with pytest.raises(BenchError, match=r"cannot write .* choose another folder"):
             refuse_pictures(tmp_path / name, force=True)
     refuse_pictures(tmp_path / "new" / "deeper" / "a", force=False)
     assert {path.name for path in tmp_path.iterdir()} == {"plain", "folder.svg"}

@@ -203,8 +203,8 @@ def test_what_is_not_treated_or_makes_no_problem_gets_one_sentence(
         ("funnel-frictionless-30", "has no friction"),
         ("hard-tresca-joint", "has a fixed friction bound"),
         ("hard-remote-partner", "mixes laws"),
-        ("hard-linked-1-axes", "1 axis, but contacts of FCLIB about as many as they have sliding directions, 2"),
-        ("hard-linked-3-axes", "resists rolling about 3 axes"),
+        ("hard-linked-1-axes", "1 axis, but FCLIB supports only as many axes as sliding directions, here 2"),
+        ("hard-linked-3-axes", "has rolling friction about 3 axes"),
     ],
 )
 def test_laws_that_fclib_does_not_have_are_refused_and_nothing_is_written(

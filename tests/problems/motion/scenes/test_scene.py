@@ -29,8 +29,7 @@ def test_a_body_beyond_the_world_ends_the_scene_with_one_sentence() -> None:
     assert ending is not None
     assert (ending.name, ending.is_success) == ("left-world", False)
     assert ending.sentence == (
-        "ended at 0.2 s: a body has left the world, 50.5 m from the origin, beyond the limit of 50 m; earlier steps "
-        "are kept"
+        "ended at 0.2 s: a body is 50.5 m from the origin, beyond the limit of 50 m; earlier steps are kept"
     )
 
 

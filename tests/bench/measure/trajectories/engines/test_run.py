@@ -78,7 +78,7 @@ def test_errors_that_are_negligible_do_not_decide() -> None:
 
 def test_an_engine_that_is_missing_or_untried_is_named_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metadata, "version", lambda name: "3.20.1")
-    with pytest.raises(BenchError, match=r"pybullet 3\.20\.1 is untried, 3\.2\.x is supported; run pip install"):
+    with pytest.raises(BenchError, match=r"pybullet 3\.20\.1 is not supported, only 3\.2\.x is; run pip install"):
         compare_engines(["stack"], ["pybullet"], measure=measurement)
 
     def missing(name: str) -> str:
