@@ -85,12 +85,18 @@ class ContactProblem:
             _check_keys(self.keys, self.n_contacts)
 
     def __repr__(self) -> str:
-        contacts, rows = counted(self.n_contacts, "contact"), counted(self.n_rows, "row")
-        return f"<ContactProblem {self.name!r}: {contacts}, {rows}, holds {self._form}>"
+        joints, rows = self._n_joint_rows, counted(self.n_rows, "row")
+        sizes = [counted(self.n_contacts - joints, "contact"), f"{rows}, {joints} of joints" if joints else rows]
+        return f"<ContactProblem {self.name!r}: {', '.join(sizes)}, holds {self._form}>"
 
     def _repr_html_(self) -> str:
-        facts = {"contacts": self.n_contacts, "rows": self.n_rows, "laws": self.laws.summary, "holds": self._form}
+        sizes = {"contacts": self.n_contacts - self._n_joint_rows, "rows": self.n_rows}
+        facts = {**sizes, "laws": self.laws.summary, "holds": self._form}
         return html_table(f"Contact problem {self.name}", {**facts, **self.provenance})
+
+    @property
+    def _n_joint_rows(self) -> int:
+        return int(self.laws.is_bilateral.sum())
 
     @property
     def _form(self) -> str:

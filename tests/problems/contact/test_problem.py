@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import ContactProblem, Laws, ProblemError
+from proxbench.problems import ContactProblem, Laws, ProblemError, load
 from proxbench.problems.contact.blocks import BlockLayout
 from proxbench.problems.contact.matrices import symmetric
 from proxbench.problems.contact.matrices.symmetric import _largest_asymmetry, _largest_excess
@@ -209,6 +209,8 @@ def test_padding_and_unpadding_are_inverse_and_padding_is_zero(seed: int, n: int
 def test_a_problem_shows_itself_in_one_line() -> None:
     problem = ContactProblem.from_delassus(np.eye(6), np.zeros(6), 0.3, name="two contacts")
     assert repr(problem) == "<ContactProblem 'two contacts': 2 contacts, 6 rows, holds G>"
+    chain = load("hard-chain-10")
+    assert repr(chain) == "<ContactProblem 'hard-chain-10': 0 contacts, 20 rows, 20 of joints, holds W and M⁻¹>"
 
 
 def test_a_matrix_of_single_precision_stays_a_problem_under_another_name() -> None:
