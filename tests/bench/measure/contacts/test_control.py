@@ -9,8 +9,15 @@ import pytest
 from habitual_solvers import STOP, Wrapped, directions, sorted_sum
 from msgspec.structs import replace
 from proxbench.bench.isolation.worker import Fault
+from proxbench.bench.measure.contacts import clock_account
 from proxbench.bench.measure.contacts.case import warm_up_data
-from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, ROUND_SECONDS, SHARE, ClockAccount
+from proxbench.bench.measure.contacts.clock_account import (
+    ALLOWANCE_SECONDS,
+    HARNESS_FACTOR,
+    ROUND_SECONDS,
+    SHARE,
+    ClockAccount,
+)
 from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.timed_round import TimedRound
@@ -85,6 +92,22 @@ def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
     fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE_SECONDS + 0.1)
     assert fault is not None
     assert "s in rounds, of which its own clock explains 1.0" in fault
+
+
+@pytest.mark.parametrize(("rounds", "solves", "harness"), [(1, 1, 0.0), (10, 1, 0.0), (10, 4, 0.01), (3, 50, 0.001)])
+def test_each_round_and_each_fresh_problem_explain_work_beside_the_clock(
+    rounds: int, solves: int, harness: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS with P = 0.1 N seconds."""
+    monkeypatch.setattr(clock_account, "_harness_seconds", lambda problem: harness)
+    timed = replace(of_one_solve(0.0), prepare=[0.0] * solves, solve=[0.1] * solves, processor=[0.1] * solves)
+    n = rounds * solves
+    largest = (1.0 + SHARE) * 0.1 * n + HARNESS_FACTOR * n * harness + rounds * ROUND_SECONDS + ALLOWANCE_SECONDS
+    for worked, is_explained in ((largest - 1e-6, True), (largest + 1e-6, False)):
+        account = ClockAccount(PROBLEM)
+        for _ in range(rounds - 1):
+            account.fault(timed, 0.0)
+        assert (account.fault(timed, worked) is None) is is_explained
 
 
 class Scripted(Controls):
