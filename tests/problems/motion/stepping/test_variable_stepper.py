@@ -20,7 +20,7 @@ from proxbench.problems.motion.scenes.woodpecker import DESCENT, OVERLAP, PERIOD
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.sequences import StepCounter
+from proxbench.problems.motion.stepping.sequences import StepCounter, UnsolvedStepError
 from proxbench.problems.motion.stepping.step import AcceptedStep, StepError, SwitchingPoint
 from proxbench.problems.motion.stepping.step_doubling import StepDoubling
 from proxbench.problems.motion.stepping.switch_search import SEARCHES, Anticipating
@@ -327,6 +327,25 @@ def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Stat
     assert raised.value.state is reached[-1]
     rest = list(steps_of(woodpecker(), raised.value.state, PERIOD))
     assert section_error(rest[-1].end) < 1e-4
+
+
+def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the shortest one already. An attempt of it has found the switch, and it is taken again to be accepted."""
+    taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
+
+    def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:
+        taken.append((state, length))
+        if taken[-2][0] is state and taken[-2][1] == length and len(failed) < 1:
+            failed.append(state)
+            raise UnsolvedStepError(str(Status.ITERATION_LIMIT))
+        return take(counter, state, length, held)
+
+    failed: list[State] = []
+    monkeypatch.setattr(StepCounter, "take", fail_once)
+    ball = BouncingBall()
+    with pytest.raises(StepError, match=r"the inclusion of the shortest step, 1e-08 s from t = 0\.45") as raised:
+        list(steps_of(ball.system(), ball.start(), 0.6))
+    assert failed == [raised.value.state]
 
 
 class NotANumber(Failing):
