@@ -1,6 +1,7 @@
 """First solves in fresh processes show what repeated ones hide, and what the processor works shows the clock."""
 
 import contextlib
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import replace as spec_replace
 
@@ -24,7 +25,8 @@ from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
-from proxbench.problems import load
+from proxbench.problems import judge, load
+from proxbench.problems.exchange.files.problem_file import read_problem
 from proxbench.solvers import Status, Stop, create
 from times_under_load import restore_limits
 
@@ -122,6 +124,25 @@ class Scripted(Controls):
         self.n_asked += 1
         seconds = self.after_another if len(problems) > 1 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
         return replace(of_one_solve(seconds), status=self.status), np.zeros(PROBLEM.n_rows)
+
+
+class Noting(Scripted):
+    """First solves of which the problem and the start are kept."""
+
+    def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
+        assert start is not None
+        self.noted = [*getattr(self, "noted", []), (read_problem(io.BytesIO(problems[-1]), "one"), start)]
+        return super()._ask(stop, problems, start)
+
+
+def test_a_first_solve_in_other_units_starts_as_far_from_the_solution_as_the_timed_ones() -> None:
+    """The residual of the judge depends on no unit, and another start would take other iterations."""
+    start = create("SORprox").prepare(PROBLEM).solve(Stop(1e-2)).impulses
+    controls = Noting([0.01])
+    controls.first_solves(STOP, 0.01, never, start)
+    assert all(one.digest != PROBLEM.digest for one, _ in controls.noted)
+    found = [judge(one, own).residual for one, own in controls.noted]
+    assert found == pytest.approx([judge(PROBLEM, start).residual] * 2, rel=1e-9)
 
 
 @pytest.mark.parametrize(("seconds", "fresh", "n"), [(1.0, [1.0], 1), (0.01, [0.01], 2), (0.01, [0.1, 0.01], 4)])
