@@ -1,6 +1,7 @@
 """The record of a machine has the version of every library whose solvers, captures or contacts may be measured."""
 
 import re
+from collections import namedtuple
 from importlib import metadata
 
 import pytest
@@ -24,3 +25,14 @@ def test_only_installed_libraries_have_a_version() -> None:
     versions = machine.this_machine().versions
     assert "numpy" in versions
     assert all(versions.values())
+
+
+@pytest.mark.parametrize("has_iowait", [True, False])
+def test_a_core_that_waits_is_not_busy(has_iowait: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two cores work for 3 s and 5 s; the first one is left out. Only Linux counts the time that a core waits."""
+    names = ("user", "system", "idle", "iowait") if has_iowait else ("user", "system", "idle")
+    times = namedtuple("times", names)  # type: ignore[misc]
+    cores = [times(*seconds[: len(names)]) for seconds in ((2.0, 1.0, 7.0, 4.0), (4.0, 1.0, 9.0, 2.0))]
+    monkeypatch.setattr(machine.psutil, "cpu_times", lambda percpu: cores)
+    assert machine.busy_seconds({0}) == 5.0
+    assert machine.busy_seconds(set()) == 0.0

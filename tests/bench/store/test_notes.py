@@ -80,6 +80,12 @@ def test_an_infinite_local_residual_is_noted() -> None:
     assert text == "the local residual is inf times the judged one"
 
 
+def test_a_local_residual_beside_a_judged_one_of_zero_is_noted_without_a_ratio() -> None:
+    measured = measured_in([timed_round(0, 1.0)], residual=0.0, verdict={"local_residual": 0.5})
+    point = Point(tolerance=1e-4, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    assert notes_of(case_record(), point) == "the local residual is 0.5, the judged one 0"
+
+
 def note(is_randomised: bool = False, excluded: tuple[str, ...] = ("",), slowest: float = 1.0, **measured: Any) -> str:
     """Return the notes about a point whose repeated solves take a second in most rounds, of which some are excluded.
 

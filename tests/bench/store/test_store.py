@@ -166,9 +166,18 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         Store.create(tmp_path / "file" / "run")
 
 
-def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match="is not a stored run"):
-        Store.open(tmp_path)
+def test_a_place_that_is_no_run_is_named_with_what_is_there(tmp_path: Path, store: Store, record: RunRecord) -> None:
+    store.write_run(record)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "it.bundle").write_bytes(b"")
+    for name, fault, remedy in (
+        ("empty", "it has no run.json", "name the folder of a run"),
+        ("nosuch", "it does not exist", "name the folder of a run"),
+        ("it.bundle", "it is a bundle", "unpack it with: proxbench merge "),
+        ("", "stored runs in it: 1", f"name one of them, such as {store.folder}"),
+    ):
+        with pytest.raises(BenchError, match=re.escape(f"is not a stored run ({fault}); {remedy}")):
+            Store.open(tmp_path / name)
 
 
 def test_files_are_plain_json(store: Store, case: CaseRecord) -> None:

@@ -253,6 +253,16 @@ def test_processes_that_a_solver_starts_must_end_after_its_call(
         assert case.record().reason == "it leaves 1 process running"
 
 
+def test_the_answer_of_a_round_is_kept_while_its_processes_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = Scripted(answered(SOLUTION))
+    case = begun(monkeypatch, process)
+    process._started = [1, 1, 0]
+    found = case.measure(1e-4, 0)
+    assert found is not None
+    assert found.impulses.tolist() == [SOLUTION.tolist()]
+    assert [request for request, _ in process.asked][-2:] == ["rest", "rest"]
+
+
 def test_a_solver_that_declines_gives_its_reason_and_is_asked_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
     process = Scripted({"supports": ({"refusal": "no friction"}, [])})
     case = begun(monkeypatch, process)

@@ -1,6 +1,7 @@
 """First solves in fresh processes show what repeated ones hide, and what the processor works shows the clock."""
 
 import contextlib
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import replace as spec_replace
 
@@ -9,15 +10,23 @@ import pytest
 from habitual_solvers import STOP, Wrapped, directions, sorted_sum
 from msgspec.structs import replace
 from proxbench.bench.isolation.worker import Fault
+from proxbench.bench.measure.contacts import clock_account
 from proxbench.bench.measure.contacts.case import warm_up_data
-from proxbench.bench.measure.contacts.clock_account import ALLOWANCE_SECONDS, ROUND_SECONDS, SHARE, ClockAccount
+from proxbench.bench.measure.contacts.clock_account import (
+    ALLOWANCE_SECONDS,
+    HARNESS_FACTOR,
+    ROUND_SECONDS,
+    SHARE,
+    ClockAccount,
+)
 from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
-from proxbench.problems import load
+from proxbench.problems import judge, load
+from proxbench.problems.exchange.files.problem_file import read_problem
 from proxbench.solvers import Status, Stop, create
 from times_under_load import restore_limits
 
@@ -87,6 +96,22 @@ def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
     assert "s in rounds, of which its own clock explains 1.0" in fault
 
 
+@pytest.mark.parametrize(("rounds", "solves", "harness"), [(1, 1, 0.0), (10, 1, 0.0), (10, 4, 0.01), (3, 50, 0.001)])
+def test_each_round_and_each_fresh_problem_explain_work_beside_the_clock(
+    rounds: int, solves: int, harness: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS with P = 0.1 N seconds."""
+    monkeypatch.setattr(clock_account, "_harness_seconds", lambda problem: harness)
+    timed = replace(of_one_solve(0.0), prepare=[0.0] * solves, solve=[0.1] * solves, processor=[0.1] * solves)
+    n = rounds * solves
+    largest = (1.0 + SHARE) * 0.1 * n + HARNESS_FACTOR * n * harness + rounds * ROUND_SECONDS + ALLOWANCE_SECONDS
+    for worked, is_explained in ((largest - 1e-6, True), (largest + 1e-6, False)):
+        account = ClockAccount(PROBLEM)
+        for _ in range(rounds - 1):
+            account.fault(timed, 0.0)
+        assert (account.fault(timed, worked) is None) is is_explained
+
+
 class Scripted(Controls):
     """First solves whose times are given: of the problem, and of the problem after another one."""
 
@@ -99,6 +124,25 @@ class Scripted(Controls):
         self.n_asked += 1
         seconds = self.after_another if len(problems) > 1 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
         return replace(of_one_solve(seconds), status=self.status), np.zeros(PROBLEM.n_rows)
+
+
+class Noting(Scripted):
+    """First solves of which the problem and the start are kept."""
+
+    def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
+        assert start is not None
+        self.noted = [*getattr(self, "noted", []), (read_problem(io.BytesIO(problems[-1]), "one"), start)]
+        return super()._ask(stop, problems, start)
+
+
+def test_a_first_solve_in_other_units_starts_as_far_from_the_solution_as_the_timed_ones() -> None:
+    """The residual of the judge depends on no unit, and another start would take other iterations."""
+    start = create("SORprox").prepare(PROBLEM).solve(Stop(1e-2)).impulses
+    controls = Noting([0.01])
+    controls.first_solves(STOP, 0.01, never, start)
+    assert all(one.digest != PROBLEM.digest for one, _ in controls.noted)
+    found = [judge(one, own).residual for one, own in controls.noted]
+    assert found == pytest.approx([judge(PROBLEM, start).residual] * 2, rel=1e-9)
 
 
 @pytest.mark.parametrize(("seconds", "fresh", "n"), [(1.0, [1.0], 1), (0.01, [0.01], 2), (0.01, [0.1, 0.01], 4)])

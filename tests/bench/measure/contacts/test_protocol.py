@@ -142,6 +142,19 @@ def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clo
     assert times(found) == [(1.0, 2.0)] * 3
 
 
+def test_solves_of_the_known_problem_warm_the_caches_before_first_solves(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They go on for 20 s, of which each takes 7 s with its copy, and are not charged."""
+    monkeypatch.setattr(measure, "WARM_SECONDS", 20.0)
+    solver, new = Timed(clock, solve_seconds=1.0), load("hard-groove")
+    measurement = measured(solver)
+    known = measurement.problem.digest
+    found, _ = measurement.first_solves(STOP, [new])
+    assert [problem.digest for problem in solver.seen] == [known] * 3 + [new.digest]
+    assert times(found) == [(0.0, 1.0)]
+
+
 def test_preparing_and_solving_have_one_limit_of_time(clock: Clock) -> None:
     solver = Timed(clock, prepare_seconds=0.6)
     measured(solver).round(Stop(1e-4, max_seconds=1.0), 0.0)

@@ -124,6 +124,17 @@ def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) 
     assert len(made.info.sessions) == 2
 
 
+@pytest.mark.parametrize("failure", [RuntimeError("no new tasks"), OSError("the connection is closed")])
+def test_problems_that_an_executor_does_not_take_are_named_as_lost(failure: Exception, tmp_path: Path) -> None:
+    class Refusing(Inline):
+        def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
+            raise failure
+
+    words = rf"^3 of 3 problems could not be measured \({type(failure).__name__}: {failure}\)"
+    with pytest.raises(BenchError, match=words):
+        measured(Refusing(), tmp_path)
+
+
 def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
     class Cancelling(Inline):
         def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:

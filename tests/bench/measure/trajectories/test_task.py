@@ -11,8 +11,10 @@ from proxbench.bench.measure.trajectories.methods import make_method
 from proxbench.bench.measure.trajectories.plan import LIMITS
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
 from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.store.outcome import Outcome
+from proxbench.bench.store.records import Point
 from proxbench.problems.motion.trajectories.problem import EndPosition, TrajectoryProblem
-from stored_cases import timed_round
+from stored_cases import measured_in, timed_round
 
 VALUES = {"q": 1.0}
 
@@ -63,6 +65,24 @@ def test_a_failed_member_has_a_round_and_no_part_in_the_times(case: TrajectoryCa
     assert measured is not None
     assert (len(measured.rounds), measured.repeats, measured.failed_members) == (3, 2, 1)
     assert measured.total_seconds.median == 2.0
+
+
+@pytest.mark.parametrize(
+    ("outcome", "reason", "ends"),
+    [
+        (Outcome.SOLVED, "", ""),
+        (Outcome.STALLED, "a step failed", ""),
+        (Outcome.TIME_LIMIT, "given up", f"0.001 already took longer than {LIMITS.solve_seconds:g} s"),
+        (Outcome.NOT_ATTEMPTED, "0.01 already took longer", "0.01 already took longer"),
+    ],
+)
+def test_finer_points_are_simulated_unless_a_coarser_one_took_too_long(
+    outcome: Outcome, reason: str, ends: str, case: TrajectoryCase
+) -> None:
+    """A step at which a coarse point fails need not fail a finer one."""
+    measured = None if outcome is Outcome.NOT_ATTEMPTED else measured_in([timed_round(0, 1.0)])
+    point = Point(tolerance=1e-3, outcome=outcome, status=outcome.value, reason=reason, measured=measured)
+    assert case.end_after(point) == ends
 
 
 @pytest.mark.parametrize("changes", [{"values": {}}, {"solve": [2.0]}, {"processor": []}, {"steps": -1}])

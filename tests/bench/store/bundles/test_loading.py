@@ -48,3 +48,8 @@ def test_a_bundle_compares_with_its_folder_and_nothing_differs(made: Run, file: 
 def test_a_bundle_cannot_be_resumed(file: Path) -> None:
     with pytest.raises(BenchError, match=r"it is a bundle\); unpack it with: proxbench merge"):
         load(file).resume()
+
+
+def test_a_folder_that_is_named_like_a_bundle_is_loaded_as_the_run_in_it(made: Run, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(made.folder, tmp_path / "it.bundle"))
+    assert load(folder).info == made.info

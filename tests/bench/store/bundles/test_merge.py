@@ -63,6 +63,27 @@ def test_shards_are_the_undivided_run_in_any_order(
     assert missing == []
 
 
+@pytest.mark.parametrize(
+    ("shards", "order"),
+    [
+        (("", ""), ["sliding pair", "hard-groove", "funnel-30"]),
+        (("1/2", "1/3"), ["sliding pair", "hard-groove", "funnel-30"]),
+        (("1/2", "2/2"), ["sliding pair", "funnel-30", "hard-groove"]),
+    ],
+)
+def test_problems_of_runs_that_are_no_shards_of_one_run_follow_each_other(
+    shards: tuple[str, str], order: list[str], honest: Bundle, tmp_path: Path
+) -> None:
+    names = (["sliding pair", "hard-groove"], ["funnel-30"])
+    missing: list[str] = []
+    sources = [
+        part(honest, tmp_path / f"{number}.bundle", own, shard=shard)
+        for number, (own, shard) in enumerate(zip(names, shards, strict=True))
+    ]
+    assert merge(sources, tmp_path, "both", on_missing=missing.append).info.plan.problems == order
+    assert missing == []
+
+
 def test_merging_again_changes_nothing(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     again = merge([whole.folder, *parts, bundle(whole, tmp_path / "whole.bundle")], tmp_path, "again")

@@ -106,6 +106,25 @@ def test_the_verdict_of_a_relaxed_answer_is_that_under_coulombs_law() -> None:
     assert len(rejudge_bundle(told).disagreements) == 1
 
 
+def test_the_summary_counts_the_residuals_that_agree_to_the_bit() -> None:
+    other = SOLUTION * (1.0 + 0.5 * ROUNDING * np.array([1.0, -1.0, -1.0]))
+    for judged, share in ((SOLUTION, "all"), (other, "0")):
+        sentence = rejudge_bundle(bundle_that_says(judged, SOLUTION)).sentence
+        assert sentence.startswith(f"1 of 1 cases judged again: 2 residuals, {share} to the bit;")
+
+
+@pytest.mark.parametrize("place", range(12))
+def test_rounding_of_any_single_impulse_agrees(place: int) -> None:
+    """One contact is a million times stiffer than the others, so that its rounding alone decides the residual."""
+    stiffness = np.ones(12)
+    stiffness[place] = 1e6
+    problem = ContactProblem.from_delassus(np.diag(stiffness), -stiffness, dim=1, name="stuck")
+    other = np.ones(12)
+    other[place] += ROUNDING
+    assert judge(problem, other).residual > 2.0 * judge(problem, np.ones(12)).residual
+    assert rejudge_bundle(bundle_that_says(other, np.ones(12), problem)).disagreements == []
+
+
 def test_the_summary_counts_the_cases_that_disagree() -> None:
     assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION)).sentence.endswith("; nothing disagrees")
     assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION * (1.0 + 1e-6))).sentence.endswith("; 1 cases disagree")

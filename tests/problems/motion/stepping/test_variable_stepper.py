@@ -10,6 +10,7 @@ import pytest
 from proxbench.problems import ContactProblem, ProblemError
 from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
+from proxbench.problems.motion.scenes.effects import Drag, ball_system
 from proxbench.problems.motion.scenes.impacts import NewtonsCradle, ObliqueImpact
 from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SlidingSphere, SphereOnIncline
 from proxbench.problems.motion.scenes.registry import make_scene
@@ -19,7 +20,7 @@ from proxbench.problems.motion.scenes.woodpecker import DESCENT, OVERLAP, PERIOD
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.sequences import StepCounter
+from proxbench.problems.motion.stepping.sequences import StepCounter, UnsolvedStepError
 from proxbench.problems.motion.stepping.step import AcceptedStep, StepError, SwitchingPoint
 from proxbench.problems.motion.stepping.step_doubling import StepDoubling
 from proxbench.problems.motion.stepping.switch_search import SEARCHES, Anticipating
@@ -187,23 +188,36 @@ def oscillator(reversible: bool) -> MechanicalSystem:
     )
 
 
-@pytest.mark.parametrize(("levels", "reversible", "order"), [(2, True, 3), (3, True, 5), (2, False, 2), (3, False, 3)])
-def test_the_error_estimate_falls_with_the_order_that_step_control_reckons_with(
-    levels: int, reversible: bool, order: int
-) -> None:
-    system, start = oscillator(reversible), State(0.0, np.array([1.0]), np.array([0.3]))
-    stepper, counter = (
-        Extrapolated(tolerance=1e-300, levels=levels),
-        StepCounter(system, create("SORprox"), Stop(1e-12)),
-    )
+def estimated_errors(system: Any, start: State, levels: int) -> list[float]:
+    """Return the error estimates of a step and of one half as long."""
+    stepper = Extrapolated(tolerance=1e-300, levels=levels)
+    counter = StepCounter(system, create("SORprox"), Stop(1e-12))
 
     def error(length: float) -> float:
         largest: Any = lambda difference: float(np.abs(difference).max())  # noqa: E731
         return stepper.attempt(counter, start, length, None, relative_error=largest, levels=levels).errors[-1]
 
-    errors = [error(length) for length in (0.1, 0.05)]
-    assert stepper.error_order(levels, system) == order
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)
+    return [error(length) for length in (0.1, 0.05)]
+
+
+@pytest.mark.parametrize(("levels", "reversible", "order"), [(2, True, 3), (3, True, 5), (2, False, 2), (3, False, 3)])
+def test_the_error_estimate_falls_with_the_order_that_step_control_reckons_with(
+    levels: int, reversible: bool, order: int
+) -> None:
+    system = oscillator(reversible)
+    coarse, fine = estimated_errors(system, State(0.0, np.array([1.0]), np.array([0.3])), levels)
+    assert Extrapolated(levels=levels).error_order(levels, system) == order
+    assert np.log2(coarse / fine) == pytest.approx(order, abs=0.2)
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_balls_which_drag_slows_down_are_extrapolated_with_all_powers_of_the_step(levels: int) -> None:
+    """Balls declare nothing about reversibility, and drag is irreversible."""
+    system = ball_system(np.array([0.1]), np.array([1.0]), [], (Drag(0.5),))
+    start = State(0.0, np.array([0.0, 0.0, 9.0]), np.array([1.0, 0.0, 0.5]))
+    coarse, fine = estimated_errors(system, start, levels)
+    assert Extrapolated(levels=levels).error_order(levels, system) == levels
+    assert np.log2(coarse / fine) == pytest.approx(levels, abs=0.2)
 
 
 def test_tolerance_governs_the_error_of_a_smooth_motion() -> None:
@@ -213,6 +227,26 @@ def test_tolerance_governs_the_error_of_a_smooth_motion() -> None:
         steps = list(steps_of(oscillator(True), start, until, **options))
         assert abs(steps[-1].end.position[0] - np.cos(until)) <= 30.0 * tolerance
         assert sum(step.solves for step in steps) <= 200
+
+
+@pytest.mark.parametrize("search", SEARCHES)
+def test_a_step_rejected_for_its_error_alone_withdraws_no_accepted_step(
+    search: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mass flies freely onto a stiff spring, without a switch, so that attempts never begin at an earlier time."""
+    begins: list[float] = []
+    attempt = Extrapolated.attempt
+
+    def noted(stepper: Extrapolated, counter: StepCounter, state: State, *others: Any, **options: Any) -> Any:
+        assert state.time >= max(begins, default=0.0)
+        begins.append(state.time)
+        return attempt(stepper, counter, state, *others, **options)
+
+    monkeypatch.setattr(Extrapolated, "attempt", noted)
+    spring = replace(oscillator(True), force=lambda position, velocity: -1e4 * np.minimum(position, 0.0))
+    start = State(0.0, np.array([0.5]), np.array([-1.0]))
+    steps = list(steps_of(spring, start, 0.52, search=search, tolerance=1e-4))
+    assert len(begins) > len(steps)  # some are rejected
 
 
 def test_steps_join_without_gap_and_end_at_the_given_time() -> None:
@@ -293,6 +327,25 @@ def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Stat
     assert raised.value.state is reached[-1]
     rest = list(steps_of(woodpecker(), raised.value.state, PERIOD))
     assert section_error(rest[-1].end) < 1e-4
+
+
+def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the shortest one already. An attempt of it has found the switch, and it is taken again to be accepted."""
+    taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
+
+    def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:
+        taken.append((state, length))
+        if taken[-2][0] is state and taken[-2][1] == length and len(failed) < 1:
+            failed.append(state)
+            raise UnsolvedStepError(str(Status.ITERATION_LIMIT))
+        return take(counter, state, length, held)
+
+    failed: list[State] = []
+    monkeypatch.setattr(StepCounter, "take", fail_once)
+    ball = BouncingBall()
+    with pytest.raises(StepError, match=r"the inclusion of the shortest step, 1e-08 s from t = 0\.45") as raised:
+        list(steps_of(ball.system(), ball.start(), 0.6))
+    assert failed == [raised.value.state]
 
 
 class NotANumber(Failing):

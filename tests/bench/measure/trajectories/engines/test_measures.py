@@ -18,7 +18,8 @@ class ExactEngine:
 
     def __init__(self, description: Description, acceleration: tuple[float, float, float], time_step: float) -> None:
         self.start, self.acceleration = description.start(), np.array(acceleration)
-        self.time_step, self.steps, self.remembered = time_step, 0, 0
+        self.time_step, self.steps = time_step, 0
+        self.remembered, self.asked = list[int](), list[int]()
 
     def step(self) -> None:
         self.steps += 1
@@ -29,10 +30,10 @@ class ExactEngine:
         return BodyStates(positions, start.velocities + time * self.acceleration, start.spins)
 
     def remember(self) -> None:
-        self.remembered += 1
+        self.remembered.append(self.steps)
 
     def solved_problem(self) -> None:
-        return None
+        self.asked.append(self.steps)
 
 
 def errors_of(name: str, acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, ...]:
@@ -40,7 +41,11 @@ def errors_of(name: str, acceleration: tuple[float, float, float] = (0.0, 0.0, 0
     engine = ExactEngine(description, acceleration, description.step)
     motion, _, _, solved = measure(description, engine, description.step)
     assert engine.steps == round(description.duration / description.step)
-    assert (engine.remembered, solved) == (10, [])
+    per_frame = round(description.frame / description.step)
+    assert solved == []
+    assert len(engine.remembered) == 10
+    assert all(step % per_frame == 0 for step in engine.remembered)
+    assert engine.asked == [step + 1 for step in engine.remembered]  # of the step from the remembered state
     return description.measure(description, motion)
 
 
@@ -86,6 +91,24 @@ def test_a_stack_rests_on_the_floor_and_does_not_sink() -> None:
 
     assert moved("stack", sink)[0] == pytest.approx(3.0)
     assert moved("stack", sink_into_the_floor)[0] == pytest.approx(2.0)
+
+
+def at_speeds(name: str, speeds: list[tuple[float, float, float]]) -> tuple[float, ...]:
+    """Return the errors of bodies that stay at the start and have these velocities in the last frame [m/s]."""
+    description = describe(name)
+    start = description.start()
+    frames = [BodyStates(start.positions, np.array(values), start.spins) for values in (0.0 * np.array(speeds), speeds)]
+    return description.measure(description, motion_of([0.0, description.duration], frames))
+
+
+def test_the_last_speed_of_a_stack_is_that_of_its_fastest_cube() -> None:
+    assert at_speeds("stack", [(0.003, 0.0, 0.0), (0.0, 0.003, -0.004), (0.004, 0.0, 0.0)])[2] == pytest.approx(5.0)
+
+
+def test_the_last_energy_of_a_pile_is_the_mean_of_its_balls() -> None:
+    """With 3 m/s along x and 4 m/s along z of half of the balls, (m/2) 25/2 for each."""
+    speeds = [(3.0, 0.0, 4.0) if ball % 2 else (0.0, 0.0, 0.0) for ball in range(100)]
+    assert at_speeds("pile", speeds)[1] == pytest.approx(0.5 * 12.5 / (GRAVITY * RADIUS))
 
 
 @pytest.mark.parametrize("name", ["pile", "funnel"])

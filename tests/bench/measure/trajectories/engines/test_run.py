@@ -1,5 +1,6 @@
 """Settings run in turn, the shortest times count, and the best setting is the fastest of the most accurate ones."""
 
+import subprocess
 from importlib import metadata
 from pathlib import Path
 
@@ -182,3 +183,11 @@ def test_a_run_that_fails_keeps_its_last_line(tmp_path: Path, monkeypatch: pytes
     assert run._measure_in_subprocess("thrown-cube", "proxbench", "1e-2").failure == "RuntimeError: no memory"
     monkeypatch.setattr(run, "RUN_SECONDS", 0.01)
     assert run._measure_in_subprocess("stack", "rapier", "default").failure == "took longer than 0 s"
+
+
+def test_what_a_library_prints_before_a_measurement_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = measurement("stack", "rapier", "default")
+    printed = "welcome to the engine\n" + msgspec.json.encode(found).decode() + "\n"
+    ended = subprocess.CompletedProcess([], 0, stdout=printed, stderr="")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **options: ended)
+    assert run._measure_in_subprocess("stack", "rapier", "default") == found

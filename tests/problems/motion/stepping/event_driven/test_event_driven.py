@@ -1,6 +1,7 @@
 """Event-driven motion against the woodpecker's published limit cycle and against closed forms."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import cos, sin, sqrt
 from typing import Any
 
@@ -85,6 +86,20 @@ def test_a_bouncing_ball_stops_it_at_the_accumulation_point() -> None:
         assert event.impulses[0] == pytest.approx(1.5 * 0.5**impact * sqrt(2.0 * 9.81), abs=1e-10)
     for time in np.linspace(0.0, 0.99 * ball.rest_time, 50):
         assert error.motion.at(time).position[0] == pytest.approx(ball.exact(time).position[2], abs=1e-11)
+
+
+def test_steps_of_a_motion_join_and_none_takes_longer_than_the_longest_step() -> None:
+    """A fall of 0.45 s and the rest after it are divided."""
+    ball = BouncingBall(restitution=0.0)
+    start = general_start(ball)
+    scene = bare_scene("own", {}, general_system(ball), start)
+    stepper = EventDriven(max_step=0.1)
+    steps = list(stepper.steps(scene, create("Enumeration"), Stop(1e-12), start, 1.0))
+    assert steps[0].begin is start
+    assert all(after.begin is before.end for before, after in pairwise(steps))
+    assert max(step.end.time - step.begin.time for step in steps) <= 0.1 + 1e-12
+    assert steps[-1].end.time == 1.0
+    assert [switch.after for step in steps for switch in step.switches] == ["closed"]
 
 
 def test_a_ball_without_restitution_lies_where_it_falls() -> None:
