@@ -35,7 +35,7 @@ def test_the_velocity_after_the_step_is_that_of_the_impulses(moved: tuple[Any, A
     model, data = moved
     step, after = captured_step(model, data), stepped(model, data)
     directions = step.problem.factors.force_directions
-    velocity = step.problem.relative_velocity(step.engine.impulses)
+    velocity = step.problem.relative_velocity(step.impulses)
     assert relative(directions.T @ after.qvel - velocity, step.problem.free_velocity) < 1e-12
 
 
@@ -46,7 +46,7 @@ def test_the_error_of_the_velocity_in_the_provenance_is_rounding(moved: tuple[An
 def test_impulses_push_coordinates_as_the_forces_do(moved: tuple[Any, Any]) -> None:
     model, data = moved
     step, after = captured_step(model, data), stepped(model, data)
-    force = step.problem.factors.force_directions @ step.engine.impulses / model.opt.timestep
+    force = step.problem.factors.force_directions @ step.impulses / model.opt.timestep
     assert relative(force - after.qfrc_constraint, after.qfrc_constraint) < 1e-12
 
 

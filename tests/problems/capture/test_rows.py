@@ -91,8 +91,8 @@ def test_a_refused_row_acts_as_the_engine_had_it_act(monkeypatch: pytest.MonkeyP
     refuse_first_rows(monkeypatch, 1)
     found = captured_step(model, data)
     assert [(one.row, one.name, one.reason) for one in found.refused] == [(0, "equality weld", rows.IMMOBILE)]
-    velocity = found.problem.relative_velocity(found.engine.impulses)
-    expected = whole.problem.relative_velocity(whole.engine.impulses)[1:]
+    velocity = found.problem.relative_velocity(found.impulses)
+    expected = whole.problem.relative_velocity(whole.impulses)[1:]
     assert velocity == pytest.approx(expected, abs=1e-13)
 
 
@@ -172,7 +172,7 @@ def test_a_step_that_ends_in_another_velocity_is_refused(monkeypatch: pytest.Mon
     monkeypatch.setattr(step, "STEP_ERROR", 1.0)
     found = captured_step(model, data)
     factors = found.problem.factors
-    kick = factors.inverse_mass.times(factors.force_directions @ found.engine.impulses)
+    kick = factors.inverse_mass.times(factors.force_directions @ found.impulses)
     velocities = [data.qvel, factors.free_motion + kick, factors.free_motion + 1.01 * kick]
     error = 0.01 * np.abs(kick).max() / np.abs(velocities).max()
     assert found.problem.provenance["velocity_error"] == pytest.approx(error, rel=1e-6)
