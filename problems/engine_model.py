@@ -167,9 +167,9 @@ class EngineModel:
             ValueError: if an array does not fit.
         """
         scale, time_step = map(float, content["engine.scalars"])
-        vectors = {one: content[f"engine.{one}"] for one in _VECTORS}
-        found = {one: _matrix(content, one) for one in _MATRICES if f"engine.{one}.data" in content}
-        return EngineModel(name=name, scale=scale, time_step=time_step, **vectors, **found)
+        vectors: dict[str, Any] = {one: content[f"engine.{one}"] for one in _VECTORS}
+        matrices: dict[str, Any] = {one: _matrix(content, one) for one in _MATRICES if f"engine.{one}.data" in content}
+        return EngineModel(name=name, scale=scale, time_step=time_step, **vectors, **matrices)
 
     def fresh(self) -> "EngineModel":
         """Return an equal model that shares no memory with this one."""
@@ -273,14 +273,16 @@ def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
     fits = levels >= falling
     level = np.take_along_axis(levels, fits.argmax(axis=1)[:, None], axis=1)
     missing = (sums - least.sum(axis=1))[:, None] / count
-    return np.where(fits.any(axis=1)[:, None], np.maximum(least, level), least + missing)
+    found: FloatArray = np.where(fits.any(axis=1)[:, None], np.maximum(least, level), least + missing)
+    return found
 
 
 def _matrix(content: Mapping[str, NDArray[Any]], name: str) -> sp.csr_array[Any]:
     parts = tuple(content[f"engine.{name}.{part}"] for part in ("data", "indices", "indptr"))
     if any(part.dtype.kind != kind for part, kind in zip(parts, "fii", strict=True)):
         raise ValueError(f"{name} is not a matrix of numbers")
-    matrix = sp.csr_array(parts, shape=tuple(map(int, content[f"engine.{name}.shape"])))
+    n_rows, n_columns = map(int, content[f"engine.{name}.shape"])
+    matrix = sp.csr_array(parts, shape=(n_rows, n_columns))
     matrix.check_format(full_check=True)
     return matrix
 
