@@ -186,7 +186,12 @@ def solver_rows(suite: Path | None, rounds: int) -> Iterator[str]:
         for solver, values in measured.items():
             own, coulomb, seconds = np.array(values).T
             cells = (f"{np.median(track):.1e}, {np.quantile(track, 0.9):.1e}" for track in (own, coulomb))
-            yield f"| {name} | {solver} | {' | '.join(cells)} | {1e6 * np.median(seconds):.3g} |"
+            yield f"| {name} | {solver} | {' | '.join(cells)} | {_number(1e6 * np.median(seconds))} |"
+
+
+def _number(value: float) -> str:
+    """Return three digits without an exponent."""
+    return f"{float(f'{value:.3g}'):.10g}"
 
 
 def measure(problem: ContactProblem, rounds: int) -> dict[str, tuple[float, float, float]]:

@@ -100,7 +100,12 @@ def _refused(solvers: dict[str, Solver], problem: ContactProblem) -> bool:
 
 
 def _pair(values: np.ndarray) -> str:
-    return ", ".join(f"{value:.3g}" for value in values)
+    return ", ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    """Return three digits without an exponent."""
+    return f"{float(f'{value:.3g}'):.10g}"
 
 
 def _number_solved(found: Sequence[tuple[ContactProblem, dict[str, Solution], Times]], name: str) -> int:
@@ -160,8 +165,8 @@ def call_rows(solvers: dict[str, Solver], repetitions: int, calls: int) -> Itera
 
 
 def _spread(medians: np.ndarray) -> str:
-    low, first, middle, third, high = np.quantile(medians, [0.0, 0.25, 0.5, 0.75, 1.0])
-    return f"{middle:.3g} (quartiles {first:.3g} and {third:.3g}, range {low:.3g} to {high:.3g})"
+    low, first, middle, third, high = map(_number, np.quantile(medians, [0.0, 0.25, 0.5, 0.75, 1.0]))
+    return f"{middle} (quartiles {first} and {third}, range {low} to {high})"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
