@@ -53,8 +53,9 @@ def peers(session: nox.Session) -> None:
     engines = "tests/bench/measure/trajectories/engines"
     shapes = ("tests/problems/motion/detection", "tests/problems/motion/scenes/rigid/test_rolling.py")
     warp, writers = "tests/solvers/prox/test_warp_sorprox.py", "tests/docs/test_engine_writers.py"
+    tables = "tests/speed/test_captured_models.py"
     parallel = ("-n", "auto", "--dist", "loadfile")
-    folders = ("tests/solvers/peers", warp, *captures, engines, writers, *shapes)
+    folders = ("tests/solvers/peers", warp, *captures, engines, writers, *shapes, tables)
     session.run("pytest", *parallel, *folders, *session.posargs)
 
 

@@ -1,6 +1,7 @@
 """Captured steps as files of ``save_problem`` with additional arrays about the engine.
 
-The names of the additional arrays begin with ``capture.``; readers of the problem ignore them.
+The names of the additional arrays begin with ``capture.``; readers of the problem ignore them. The model of the engine
+belongs to the problem, its forces do not: solvers must not see them.
 """
 
 import json
@@ -10,21 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..errors import ProblemError
 from ..exchange.files.archive import DAMAGE_ERRORS, ArchiveError, read_arrays
 from ..exchange.files.problem_file import packed_problem, read_problem, write_whole
-from .engine_model import EngineModel
 from .rows import RefusedRow
 from .step import CapturedStep
 
-FORMAT = 2
+FORMAT = 3
 """Version of the additional arrays."""
 
 _PREFIX = "capture."
-_VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound", "forces", "impulses")
-_PLAIN = ("scale", "engine", "solver", "iterations")
 
 
 def save_step(step: CapturedStep, path: Path) -> None:
@@ -60,14 +57,10 @@ def read_step(path: Path | str) -> CapturedStep:
         about = json.loads(found["about"].tobytes().decode())
         if about["format"] != FORMAT:
             raise ProblemError(f"{path} has captured data of format {about['format']}, not {FORMAT}; capture it again.")
-        n_rows = len(found["offset"])
-        engine = EngineModel(
-            matrix=sp.csr_array((found["A.data"], found["A.indices"], found["A.indptr"]), shape=(n_rows, n_rows)),
-            **{**{name: found[name] for name in _VECTORS}, **about["engine"]},
-        )
-        engine.matrix.check_format(full_check=True)
         refused = tuple(RefusedRow(**one) for one in about["refused"])
-        return CapturedStep(problem, engine, found["anchors"], refused)
+        return CapturedStep(
+            problem, found["forces"], str(about["solver"]), int(about["iterations"]), found["anchors"], refused
+        )
     except ProblemError:
         raise
     except DAMAGE_ERRORS:
@@ -75,17 +68,12 @@ def read_step(path: Path | str) -> CapturedStep:
 
 
 def _arrays(step: CapturedStep) -> dict[str, Any]:
-    engine = step.engine
     about = {
         "format": FORMAT,
-        "engine": {name: getattr(engine, name) for name in _PLAIN},
+        "solver": step.solver,
+        "iterations": step.iterations,
         "refused": [asdict(one) for one in step.refused],
     }
-    matrix = {f"A.{part}": getattr(engine.matrix, part) for part in ("data", "indices", "indptr")}
-    arrays = {
-        "about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8),
-        "anchors": step.anchors,
-        **matrix,
-        **{name: getattr(engine, name) for name in _VECTORS},
-    }
+    text = np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8)
+    arrays = {"about": text, "forces": step.forces, "anchors": step.anchors}
     return {f"{_PREFIX}{name}": value for name, value in arrays.items()}

@@ -26,7 +26,7 @@ import scipy.sparse as sp
 
 from ..arrays import FloatArray
 from ..contact.laws import LawKind, Laws
-from .engine_model import EngineSet
+from ..engine_model import EngineSet
 from .installed import mujoco
 
 EMPTY = 1e-14

@@ -95,7 +95,7 @@ class CaptureSummary:
             self.empty += 1
             self.engine_rows += len(step.refused)
         else:
-            self.engine_rows += len(step.engine.forces)
+            self.engine_rows += len(step.forces)
             self.laws = max(self.laws, step.problem.laws.n_laws)
             self.velocity_error = max(self.velocity_error, float(step.problem.provenance[VELOCITY_ERROR]))
 

@@ -12,7 +12,7 @@ The impulses of refused rows, as MuJoCo computed them, are part of the free velo
 """
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,9 @@ from ..arrays import FloatArray
 from ..contact.judge import judge
 from ..contact.matrices.factors import InverseMass
 from ..contact.problem import FREE_FALL, ContactProblem
+from ..engine_model import EngineModel, judge_own_model
 from ..errors import ProblemError
 from .contact_keys import distinct_keys
-from .engine_model import EngineModel, judge_own_model
 from .installed import mujoco
 from .rows import CapturedRows, RefusedRow, captured_rows, engine_sets
 
@@ -59,16 +59,32 @@ class CapturedStep:
     """One step of an engine.
 
     Attributes:
-        problem: the step under Coulomb's law.
-        engine: the model that the engine solved, and its forces.
+        problem: the step under Coulomb's law, with the model that the engine solved.
+        forces: f that the engine found [N], shape (n_engine_rows,).
+        solver: name of the engine's solver.
+        iterations: iterations of that solver.
         anchors: point of each contact in the frames of its geometries [m], 0 for single laws, shape (len(keys), 2, 3).
         refused: rows of the engine without a law.
     """
 
     problem: ContactProblem
-    engine: EngineModel
+    forces: FloatArray
+    solver: str
+    iterations: int
     anchors: FloatArray
     refused: tuple[RefusedRow, ...] = ()
+
+    @property
+    def engine(self) -> EngineModel:
+        """The model that the engine solved."""
+        if self.problem.engine is None:
+            raise ProblemError(f"{self.problem.name!r} has no model of an engine; capture it again.")
+        return self.problem.engine
+
+    @property
+    def impulses(self) -> FloatArray:
+        """The forces as impulses of the problem [N s], shape (n_rows,)."""
+        return self.engine.impulses(self.forces)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -140,14 +156,15 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     if inverse is own_mass:
         # such a step uses the acceleration of the solver, which matches its forces only when the solver has converged
         total = total + _unbalanced(inverse, after, total)
-    error = _velocity_error(free + inverse.times(step * total), before, after.qvel)
+    error = _velocity_error(free + inverse.times(step * total), after.qvel, before, free)
     _require_small(error, data.time)
     problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)
     problem = problem.renamed(problem.name, **{VELOCITY_ERROR: error})
-    impulses = step * (rows.force @ force)
-    engine = _engine_model(module, model, after, own_mass, jacobian, impulses)
-    keyed = problem.keyed(distinct_keys(rows.keys, rows.anchors))
-    return CapturedStep(keyed, engine, rows.anchors, rows.refused)
+    engine = _engine_model(module, after, own_mass, jacobian, sp.csr_array(step * rows.force), step)
+    problem = replace(problem, keys=distinct_keys(rows.keys, rows.anchors), engine=engine)
+    solver = module.mjtSolver(model.opt.solver).name.removeprefix("mjSOL_")
+    named = f"{solver} and noslip" if model.opt.noslip_iterations else solver
+    return CapturedStep(problem, force, named, int(after.solver_niter.sum()), rows.anchors, rows.refused)
 
 
 def take_step(model: Any, data: Any) -> None:
@@ -174,12 +191,12 @@ def take_step(model: Any, data: Any) -> None:
 
 def judge_step(step: CapturedStep) -> StepVerdict:
     """Judge the forces of the engine in its own model and under Coulomb's law."""
-    impulses, laws = step.engine.impulses, step.problem.laws
+    impulses, laws = step.impulses, step.problem.laws
     velocity = step.problem.relative_velocity(impulses)
     normal = laws.first_row[laws.is_unilateral]
     carries = impulses[normal] > 1e-9 * np.abs(impulses).max(initial=0.0)
     separation = float(np.max(velocity[normal], initial=0.0, where=carries))
-    return StepVerdict(judge_own_model(step.engine), judge(step.problem, impulses).residual, separation)
+    return StepVerdict(judge_own_model(step.engine, step.forces), judge(step.problem, impulses).residual, separation)
 
 
 def _require_supported_options(module: Any, model: Any) -> None:
@@ -223,9 +240,12 @@ def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArra
     return missing
 
 
-def _velocity_error(expected: FloatArray, before: FloatArray, after: FloatArray) -> float:
-    """Return the error of the velocity after a step, relative to its terms; NaN if a velocity is not finite."""
-    scale = np.abs([before, expected, after]).max()
+def _velocity_error(expected: FloatArray, after: FloatArray, before: FloatArray, free: FloatArray) -> float:
+    """Return the error of the velocity after a step, relative to its terms; NaN if a velocity is not finite.
+
+    The velocity without constraints is a term too: it exceeds the others by far where bodies are at rest.
+    """
+    scale = np.abs([before, free, expected, after]).max()
     return float(np.abs(after - expected).max() / scale) if scale else 0.0
 
 
@@ -281,22 +301,19 @@ def model_name(model: Any) -> str:
 
 
 def _engine_model(
-    module: Any, model: Any, data: Any, mass: InverseMass, jacobian: Any, impulses: FloatArray
+    module: Any, data: Any, mass: InverseMass, jacobian: Any, combination: sp.csr_array[Any], step: float
 ) -> EngineModel:
     kinds, firsts, coefficient = engine_sets(data)
-    solver = module.mjtSolver(model.opt.solver).name.removeprefix("mjSOL_")
     return EngineModel(
+        name=f"MuJoCo {module.__version__}",
         matrix=sp.csr_array(jacobian @ mass.matrix @ jacobian.T),
-        regularisation=data.efc_R.copy(),
+        regularisation=data.efc_R,
         offset=jacobian @ data.qacc_smooth - data.efc_aref,
         scale=float(np.max(abs(jacobian) @ np.abs(data.qacc_smooth) + np.abs(data.efc_aref))),
         kind=np.array(kinds, dtype=np.int8),
         first_row=np.array(firsts, dtype=np.int64),
         coefficient=coefficient,
-        bound=data.efc_frictionloss.copy(),
-        forces=data.efc_force.copy(),
-        impulses=impulses,
-        engine=f"MuJoCo {module.__version__}",
-        solver=f"{solver} and noslip" if model.opt.noslip_iterations else solver,
-        iterations=int(data.solver_niter.sum()),
+        bound=data.efc_frictionloss,
+        combination=combination,
+        time_step=step,
     )

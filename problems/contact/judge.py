@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, real_numbers
 from ..compilation import interprets_kernels
+from ..engine_model import own_residual
 from ..errors import ProblemError
 from ..representation import html_table
 from .answer import ratio
@@ -127,7 +128,8 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     Args:
         problem: the contact problem.
         impulses: Λ, shape (n_rows,).
-        model: the friction model; it affects the residuals, not the other errors.
+        model: the friction model; it affects the residuals, not the other errors. ``Model.ENGINE`` in a captured step
+            affects ``residual`` only.
 
     Returns:
         The verdict, with all errors of the impulses.
@@ -138,6 +140,8 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     given = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
     if given.shape != (problem.n_rows,):
         raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {given.shape}.")
+    if model == Model.ENGINE and problem.engine is not None:
+        return replace(judge(problem, given), residual=own_residual(problem.engine, given), model=model)
     residual, inf = Residual(problem), np.inf
     known = None if problem.answer is None else problem.answer.velocity
     if not np.isfinite(given).all():

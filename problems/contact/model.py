@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from ..errors import ProblemError
 
-ModelKind = Literal["coulomb", "convex", "pyramid", "frictionless"]
+ModelKind = Literal["coulomb", "convex", "pyramid", "frictionless", "engine"]
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,8 @@ class Model:
     * ``Model.CONVEX``: the associated law, −ξ ∈ N_K(Λ) with K the friction cone; a sliding contact dilates.
     * ``Model.pyramid(k)``: Coulomb friction with the disc replaced by the inscribed regular k-gon.
     * ``Model.FRICTIONLESS``: no friction impulses.
+    * ``Model.ENGINE``: the convex program that an engine solved in a captured step, with its regularisation; the convex
+      model for all other problems.
     """
 
     kind: ModelKind
@@ -24,6 +26,7 @@ class Model:
     COULOMB: ClassVar["Model"]
     CONVEX: ClassVar["Model"]
     FRICTIONLESS: ClassVar["Model"]
+    ENGINE: ClassVar["Model"]
 
     @staticmethod
     def pyramid(sides: int) -> "Model":
@@ -42,7 +45,7 @@ class Model:
         kind, _, sides = text.removesuffix(")").partition("(")
         if kind == "pyramid" and sides.isdecimal():
             return Model.pyramid(int(sides))
-        for model in (Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS):
+        for model in (Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS, Model.ENGINE):
             if text == str(model):
                 return model
         raise ProblemError(f"there is no contact model {text!r:.60}.")
@@ -54,3 +57,4 @@ class Model:
 Model.COULOMB = Model("coulomb")
 Model.CONVEX = Model("convex")
 Model.FRICTIONLESS = Model("frictionless")
+Model.ENGINE = Model("engine")

@@ -11,7 +11,7 @@ either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, 
 import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, frozen, read_only, real_numbers
+from ..engine_model import EngineModel
 from ..errors import ProblemError
 from ..representation import counted, html_table
 from .answer import Answer
@@ -54,6 +55,7 @@ class ContactProblem:
         answer: the known parts of its solution, or ``None``.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
         keys: name of each contact, the same in all steps of a sequence; empty if contacts have no names.
+        engine: the convex program that an engine solved in this step, if it was captured.
 
     Raises:
         ProblemError: if a field has the wrong shape or a value that is not finite, or both or neither of ``matrix`` and
@@ -69,6 +71,7 @@ class ContactProblem:
     answer: Answer | None = None
     allow_asymmetric: bool = False
     keys: tuple[str, ...] = ()
+    engine: EngineModel | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
@@ -83,6 +86,8 @@ class ContactProblem:
             self.answer.check(self.laws.n_rows)
         if self.keys:
             _check_keys(self.keys, self.n_contacts)
+        if self.engine is not None and self.engine.n_rows != self.laws.n_rows:
+            raise ProblemError(f"the engine's model has {self.engine.n_rows} impulses for {self.laws.n_rows} rows.")
 
     def __repr__(self) -> str:
         joints, rows = self._n_joint_rows, counted(self.n_rows, "row")
@@ -251,7 +256,7 @@ class ContactProblem:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the numbers that define the problem: G or its factors, c, and the laws."""
+        """SHA-256 of the numbers that define the problem: G or its factors, c, the laws, and the engine's model."""
         sha = hashlib.sha256(b"proxbench contact problem 1")
         for label, array in self._numbers():
             sha.update(f"{label}:{array.dtype.str}:{array.shape};".encode())
@@ -267,13 +272,18 @@ class ContactProblem:
             ("a", laws.fixed_bound),
             ("partner", laws.partner),
         ]
-        if self.factors is not None:
-            return numbers + self.factors.numbers()
-        return numbers + sparse_numbers("G", self.matrix)
+        numbers += sparse_numbers("G", self.matrix) if self.factors is None else self.factors.numbers()
+        return numbers + ([] if self.engine is None else list(self.engine.numbers().items()))
 
     def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
         """Return the same problem under another name, with ``provenance`` added."""
         return self._described(name=name, provenance={**self.provenance, **provenance})
+
+    def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
+        """Return the problem with another c [m/s], shape (n_rows,), without answer; b of an engine's model follows."""
+        c = _as_vector(free_velocity, "c")
+        engine = None if self.engine is None else self.engine.shifted(c - self.free_velocity)
+        return replace(self, free_velocity=c, answer=None, engine=engine)
 
     def answered(self, answer: Answer | None, **provenance: str | int | float) -> "ContactProblem":
         """Return the same problem with another known answer, and ``provenance`` added."""
@@ -299,6 +309,7 @@ class ContactProblem:
             laws=self.laws.fresh(),
             matrix=None if self.matrix is None else _copied(self.matrix),
             factors=None if self.factors is None else self.factors.fresh(),
+            engine=None if self.engine is None else self.engine.fresh(),
         )
 
     def _described(self, **changes: Any) -> "ContactProblem":

@@ -25,6 +25,7 @@ from numba import njit, uint64
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import interpretable
+from ..engine_model import own_residual
 from ..errors import ProblemError
 from .answer import ratio
 from .coupling import components, write_scales_and_ratios
@@ -152,10 +153,19 @@ class ModelResidual(Residual):
     def __init__(self, problem: ContactProblem, model: Model) -> None:
         super().__init__(problem)
         self._model = model
+        self._engine = problem.engine if model.kind == "engine" else None
+        if self._engine is not None:
+            self.scale, self.infeasible = self._engine.scale, False  # its constraints give way
         self._problem = problem if self.unit == 1.0 else in_units(problem, time=self.unit).problem
+
+    def judged(self, problem: ContactProblem, impulses: FloatArray) -> float:
+        """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem of this object."""
+        return super().judged(problem, impulses) if self._engine is None else own_residual(self._engine, impulses)
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        if self._engine is not None:
+            return own_residual(self._engine, impulses)
         if self.infeasible:
             return np.inf
         impulses, velocity = self.unit * impulses, self.unit * velocity
@@ -285,7 +295,7 @@ def violations(
 ) -> FloatArray:
     """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,)."""
     laws = problem.laws
-    if model.kind == "convex":
+    if model.kind in ("convex", "engine"):
         return _convex_violations(problem, residual, impulses, velocity)
     if model.kind == "pyramid":
         return _pyramid_violations(problem, residual, impulses, velocity, model.sides)

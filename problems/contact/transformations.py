@@ -105,6 +105,7 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
 def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
     """Return a problem without rolling friction in other units."""
     speed, impulse = time / length, time / (mass * length)
+    back = sp.csr_array(sp.eye_array(problem.n_rows) / impulse)
     answer, factors, matrix = problem.answer, problem.factors, problem.matrix
     if answer is not None:
         answer = replace(
@@ -126,8 +127,9 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
         name=f"{problem.name} in other units",
         provenance={FREE_FALL: speed * problem.free_fall} if problem.free_fall else {},
         answer=answer,
+        engine=None if problem.engine is None else problem.engine.over(back),
     )
-    return Transformed(made, sp.csr_array(sp.eye_array(problem.n_rows) / impulse))
+    return Transformed(made, back)
 
 
 def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
@@ -213,6 +215,7 @@ def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str
         name=f"{problem.name}, {how}",
         provenance={},
         answer=answer,
+        engine=None if problem.engine is None else problem.engine.over(back),
     )
     return Transformed(made, back)
 

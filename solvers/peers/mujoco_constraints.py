@@ -1,4 +1,4 @@
-"""MuJoCo: the constraint solvers of MuJoCo, on the cone program of a contact problem."""
+"""MuJoCo: the constraint solvers of MuJoCo, on the cone program of a contact problem or of a captured step."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
@@ -9,7 +9,8 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
 from ..iteration.method import Method, check_option
 from .installed import check_installed
-from .mujoco_problem import TRIED, ConstraintStage, unsupported_reason
+from .mujoco_problem import TRIED, ConstraintStage
+from .mujoco_program import program_of, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 Algorithm = Literal["Newton", "CG", "PGS"]
@@ -28,6 +29,9 @@ class MuJoCo(Method):
     They minimise ½ Λᵀ (G + R) Λ + Λᵀ c over the friction cones, with R = (1 − d)/d α for the largest diagonal entry α
     of a contact. MuJoCo's default d is 0.9 to 0.95, and 0.99 and more in models with hard contacts. This
     is the convex model with compliance: the smaller R, the harder the contacts, and the slower the solvers.
+
+    In a captured step they solve the program of the engine, with the A, R, b and cones that the problem holds, and
+    ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there means this program.
 
     Attributes:
         algorithm: ``"Newton"``, ``"CG"`` or ``"PGS"``.
@@ -50,8 +54,8 @@ class MuJoCo(Method):
 
     @property
     def model(self) -> Model:
-        """The convex model."""
-        return Model.CONVEX
+        """The program of the engine in a captured step, the convex model of any other problem."""
+        return Model.ENGINE
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
@@ -70,8 +74,8 @@ class PreparedMuJoCo(PreparedRounds):
 
     def __init__(self, problem: ContactProblem, options: MuJoCo) -> None:
         super().__init__(problem)
-        self.residual = ModelResidual(problem, Model.CONVEX)
-        self._stage = ConstraintStage(problem, options.algorithm, options.impedance)
+        self.residual = ModelResidual(problem, Model.ENGINE)
+        self._stage = ConstraintStage(program_of(problem, options.impedance), options.algorithm)
 
     def begin(self, max_seconds: float) -> Call:
         """Return the solver; Newton and CG start from the accelerations of given impulses, PGS from zero."""
@@ -79,8 +83,10 @@ class PreparedMuJoCo(PreparedRounds):
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
             nonlocal own
-            found, done = stage.solve(impulses, own, iterations)
+            stage.start(impulses)
+            stage.run(own, iterations)
+            done = stage.iterations
             own *= TIGHTENING if done < iterations else 1.0
-            return Round(found, max(done, 1), done < iterations)
+            return Round(stage.impulses, max(done, 1), done < iterations)
 
         return call

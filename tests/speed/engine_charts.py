@@ -83,6 +83,9 @@ def figures_of(comparison: Comparison) -> pd.DataFrame:
             WALL: 1e3 * run.wall_seconds if load <= BUSY else np.nan,
             PROCESSOR: 1e3 * run.processor_seconds,
             "load": round(load, 1),
+            "rounds": comparison.rounds,
+            "processor": comparison.machine["processor"],
+            "own model": run.own_residual,
             "Coulomb": run.residual,
             "Robust": run.solved_residual,
             **run.errors,
@@ -176,8 +179,9 @@ def best_rows(figures: pd.DataFrame) -> Iterator[str]:
         number = f"{float(format(best[clock], '.3g')):.10g}"  # three digits without an exponent
         cost = number if clock == WALL else f"*{number}*"
         errors = ", ".join(f"{error} {best[error]:.2g}" for error in description.errors)
-        residual = f"{best['Coulomb']:.1e}" if best["Coulomb"] > 0.0 else "–"
-        yield f"| {scene} | {engine} | {best['setting']} | {best['Δt [ms]']:g} | {cost} | {errors} | {residual} |"
+        tracks = [f"{best[track]:.1e}" if best[track] > 0.0 else "–" for track in ("own model", "Coulomb")]
+        cells = [scene, engine, best["setting"], f"{best['Δt [ms]']:g}", cost, errors, *tracks]
+        yield f"| {' | '.join(cells)} |"
 
 
 def draw(figures: pd.DataFrame, motions: pd.DataFrame, folder: Path) -> None:

@@ -66,7 +66,7 @@ def _judged(step: "CapturedStep") -> dict[str, Any]:
     return {
         "step": step.problem.provenance["step"],
         "laws": step.problem.laws.n_laws,
-        "rows": len(step.engine.forces),
+        "rows": len(step.forces),
         "refused": len(step.refused),
         **engine_verdict(step),
     }
@@ -76,12 +76,12 @@ def engine_verdict(step: "CapturedStep") -> dict[str, Any]:
     """Return the quality of the engine's forces as JSON values; an infinite residual is ``None``."""
     from ....problems.capture.step import judge_step
 
-    verdict, engine = judge_step(step), step.engine
+    verdict = judge_step(step)
     residuals = {"own model": verdict.own, "Coulomb": verdict.coulomb, "separation": verdict.separation}
     return {
         **{name: value if isfinite(value) else None for name, value in residuals.items()},
-        "solver": engine.solver,
-        "iterations": engine.iterations,
+        "solver": step.solver,
+        "iterations": step.iterations,
     }
 
 

@@ -60,7 +60,7 @@ def _engine(file: Path) -> dict[str, Any] | None:
     if not has_step(file):
         return None
     step = read_step(file)
-    return {"name": step.engine.engine, **engine_verdict(step)}
+    return {"name": step.engine.name, **engine_verdict(step)}
 
 
 def import_files(

@@ -54,7 +54,7 @@ def perturbed_copy(problem: ContactProblem, shift: float = SHIFT) -> ContactProb
     """Return a similar problem with a random relative ``shift`` of c, in other units."""
     rng = np.random.default_rng()
     velocity = problem.free_velocity + _random_velocity(problem, shift, rng)
-    return in_other_units(_shifted(replace(problem.anonymous(), free_velocity=velocity), rng)).problem
+    return in_other_units(_shifted(problem.anonymous().with_free_velocity(velocity), rng)).problem
 
 
 def disguised_copy(problem: ContactProblem, tolerance: float) -> ContactProblem:

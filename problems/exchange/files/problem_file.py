@@ -16,6 +16,7 @@ from ...contact.laws import Laws
 from ...contact.matrices.factors import Factors, InverseMass
 from ...contact.matrices.given import check_finite
 from ...contact.problem import ContactProblem
+from ...engine_model import EngineModel
 from ...errors import ProblemError
 from ..formats.registry import read_foreign_arrays
 from ..repair import Repair
@@ -24,11 +25,11 @@ from .atomic_file import replacing
 from .json_arrays import SUFFIX as JSON_SUFFIX
 from .json_arrays import json_text, read_json
 
-FORMAT = 2
+FORMAT = 3
 """Newest version of the file format."""
 
-CONTACTS_ONLY = 1
-"""Version without bilateral laws and rolling friction, for problems that have neither."""
+CONTACTS_ONLY, ALL_LAWS = 1, 2
+"""Versions for problems with contacts only, and for those with all laws but without the model of an engine."""
 
 SUFFIX = ".npz"
 
@@ -144,12 +145,13 @@ def _arrays(problem: ContactProblem) -> dict[str, Any]:
 def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the description and the arrays of a problem."""
     about = {
-        "format": CONTACTS_ONLY if problem.layout.has_contacts_only else FORMAT,
+        "format": _format_of(problem),
         "name": problem.name,
         "provenance": dict(problem.provenance),
         "digest": problem.digest,
         "allow_asymmetric": problem.allow_asymmetric,
         **({"keys": problem.keys} if problem.keys else {}),
+        **({"engine": problem.engine.name} if problem.engine is not None else {}),
     }
     arrays: dict[str, Any] = {
         "c": problem.free_velocity,
@@ -164,9 +166,18 @@ def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArr
             arrays["free_motion"] = problem.factors.free_motion
     else:
         arrays |= _compressed("G", problem.delassus())
+    if problem.engine is not None:
+        arrays |= {label: _short(array) for label, array in problem.engine.numbers().items()}
     known = {} if problem.answer is None else vars(problem.answer)
     is_known = {key: value is not None and (key != "impulses" or value) for key, value in known.items()}
     return about, arrays | {f"answer.{key}": np.array(value) for key, value in known.items() if is_known[key]}
+
+
+def _format_of(problem: ContactProblem) -> int:
+    """Return the oldest version that can hold a problem."""
+    if problem.engine is not None:
+        return FORMAT
+    return CONTACTS_ONLY if problem.layout.has_contacts_only else ALL_LAWS
 
 
 def _short(array: NDArray[Any]) -> NDArray[Any]:
@@ -187,7 +198,7 @@ def _compressed(label: str, matrix: Any) -> dict[str, Any]:
 def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
     if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
         raise ValueError("it does not say what it is")
-    if about["format"] not in (CONTACTS_ONLY, FORMAT):
+    if about["format"] not in (CONTACTS_ONLY, ALL_LAWS, FORMAT):
         raise ProblemError(f"{name} has format {about['format']}, but this version reads formats up to {FORMAT}.")
     laws = Laws(*(content[key] for key in _OF_LAWS))
     attributes = {
@@ -196,6 +207,7 @@ def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple
         "answer": _answer(content),
         "allow_asymmetric": about["allow_asymmetric"],
         "keys": tuple(map(str, about.get("keys", ()))),
+        "engine": EngineModel.of_numbers(str(about["engine"]), content) if "engine" in about else None,
     }
     if "G.data" in content:
         matrix = _matrix(sp.csr_array, content, "G")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from proxbench.bench import load as load_run
 from proxbench.bench.cli.main import run_command
 from proxbench.problems.capture import installed, rows, step
 
@@ -38,6 +39,22 @@ def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) 
     assert "rows      6 of 6 taken" in printed
     assert "proxbench run --suite steps" in printed
     assert len(list(Path("steps").glob("*.npz"))) == 2
+
+
+@pytest.mark.slow
+def test_a_run_holds_mujocos_solvers_to_the_model_of_the_step_and_can_be_rejudged(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.02", "--every", "10", "--output", "steps"]) == 0
+    solvers = ("--solver", "MuJoCo", "--solver", "MuJoCo(algorithm='PGS')")
+    limits = ("--tolerance", "1e-6", "--passes", "1", "--no-page", "--run-id", "mine")
+    assert run_command(["run", "--suite", "steps", *solvers, *limits]) == 0
+    measured = load_run("results/mine").points
+    assert set(measured["outcome"]) == {"relaxed"}
+    assert measured["model_residual"].max() <= 1e-6 < 1e-3 < measured["residual"].min()
+    assert run_command(["bundle", "results/mine", "--output", "mine.bundle"]) == 0
+    assert run_command(["rejudge", "mine.bundle"]) == 0
+    assert "4 residuals, all to the bit" in capsys.readouterr().out
 
 
 def test_judged_steps_show_both_residuals(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,6 +25,7 @@ def measured(scene: str, engine: str, setting: str) -> Measurement:
         wall_seconds=seconds,
         processor_seconds=3.0 * seconds,
         errors=ERRORS,
+        own_residual=1e-14,
         residual=0.2,
         solved_residual=1e-9,
     )
@@ -45,8 +46,8 @@ def test_the_table_marks_the_best_setting_and_names_versions(
     assert run_command(["engines", "thrown-cube", "--engine", "pybullet", "--output", str(file)]) == 1  # one failed
     printed = capsys.readouterr()
     assert file.read_text() == printed.out.removesuffix("\n")
-    assert "| pybullet | **50 iterations** | 2 | 1 | 3 | 52.4 | 1.5 | 2.0e-01 | 1.0e-09 |" in printed.out
-    assert "| pybullet | 200 iterations | 2 | – | – | – | – | – | no \\| memory |" in printed.out
+    assert "| pybullet | **50 iterations** | 2 | 1 | 3 | 52.4 | 1.5 | 1.0e-14 | 2.0e-01 | 1.0e-09 |" in printed.out
+    assert "| pybullet | 200 iterations | 2 | – | – | – | – | – | – | no \\| memory |" in printed.out
     assert "Versions: pybullet 3.2.7. Rounds: 1." in printed.out
     assert "* pybullet: sequential impulses" in printed.out
     assert "thrown-cube: pybullet, 50 iterations: 1 ms per simulated second" in printed.err

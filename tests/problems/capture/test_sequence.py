@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError, load, save_problem
-from proxbench.problems.capture.engine_model import judge_own_model
 from proxbench.problems.capture.files import read_step
 from proxbench.problems.capture.rows import IMMOBILE
 from proxbench.problems.capture.sequence import CaptureOptions, capture, captured_steps
+from proxbench.problems.engine_model import judge_own_model
 from proxbench.problems.exchange.folder import list_folder
 from small_models import CUBE, STACK, WELDED, moving, refuse_first_rows
 
@@ -59,9 +59,9 @@ def test_a_file_holds_the_problem_and_what_the_engine_made_of_it(boxes: Path, tm
     summary = capture(boxes, tmp_path, CaptureOptions(duration=0.002, every=1), on_step=taken.append)
     step = read_step(summary.files[0])
     assert load(summary.files[0]).digest == step.problem.digest == taken[0].problem.digest
-    assert judge_own_model(step.engine) == judge_own_model(taken[0].engine)
-    assert np.array_equal(step.engine.impulses, taken[0].engine.impulses)
-    assert (step.keys, step.engine.engine) == (taken[0].keys, f"MuJoCo {mujoco.__version__}")
+    assert judge_own_model(step.engine, step.forces) == judge_own_model(taken[0].engine, taken[0].forces)
+    assert np.array_equal(step.impulses, taken[0].impulses)
+    assert (step.keys, step.engine.name) == (taken[0].keys, f"MuJoCo {mujoco.__version__}")
     save_problem(step.problem, tmp_path / "plain.npz")
     with pytest.raises(ProblemError, match="contains a problem but no captured step"):
         read_step(tmp_path / "plain.npz")
@@ -170,7 +170,7 @@ def test_rows_refused_in_steps_with_and_without_other_rows_are_listed_by_step(
         (index, "equality weld", IMMOBILE) for index in range(6)
     }
     assert summary.refused == {IMMOBILE: 6 * 10}
-    assert summary.engine_rows == 60 + sum(len(read_step(one).engine.forces) - 6 for one in summary.files)
+    assert summary.engine_rows == 60 + sum(len(read_step(one).forces) - 6 for one in summary.files)
 
 
 def test_a_model_whose_rows_are_all_refused_is_named_with_a_row_and_its_reason(

@@ -1,13 +1,27 @@
-"""MuJoCo's constraint solvers solve the convex program of a contact problem, as stiff as their impedance makes it."""
+"""MuJoCo's constraint solvers solve the convex program of a problem: of a captured step, that of its engine."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 from proxbench.bench.measure.contacts.variants import perturbed_copy
 from proxbench.problems import ContactProblem, LawKind, Laws, Model, judge, load
+from proxbench.problems.capture.files import read_step
+from proxbench.problems.capture.sequence import CaptureOptions, capture
+from proxbench.problems.capture.step import CapturedStep
 from proxbench.solvers import SolverError, Status, Stop, create
 from proxbench.solvers.peers.mujoco_constraints import Algorithm, MuJoCo
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+
+STACK = """
+<mujoco><option cone="{cone}" integrator="implicitfast" iterations="100" tolerance="0"/>
+<worldbody><geom type="plane" size="5 5 0.1" friction="0.5"/>
+<body pos="0 0 0.099"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1" friction="0.5 0.01 0.002"/></body>
+<body pos="0 0 0.298"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="10" friction="0.5" condim="4"/></body>
+<body pos="0.5 0 0.3"><joint name="hinge" axis="0 1 0" damping="0.3" range="-20 20" limited="true" frictionloss="0.1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.33" size="0.03"/></body>
+</worldbody></mujoco>"""
 
 ALGORITHMS: tuple[Algorithm, ...] = ("Newton", "CG", "PGS")
 
@@ -95,3 +109,41 @@ def test_options_out_of_range_are_refused() -> None:
         create("MuJoCo", algorithm="LU")
     with pytest.raises(SolverError, match="impedance"):
         create("MuJoCo(impedance=1.0)")
+
+
+@pytest.fixture(params=["elliptic", "pyramidal"])
+def captured(request: pytest.FixtureRequest, tmp_path: Path) -> CapturedStep:
+    """Two boxes that settle, and a pendulum with friction whose tip touches the floor, as a file keeps the step."""
+    (tmp_path / "stack.xml").write_text(STACK.format(cone=request.param))
+    summary = capture(tmp_path / "stack.xml", tmp_path / "steps", CaptureOptions(duration=0.05, every=20))
+    return read_step(summary.files[-1])
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_captured_step_is_solved_as_its_engine_posed_it(captured: CapturedStep, algorithm: Algorithm) -> None:
+    problem = captured.problem
+    solution = MuJoCo(algorithm).prepare(problem).solve(Stop(1e-8, max_iterations=5000, max_seconds=20.0))
+    assert solution.status == Status.SOLVED
+    assert judge(problem, solution.impulses, Model.ENGINE).residual <= 1e-8
+    assert solution.impulses == pytest.approx(captured.impulses, abs=1e-5 * np.abs(captured.impulses).max())
+    assert judge(problem, solution.impulses).residual > 1e-4
+
+
+def test_the_solution_under_coulombs_law_does_not_solve_the_model_of_the_engine(captured: CapturedStep) -> None:
+    problem = captured.problem
+    solution = create("Robust").prepare(problem).solve(Stop(1e-8, max_iterations=5000, max_seconds=20.0))
+    assert judge(problem, solution.impulses).residual <= 1e-8
+    assert judge(problem, solution.impulses, Model.ENGINE).residual > 1e-4
+
+
+def test_a_copy_of_a_captured_step_is_solved_too(captured: CapturedStep) -> None:
+    copy = perturbed_copy(captured.problem)
+    solution = MuJoCo("Newton").prepare(copy).solve(Stop(1e-8, max_iterations=1000, max_seconds=20.0))
+    assert solution.status == Status.SOLVED
+    assert judge(copy, solution.impulses, Model.ENGINE).residual <= 1e-8
+
+
+def test_the_choice_of_the_impedance_does_not_change_a_captured_step(captured: CapturedStep) -> None:
+    stop = Stop(1e-8, max_iterations=1000, max_seconds=20.0)
+    soft, hard = (MuJoCo("Newton", d).prepare(captured.problem).solve(stop).impulses for d in (0.5, 0.999))
+    assert np.array_equal(soft, hard)

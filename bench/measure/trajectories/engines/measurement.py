@@ -40,6 +40,7 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
         wall_seconds: wall time of the steps per simulated second, 0 if the run failed.
         processor_seconds: processor time of the steps per simulated second, 0 if the run failed.
         errors: errors by name, in the order of the scene.
+        own_residual: largest residual of the judged steps under the engine's own model, None if it publishes none.
         residual: largest judged residual of the judged steps under Coulomb's law, None if impulses are unknown.
         solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems, for few bodies.
         failure: why there is no measurement, empty if there is one.
@@ -52,6 +53,7 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
     wall_seconds: float = 0.0
     processor_seconds: float = 0.0
     errors: dict[str, float] = {}
+    own_residual: float | None = None
     residual: float | None = None
     solved_residual: float | None = None
     failure: str = ""
@@ -109,6 +111,7 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
         wall_seconds=wall / description.duration,
         processor_seconds=processor / description.duration,
         errors=dict(zip(description.errors, map(float, numbers), strict=bool(numbers))),
+        own_residual=max((one.own_residual for one in solved if one.own_residual is not None), default=None),
         residual=max((judge(one.problem, one.impulses).residual for one in solved), default=None),
         solved_residual=max(map(_solved_again, few), default=None),
         failure="" if numbers else "the motion is not finite",

@@ -1,10 +1,14 @@
-"""MuJoCo: a scene as a model, stepped by ``mj_step``."""
+"""MuJoCo: a scene as a model, stepped by ``mj_step``; judged steps are captured, so that its own model is known."""
 
+import copy
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from .....problems.capture.step import captured_step
+from .....problems.engine_model import judge_own_model
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 
@@ -36,7 +40,7 @@ class MuJoCoEngine:
 
     def remember(self) -> None:
         """Store the state before a step."""
-        self._before = self.states()
+        self._before, self._data_before = self.states(), copy.copy(self.data)
 
     def solved_problem(self) -> SolvedProblem | None:
         """Return the problem of the last step; its contacts are those of the previous state."""
@@ -55,7 +59,13 @@ class MuJoCoEngine:
             "tangent": frames[:, 1],
             "distance": data.contact.dist,
         }
-        return solved_problem(self.description, self._before, step, contacts, impulses)
+        solved = solved_problem(self.description, self._before, step, contacts, impulses)
+        return None if solved is None else replace(solved, own_residual=self._own_residual())
+
+    def _own_residual(self) -> float:
+        """Return the residual of the forces of the last step under MuJoCo's own model, from the same step of a copy."""
+        step = captured_step(self.model, self._data_before)
+        return judge_own_model(step.engine, self.data.efc_force)
 
     def _rotation(self, quaternion: Any) -> Any:
         matrix = np.zeros(9)

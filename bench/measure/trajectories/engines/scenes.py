@@ -83,16 +83,17 @@ def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 def _stack() -> Description:
     cubes = tuple(Body(True, 0.25, mass, (0.0, 0.0, 0.25 + 0.5 * k)) for k, mass in enumerate((1.0, 10.0, 100.0)))
-    errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]")
+    errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]", "energy gained [m g L]")
     options = {"n_boxes": len(cubes), "ratio": 100.0, "heavy_on_top": True}
     return _of_cubes("stack", cubes, 0.7, 2.0, errors, _measure_stack, "box_stack", options)
 
 
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the largest vertical penetration [mm], the largest drift [mm], and the largest final speed [mm/s]."""
+    """Return the largest penetration [mm], drift [mm] and final speed [mm/s], and the energy gained [m g L]."""
     heights = motion.positions[:, :, 2]
     gaps = np.diff(heights, axis=1, prepend=-heights[0, 0]) - 2.0 * scene.bodies[0].half
-    return -1e3 * min(0.0, float(gaps.min())), _drift(motion), 1e3 * float(_speeds(motion)[-1].max())
+    penetration, speed = -1e3 * min(0.0, float(gaps.min())), 1e3 * float(_speeds(motion)[-1].max())
+    return penetration, _drift(motion), speed, scene.energy_gained(motion)
 
 
 def _pile() -> Description:

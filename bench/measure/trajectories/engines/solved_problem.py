@@ -14,10 +14,17 @@ from .description import BodyStates, Description
 
 @dataclass(frozen=True, eq=False)
 class SolvedProblem:
-    """The problem of one step under Coulomb's law, and the engine's impulses Λ, shape (3 n_contacts,) [N s]."""
+    """The problem of one step under Coulomb's law, with the answer of the engine.
+
+    Attributes:
+        problem: the problem.
+        impulses: the impulses Λ of the engine [N s], shape (n_rows,).
+        own_residual: residual of its forces under the engine's own model; None if the engine does not publish one.
+    """
 
     problem: ContactProblem
     impulses: FloatArray
+    own_residual: float | None = None
 
 
 def solved_problem(

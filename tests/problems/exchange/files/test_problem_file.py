@@ -148,5 +148,5 @@ def test_contacts_alone_keep_the_format_that_older_versions_read(
 
 def test_a_newer_format_is_refused_in_one_sentence(tmp_path: Path) -> None:
     save_problem(load("hard-groove"), tmp_path / "p.npz")
-    with pytest.raises(ProblemError, match="has format 3, but this version reads formats up to 2"):
-        read_problem(with_format(tmp_path / "p.npz", 3))
+    with pytest.raises(ProblemError, match="has format 4, but this version reads formats up to 3"):
+        read_problem(with_format(tmp_path / "p.npz", 4))

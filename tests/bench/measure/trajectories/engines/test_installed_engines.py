@@ -58,6 +58,40 @@ def test_free_motion_and_impulses_of_a_step_make_the_next_velocity(name: str, sc
     assert found == pytest.approx(velocities, abs=1e-10 * np.abs(velocities).max())
 
 
+@pytest.mark.parametrize("scene", ["thrown-cube", "stack", "pile"])
+def test_mujoco_solves_its_own_model_and_not_coulombs_law(scene: str) -> None:
+    engine = engine_of("mujoco", scene)
+    for _ in range(300 if scene == "pile" else 1):
+        engine.step()
+    engine.remember()
+    engine.step()
+    solved = engine.solved_problem()
+    assert solved is not None
+    assert solved.own_residual is not None
+    assert solved.own_residual < 1e-6
+    assert judge(solved.problem, solved.impulses).residual > 1e-3
+
+
+def test_the_own_model_is_judged_by_the_forces_of_the_step_itself() -> None:
+    engine: Any = engine_of("mujoco", "stack")
+    engine.step()
+    engine.remember()
+    engine.step()
+    assert engine.solved_problem().own_residual < 1e-6
+    engine.data.efc_force[:] *= 1.01
+    assert engine.solved_problem().own_residual > 1e-4
+
+
+@pytest.mark.parametrize("name", ["pybullet", "dart"])
+def test_other_engines_publish_no_model(name: str) -> None:
+    engine = engine_of(name, "stack", DART_SWEEPS if name == "dart" else 0)
+    engine.remember()
+    engine.step()
+    solved = engine.solved_problem()
+    assert solved is not None
+    assert solved.own_residual is None
+
+
 def test_a_stiff_cone_program_lifts_the_thrown_cube_by_its_closed_form() -> None:
     """Its velocity v lies in the dual cone: v_N = μ ‖v_T‖ with v_T = 6 m/s − μ v_N, so that v_N = 6 μ/(1 + μ²)."""
     description = describe("thrown-cube")

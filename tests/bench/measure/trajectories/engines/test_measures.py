@@ -80,7 +80,7 @@ def test_a_cube_rests_on_a_flat_incline() -> None:
 
 
 def test_a_stack_rests_on_the_floor_and_does_not_sink() -> None:
-    assert errors_of("stack") == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert errors_of("stack") == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-12)
     assert [body.mass for body in describe("stack").bodies] == [1.0, 10.0, 100.0]
 
     def sink(positions: np.ndarray) -> None:
@@ -91,6 +91,11 @@ def test_a_stack_rests_on_the_floor_and_does_not_sink() -> None:
 
     assert moved("stack", sink)[0] == pytest.approx(3.0)
     assert moved("stack", sink_into_the_floor)[0] == pytest.approx(2.0)
+
+    def rise(positions: np.ndarray) -> None:
+        positions[2, 2] += 0.1
+
+    assert moved("stack", rise)[3] == pytest.approx(100.0 * 0.1 / (111.0 * 0.5))
 
 
 def at_speeds(name: str, speeds: list[tuple[float, float, float]]) -> tuple[float, ...]:

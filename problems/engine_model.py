@@ -1,0 +1,368 @@
+"""The convex program that an engine solves in a step, and how well forces or impulses solve it.
+
+MuJoCo minimises over the forces f of its constraint rows
+
+    ½ fᵀ (A + diag R) f + fᵀ b,      f_i ∈ Ω_i,
+
+with A = J M⁻¹ Jᵀ [1/kg], a regularisation R and b = J q̈ − a_ref [m/s²] (Todorov, Convex and analytically-invertible
+dynamics with contacts and constraints, 2014). The sets Ω are the line (equality), an interval (friction loss), the
+half-line (limits, contacts without friction, edges of a pyramid) and the elliptic cone ‖(f_k/μ_k)‖ ≤ f_N. Coulomb's law
+is another problem: it has neither R nor a_ref, and its friction is not associated.
+
+The impulses of the contact problem are Λ = h S f. For an elliptic cone this is invertible. A contact with a pyramid has
+two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋). A and b depend on these sums
+only, and the edges of a contact have one R. So the forces that belong to Λ are those with the least Σ f²: with
+d_k = f₊ − f₋ and s_k = f₊ + f₋,
+
+    s_k = max(|d_k|, τ),      Σ s_k = f_N.
+"""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from .arrays import FloatArray, IntArray, frozen, read_only
+from .errors import ProblemError
+
+_VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound")
+_MATRICES = ("matrix", "combination", "back")
+
+
+class EngineSet(IntEnum):
+    """The form of the set Ω of some rows of an engine."""
+
+    LINE = 0
+    INTERVAL = 1
+    HALF_LINE = 2
+    ELLIPTIC_CONE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class EngineModel:
+    """The convex program of one step of an engine.
+
+    Attributes:
+        name: name and version of the engine.
+        matrix: A [1/kg], scipy CSR, shape (n, n) over the rows of the engine.
+        regularisation: R [1/kg], shape (n,).
+        offset: b [m/s²], shape (n,).
+        scale: largest sum of the absolute terms of an entry of b [m/s²], where b may be no more than their rounding.
+        kind: ``EngineSet`` of each set, shape (n_sets,).
+        first_row: first row of each set, shape (n_sets,); the sets tile the rows.
+        coefficient: μ_k of each friction row of an elliptic cone, 1 for other rows, shape (n,).
+        bound: largest force of a row in an interval [N], 0 for other rows, shape (n,).
+        combination: h S with Λ = h S f, shape (n_rows, n) over the rows of the captured problem.
+        time_step: h [s].
+        back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem are others than the captured ones.
+    """
+
+    name: str
+    matrix: sp.csr_array[Any]
+    regularisation: FloatArray
+    offset: FloatArray
+    scale: float
+    kind: NDArray[np.int8]
+    first_row: IntArray
+    coefficient: FloatArray
+    bound: FloatArray
+    combination: sp.csr_array[Any]
+    time_step: float
+    back: sp.csr_array[Any] | None = None
+
+    def __post_init__(self) -> None:
+        n_rows = len(self.offset)
+        for name in _MATRICES:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _canonical(getattr(self, name)))
+        for name in ("regularisation", "offset", "coefficient", "bound"):
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64, name))
+            if np.shape(getattr(self, name)) != (n_rows,):
+                raise ProblemError(f"{name} of an engine's model must have shape ({n_rows},), one entry per row.")
+        if self.matrix.shape != (n_rows, n_rows):
+            raise ProblemError(f"A of an engine's model must have shape ({n_rows}, {n_rows}), got {self.matrix.shape}.")
+        if self.combination.shape[1] != n_rows:
+            raise ProblemError(f"S of an engine's model has {self.combination.shape[1]} columns for {n_rows} rows.")
+        object.__setattr__(self, "kind", frozen(self.kind, np.int8, "kind"))
+        object.__setattr__(self, "first_row", frozen(self.first_row, np.int64, "first_row"))
+        ends = np.append(self.first_row, n_rows)
+        if len(self.kind) != len(self.first_row) or ends[0] != 0 or (np.diff(ends) < (n_rows > 0)).any():
+            raise ProblemError("the sets of an engine's model must tile its rows.")
+        if not np.isin(self.kind, list(EngineSet)).all():
+            raise ProblemError("a set of an engine's model has an unknown kind.")
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows of the problem to which the model belongs."""
+        return int(self.combination.shape[0] if self.back is None else self.back.shape[1])
+
+    @cached_property
+    def row_counts(self) -> IntArray:
+        """Number of rows of each set, shape (n_sets,)."""
+        counts: IntArray = np.diff(np.append(self.first_row, len(self.offset)))
+        return counts
+
+    @cached_property
+    def diagonal(self) -> FloatArray:
+        """Diagonal of A + diag R, friction rows of a cone scaled by μ [1/kg], shape (n,)."""
+        diagonal: FloatArray = (self.matrix.diagonal() + self.regularisation) * self.coefficient**2
+        return diagonal
+
+    def gradient(self, forces: FloatArray) -> FloatArray:
+        """Return (A + diag R) f + b [m/s²], shape (n,)."""
+        gradient: FloatArray = self.matrix @ forces + self.regularisation * forces + self.offset
+        return gradient
+
+    def impulses(self, forces: FloatArray) -> FloatArray:
+        """Return Λ [N s], shape (n_rows,), of forces f [N], shape (n,)."""
+        captured = self.combination @ forces
+        impulses: FloatArray = captured if self.back is None else _pseudoinverse(self.back) @ captured
+        return impulses
+
+    def forces(self, impulses: ArrayLike) -> FloatArray:
+        """Return the forces f [N], shape (n,), that belong to Λ [N s], shape (n_rows,); see the module."""
+        given = np.asarray(impulses, dtype=np.float64)
+        captured = given if self.back is None else self.back @ given
+        decoding, found = self._decoding, self._forces_without_impulse.copy()
+        found[decoding.single] = captured[decoding.single_row] / decoding.single_weight
+        for pyramids in decoding.pyramids:
+            pyramids.write_forces(captured, found)
+        return found
+
+    def over(self, back: sp.csr_array[Any]) -> "EngineModel | None":
+        """Return the model for a problem with Λ = T Λ', or None unless the columns of T are orthogonal and complete."""
+        if back.shape[0] != back.shape[1]:
+            return None
+        return replace(self, back=sp.csr_array(back if self.back is None else self.back @ back))
+
+    def shifted(self, change: FloatArray) -> "EngineModel":
+        """Return the model after c of the problem has changed [m/s], shape (n_rows,): b changes by Sᵀ of it over h."""
+        captured = change if self.back is None else _pseudoinverse(self.back).T @ change
+        return replace(self, offset=self.offset + self.combination.T @ captured / self.time_step**2)
+
+    def numbers(self) -> dict[str, NDArray[Any]]:
+        """Return the numbers that define the model as labelled arrays; ``of_numbers`` reads them."""
+        found: dict[str, NDArray[Any]] = {f"engine.{name}": getattr(self, name) for name in _VECTORS}
+        found["engine.scalars"] = np.array([self.scale, self.time_step])
+        for name in _MATRICES:
+            matrix = getattr(self, name)
+            if matrix is not None:
+                found |= {f"engine.{name}.data": matrix.data, f"engine.{name}.shape": np.array(matrix.shape)}
+                indices = {part: getattr(matrix, part).astype(np.int64) for part in ("indices", "indptr")}
+                found |= {f"engine.{name}.{part}": array for part, array in indices.items()}
+        return found
+
+    @staticmethod
+    def of_numbers(name: str, content: Mapping[str, NDArray[Any]]) -> "EngineModel":
+        """Return the model with these arrays, which may be among others.
+
+        Raises:
+            KeyError: if an array is missing.
+            ValueError: if an array does not fit.
+        """
+        scale, time_step = map(float, content["engine.scalars"])
+        vectors: dict[str, Any] = {one: content[f"engine.{one}"] for one in _VECTORS}
+        matrices: dict[str, Any] = {one: _matrix(content, one) for one in _MATRICES if f"engine.{one}.data" in content}
+        return EngineModel(name=name, scale=scale, time_step=time_step, **vectors, **matrices)
+
+    def fresh(self) -> "EngineModel":
+        """Return an equal model that shares no memory with this one."""
+        return EngineModel(**{one.name: deepcopy(getattr(self, one.name)) for one in fields(self)})
+
+    @cached_property
+    def _forces_without_impulse(self) -> FloatArray:
+        """Solution of each row as if A were 0, which it is for rows that move nothing [N], shape (n,)."""
+        softness, nothing = self.regularisation, np.zeros(len(self.offset))
+        alone = np.divide(-self.offset, softness, out=nothing, where=softness > 0.0)
+        kinds = np.repeat(self.kind, self.row_counts)
+        alone = np.where(kinds == EngineSet.INTERVAL, np.clip(alone, -self.bound, self.bound), alone)
+        return np.where(kinds >= EngineSet.HALF_LINE, np.maximum(alone, 0.0), alone)
+
+    @cached_property
+    def _decoding(self) -> "_Decoding":
+        return _decoding_of(self.combination)
+
+    @cached_property
+    def _sets(self) -> "_Sets":
+        return _Sets.of(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pyramids:
+    """Contacts with equally many pairs of edges: first row of each pair, and the impulses that determine its forces.
+
+    Attributes:
+        first: first row of each pair, shape (n_contacts, n_pairs).
+        normal: row of Λ with the sum of all forces of a contact, shape (n_contacts,).
+        normal_weight: weight of a force in that sum, shape (n_contacts,).
+        tangent: row of Λ with the difference of a pair; −1 if it moves nothing, shape (n_contacts, n_pairs).
+        tangent_weight: weight of the difference, shape (n_contacts, n_pairs).
+    """
+
+    first: IntArray
+    normal: IntArray
+    normal_weight: FloatArray
+    tangent: IntArray
+    tangent_weight: FloatArray
+
+    def write_forces(self, impulses: FloatArray, forces: FloatArray) -> None:
+        """Write the forces of the edges for captured impulses."""
+        difference = np.where(self.tangent >= 0, impulses[self.tangent], 0.0) / self.tangent_weight
+        total = _least_sums(impulses[self.normal] / self.normal_weight, np.abs(difference))
+        forces[self.first] = 0.5 * (total + difference)
+        forces[self.first + 1] = 0.5 * (total - difference)
+
+
+@dataclass(frozen=True, eq=False)
+class _Decoding:
+    """The rows of an engine by how their forces follow from impulses.
+
+    Attributes:
+        single: rows that alone have an impulse, shape (n_single,).
+        single_row: row of Λ of each.
+        single_weight: weight of each in it.
+        pyramids: edges of pyramids.
+    """
+
+    single: IntArray
+    single_row: IntArray
+    single_weight: FloatArray
+    pyramids: tuple[_Pyramids, ...]
+
+
+def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
+    columns = sp.csc_array(combination)
+    columns.sort_indices()
+    counts, starts = np.diff(columns.indptr), columns.indptr[:-1]
+    used = np.flatnonzero(counts > 0)
+    row, weight = np.zeros((2, combination.shape[1]), dtype=np.int64), np.ones((2, combination.shape[1]))
+    for place in (0, 1):
+        columns_with = np.flatnonzero(counts > place)
+        row[place, columns_with] = columns.indices[starts[columns_with] + place]
+        weight[place, columns_with] = columns.data[starts[columns_with] + place]
+    row[1, counts < 2] = -1
+    is_single = np.diff(combination.indptr)[row[0]] == 1
+    single = used[is_single[used]]
+    by_normal: dict[int, list[int]] = {}
+    for column in used[~is_single[used]].tolist():
+        by_normal.setdefault(int(row[0, column]), []).append(column)
+    by_size: dict[int, list[list[int]]] = {}
+    for edges in by_normal.values():
+        if len(edges) % 2 or np.diff(edges).max() > 1:
+            raise ProblemError("the edges of a pyramid of an engine's model must be adjacent pairs.")
+        by_size.setdefault(len(edges), []).append(edges[::2])
+    pyramids = tuple(
+        _Pyramids(first, row[0, first[:, 0]], weight[0, first[:, 0]], row[1, first], weight[1, first])
+        for first in map(np.array, by_size.values())
+    )
+    return _Decoding(single, row[0, single], weight[0, single], pyramids)
+
+
+def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
+    """Return s_k = max(least_k, τ) with the given sums, shape (n, k); where τ < 0, what is missing in equal shares."""
+    count = least.shape[1]
+    falling = -np.sort(-least, axis=1)
+    larger = np.cumsum(falling, axis=1) - falling
+    levels = (sums[:, None] - larger) / (count - np.arange(count))
+    fits = levels >= falling
+    level = np.take_along_axis(levels, fits.argmax(axis=1)[:, None], axis=1)
+    missing = (sums - least.sum(axis=1))[:, None] / count
+    found: FloatArray = np.where(fits.any(axis=1)[:, None], np.maximum(least, level), least + missing)
+    return found
+
+
+def _matrix(content: Mapping[str, NDArray[Any]], name: str) -> sp.csr_array[Any]:
+    parts = tuple(content[f"engine.{name}.{part}"] for part in ("data", "indices", "indptr"))
+    if any(part.dtype.kind != kind for part, kind in zip(parts, "fii", strict=True)):
+        raise ValueError(f"{name} is not a matrix of numbers")
+    n_rows, n_columns = map(int, content[f"engine.{name}.shape"])
+    matrix = sp.csr_array(parts, shape=(n_rows, n_columns))
+    matrix.check_format(full_check=True)
+    return matrix
+
+
+def _canonical(given: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return a read-only copy with sorted indices."""
+    matrix = sp.csr_array(given, copy=True)
+    matrix.sum_duplicates()
+    read_only(matrix.data, matrix.indices, matrix.indptr)
+    return matrix
+
+
+def _pseudoinverse(back: sp.csr_array[Any]) -> sp.csr_array[Any]:
+    """Return T⁺ of a matrix with orthogonal columns."""
+    return sp.csr_array(sp.diags_array(1.0 / (back.multiply(back)).sum(axis=0)) @ back.T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sets:
+    """The sets of a model in arrays over rows and over sets."""
+
+    of_row: IntArray
+    kind_of_row: NDArray[np.int8]
+    is_tangent: NDArray[np.bool_]
+    alpha: FloatArray
+
+    @staticmethod
+    def of(model: EngineModel) -> "_Sets":
+        of_row = np.repeat(np.arange(len(model.kind)), model.row_counts)
+        kinds = model.kind[of_row]
+        is_tangent = kinds == EngineSet.ELLIPTIC_CONE
+        is_tangent[model.first_row] = False
+        return _Sets(of_row, kinds, is_tangent, np.maximum.reduceat(model.diagonal, model.first_row))
+
+
+def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
+    """Return how far forces are from solving the model of their engine.
+
+    With α_i the largest diagonal entry of A + diag R over the rows of set i, friction rows of a cone scaled by μ,
+
+        residual = max_i α_i ‖f_i − P_i(f_i − g_i/α_i)‖ / scale,      g = (A + diag R) f + b,
+
+    which is 0 where f solves the model, and does not depend on units.
+
+    Args:
+        model: the engine's model.
+        forces: f [N], shape (n,).
+    """
+    found = np.asarray(forces, dtype=np.float64)
+    if found.shape != model.offset.shape:
+        raise ProblemError(f"forces must have shape {model.offset.shape}, one entry per row; got {found.shape}.")
+    if not np.isfinite(found).all():
+        return np.inf
+    if not len(found):
+        return 0.0
+    sets = model._sets
+    force, slope = found / model.coefficient, model.gradient(found) * model.coefficient
+    alpha = sets.alpha[sets.of_row]
+    point = force - np.divide(slope, alpha, out=np.zeros_like(slope), where=alpha > 0.0)
+    moved = _projection(model, sets, point)
+    violation = np.where(alpha > 0.0, alpha * (force - moved), slope)
+    worst = float(np.sqrt(np.add.reduceat(violation**2, model.first_row).max()))
+    return worst / model.scale if model.scale else (np.inf if worst else 0.0)
+
+
+def own_residual(model: EngineModel, impulses: ArrayLike) -> float:
+    """Return the same residual of impulses Λ [N s], shape (n_rows,) over the rows of the problem."""
+    given = np.asarray(impulses, dtype=np.float64)
+    return judge_own_model(model, model.forces(given)) if np.isfinite(given).all() else np.inf
+
+
+def _projection(model: EngineModel, sets: _Sets, point: FloatArray) -> FloatArray:
+    """Return the nearest point of the sets, a cone being circular in scaled rows."""
+    kinds, first = sets.kind_of_row, model.first_row
+    moved = np.where(kinds == EngineSet.INTERVAL, np.clip(point, -model.bound, model.bound), point)
+    moved = np.where(kinds == EngineSet.HALF_LINE, np.maximum(point, 0.0), moved)
+    normal = point[first]
+    radius = np.sqrt(np.add.reduceat(np.where(sets.is_tangent, point, 0.0) ** 2, first))
+    height = np.where(radius <= -normal, 0.0, 0.5 * (normal + radius))
+    is_outside = (model.kind == EngineSet.ELLIPTIC_CONE) & (radius > normal)
+    shrink = np.divide(height, radius, out=np.zeros_like(height), where=radius > 0.0)
+    projected = np.where(sets.is_tangent, point * shrink[sets.of_row], height[sets.of_row])
+    return np.where(is_outside[sets.of_row], projected, moved)
