@@ -147,7 +147,7 @@ class Dominoes:
         Raises:
             ProblemError: if the push is too weak, or friction too strong for a wave.
         """
-        return self.pitch / self.intervals[-1]
+        return self.pitch / float(self.intervals[-1])
 
     @cached_property
     def intervals(self) -> FloatArray:
@@ -205,5 +205,5 @@ class Dominoes:
 
 def _integral(values: FloatArray, at: FloatArray) -> FloatArray:
     """Return the integral from the first of the points ``at`` to each of them, by the trapezoidal rule."""
-    integral: FloatArray = cumulative_trapezoid(values, at, initial=0.0)
+    integral: FloatArray = cumulative_trapezoid(values, at, initial=0)
     return integral
