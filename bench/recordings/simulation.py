@@ -95,7 +95,7 @@ class SceneRecorder:
         times = np.array([start.time, *steps["time"]])
         curves = step_curves(self.scene, steps, times)
         for one in self._observables:
-            self._exponents[one.name] = exponent = unit_exponent(curves[one.name])
+            self._exponents[one.name] = exponent = unit_exponent(curves[one.name]) if has_unit(one.label) else 0
             curves[one.name] = curves[one.name] / 10.0**exponent
         self._curves = {name: dict(enumerate(values.tolist())) for name, values in curves.items()}
         plots = self._plots()
@@ -237,17 +237,22 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
 
 
 def unit_exponent(values: FloatArray) -> int:
-    """Return the power of ten, a multiple of 3, in whose unit values between 1e-9 and 1e-3 are drawn; 0 for others.
+    """Return the power of ten, a multiple of 3, in whose unit values below 1e-3 are drawn; 0 for larger ones.
 
-    Smaller values are zero up to rounding.
+    Values below ``MIN_OBSERVED`` are zero up to rounding, and have its unit.
     """
-    largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
-    return 3 * math.floor(math.log10(largest) / 3.0) if MIN_OBSERVED <= largest < 1e-3 else 0
+    largest = float(np.abs(values[np.isfinite(values)]).max(initial=MIN_OBSERVED))
+    return 3 * math.floor(math.log10(largest) / 3.0) if largest < 1e-3 else 0
+
+
+def has_unit(label: str) -> bool:
+    """Return whether a label ends with a unit in brackets."""
+    return label.endswith("]")
 
 
 def scaled_label(label: str, exponent: int) -> str:
     """Return a label whose unit, in brackets, is multiplied by a power of ten."""
-    if not exponent or not label.endswith("]"):
+    if not exponent or not has_unit(label):
         return label
     power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     return label.replace("[", f"[10{power} ")

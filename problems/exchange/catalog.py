@@ -49,9 +49,14 @@ BODY_GROUPS: dict[str, list[str]] = {
     "card houses": ["cards-1", "cards-3", "cards-3-slipping", "cards-6"],
     "box piles": ["pile-100-falling", "pile-100", "pile-300", "pile-1000"],
     "tables": ["table-2", "table-4", "table-4-1e4", "table-10"],
-    "single bodies": ["box-sticking", "box-sliding", "box-thrown", "box-tipping", "sphere-rolling", "cylinder-rolling"],
-    "linkages": ["four-bar", "chain-20", "chain-200", "ball-on-chain-1e4"],
+    "single bodies": [
+        *(f"box-{state}" for state in ("sticking", "sliding", "thrown", "tipping")),
+        *("sphere-rolling", "cylinder-rolling", "top-on-tip"),
+    ],
+    "linkages": ["pendulum", "four-bar", "chain-20", "chain-200", "ball-on-chain-1e4"],
     "trains": ["train-10", "train-10-1e4", "train-300"],
+    "brick walls": ["wall", "wall-struck"],
+    "drums": ["drum-24", "drum-48"],
 }
 """The problems of the suite ``bodies`` by group, without the prefix ``bodies-``.
 

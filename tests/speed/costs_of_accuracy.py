@@ -7,35 +7,34 @@
 ``sweeps``   the same by the number of sweeps
 ``creep``    how far a stone of an arch moves in ten seconds that is one per cent thicker than it must be
 ``stack``    drift of ten boxes by the ratio of their masses, and by the depth at which they touch at the start
-``drift``    drift of these boxes by tolerance
+``drift``    drift of these boxes by tolerance and step
 ``cube``     how far a cube that slides along the ground lifts and sinks
 ``chain``    error of the energy of a chain
+``swing``    energy of a chain, and of a heavy ball on it, over ten seconds
 ``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
 ``joints``   how far joints open and what energy they keep, with and without closing them at each step
 ``free``     energy and momentum of free bodies over 10⁵ steps
 ``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
 
 ``python tests/speed/costs_of_accuracy.py --tables arch stack`` prints these tables in Markdown. ``--output costs.csv``
-keeps them in a file, and ``--charts FOLDER`` draws what it holds. Seconds are processor time; those
-of the first use of a kernel contain its compilation. All tables take half an hour.
+keeps them in a file, and ``--charts FOLDER`` draws what it holds. Seconds are processor time of the steps; run
+``proxbench warm`` before, so that kernels are compiled. All tables take three quarters of an hour.
 """
 
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import altair as alt
 import pandas as pd
+from accuracy_charts import draw
 from convergence_orders import free, orders
-from joint_errors import joints
+from joint_errors import joints, swing
 from pile_costs import piles
-from proxbench.bench.report.charts.drawing import heading, stacked, write_drawing
-from proxbench.bench.report.charts.palette import Look, looks
 from proxbench.problems.motion.equilibrium import bisect, find_equilibrium, problem_at_rest
 from proxbench.problems.motion.scenes.rigid.arch import Arch
 from proxbench.problems.motion.scenes.rigid.boxes import BoxStack, ThrownBox
@@ -45,7 +44,6 @@ from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Status, Stop, create
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
-EVEN_DECADES = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10]
 STEPS = (1e-2, 5e-3, 2e-3)
 STEP = 5e-3
 """Δt [s] where it does not vary."""
@@ -53,12 +51,21 @@ STEP = 5e-3
 SWEEPS = (10, 30, 100, 300, 1000)
 SWEEPING = ("NSGS", "SORprox")
 SOLVERS = ("Robust", *SWEEPING, "InteriorPoint", "ClarabelCoulomb", "SemismoothNewton")
+COMPARED = ("Robust", "NSGS", "InteriorPoint", "ClarabelCoulomb")
+"""Solvers of work–precision diagrams, which are measured with each of ``STEPS``; others only with ``STEP``."""
+
 RELAXED = "ClarabelSOCP"
 """A solver of the convex model, which opens contacts that slide."""
 
 MAX_ITERATIONS = 5000
 MAX_SECONDS = 20.0
 """Processor time of one simulation [s]."""
+
+MAX_DRIFT_SECONDS = 40.0
+"""Processor time of one simulation [s] where sweeps reach their limit of iterations in most steps."""
+
+N_WARM_UP_STEPS = 5
+"""Steps before those that are timed."""
 
 FRICTION = 0.8
 """Friction coefficient of the joints of an arch where it does not vary."""
@@ -100,19 +107,25 @@ def simulate(
     step: float,
     duration: float,
     bound: float = math.inf,
+    max_seconds: float = MAX_SECONDS,
 ) -> Motion:
-    """Simulate until the observed value exceeds a bound, or ``MAX_SECONDS`` are over."""
+    """Simulate until the observed value exceeds a bound, or ``max_seconds`` are over."""
     rule = MidpointRule(scene.system(), create(solver), stop, step)
+    for _ in rule.steps(scene.start(), N_WARM_UP_STEPS):
+        pass
     largest, state, unsolved, iterations, count = 0.0, scene.start(), 0, 0, 0
-    began = time.process_time()
-    for taken in rule.steps(state, round(duration / step)):
+    steps, seconds = rule.steps(state, round(duration / step)), 0.0
+    while largest <= bound and seconds <= max_seconds:
+        began = time.process_time()
+        taken = next(steps, None)
+        seconds += time.process_time() - began
+        if taken is None:
+            break
         state, count = taken.state, count + 1
         unsolved += taken.status not in (Status.SOLVED, None)
         iterations += taken.iterations
         largest = max(largest, abs(observe(state)))
-        if largest > bound or time.process_time() - began > MAX_SECONDS:
-            break
-    return Motion(largest, state.time, unsolved, iterations / count, time.process_time() - began)
+    return Motion(largest, state.time, unsolved, iterations / count, seconds)
 
 
 def to_tolerance(tolerance: float) -> Stop:
@@ -139,18 +152,26 @@ def thickness_ratio(stones: int, solver: str, stop: Stop, step: float, friction:
     Returns:
         The ratio to 2e-4; 0.5 if it stands even then, inf if it falls with 1.5.
     """
-    exact = least_thickness(stones, friction)
+    return search_thickness(stones, solver, stop, step, friction)[0]
+
+
+def search_thickness(
+    stones: int, solver: str, stop: Stop, step: float, friction: float = FRICTION
+) -> tuple[float, list[Motion]]:
+    """Return the ratio of ``thickness_ratio``, and the motions from which it is known."""
+    exact, motions = least_thickness(stones, friction), list[Motion]()
 
     def stands(ratio: float) -> bool:
         arch = Arch(stones, ratio * exact, friction)
-        return simulate(arch, arch.moved, solver, stop, step, 1.0, FALLEN).largest <= FALLEN
+        motions.append(simulate(arch, arch.moved, solver, stop, step, 1.0, FALLEN))
+        return motions[-1].largest <= FALLEN
 
     low, high = next(((1.0 - width, 1.0 + width) for width in (0.01, 0.1) if brackets(stands, width)), (0.5, 1.5))
     if high == 1.5 and not stands(high):
-        return math.inf
+        return math.inf, motions
     if low == 0.5 and stands(low):
-        return low
-    return bisect(stands, low, high, 2e-4)
+        return low, motions
+    return bisect(stands, low, high, 2e-4), motions
 
 
 def brackets(stands: Callable[[float], bool], width: float) -> bool:
@@ -158,14 +179,21 @@ def brackets(stands: Callable[[float], bool], width: float) -> bool:
     return stands(1.0 + width) and not stands(1.0 - width)
 
 
+def ladder(
+    solvers: Iterable[str], tolerances: Iterable[float] = TOLERANCES, compared: Sequence[str] = COMPARED
+) -> Iterator[tuple[str, float, float]]:
+    """Yield each solver with ``STEP``, or with each of ``STEPS`` [s] if it is compared, and with each tolerance."""
+    for solver in solvers:
+        for step in STEPS if solver in compared else (STEP,):
+            for tolerance in tolerances:
+                yield solver, step, tolerance
+
+
 def arch() -> Iterator[dict[str, Any]]:
-    for solver in ("Robust", *SWEEPING):
-        for step in STEPS if solver in ("Robust", "NSGS") else (STEP,):
-            for tolerance in TOLERANCES:
-                began = time.process_time()
-                ratio = thickness_ratio(7, solver, to_tolerance(tolerance), step)
-                seconds = time.process_time() - began
-                yield {"solver": solver, "step": step, "tolerance": tolerance, "ratio": ratio, "seconds": seconds}
+    for solver, step, tolerance in ladder((*COMPARED, "SORprox")):
+        ratio, motions = search_thickness(7, solver, to_tolerance(tolerance), step)
+        total = {name: sum(getattr(motion, name) for motion in motions) for name in ("time", "unsolved", "seconds")}
+        yield {"solver": solver, "step": step, "tolerance": tolerance, "ratio": ratio, **total}
 
 
 def sizes() -> Iterator[dict[str, Any]]:
@@ -202,11 +230,9 @@ def sweeps() -> Iterator[dict[str, Any]]:
 
 def creep() -> Iterator[dict[str, Any]]:
     scene = Arch(7, 1.01 * least_thickness(7))
-    for solver in SOLVERS[:-1]:
-        for step in STEPS if solver in ("Robust", "NSGS") else (STEP,):
-            for tolerance in TOLERANCES:
-                motion = simulate(scene, scene.moved, solver, to_tolerance(tolerance), step, 10.0, THROWN_OVER)
-                yield {"solver": solver, "step": step, "tolerance": tolerance, **asdict(motion)}
+    for solver, step, tolerance in ladder(SOLVERS[:-1], compared=("Robust", "NSGS")):
+        motion = simulate(scene, scene.moved, solver, to_tolerance(tolerance), step, 10.0, THROWN_OVER)
+        yield {"solver": solver, "step": step, "tolerance": tolerance, **asdict(motion)}
 
 
 def stack() -> Iterator[dict[str, Any]]:
@@ -220,26 +246,24 @@ def stack() -> Iterator[dict[str, Any]]:
 
 def drift() -> Iterator[dict[str, Any]]:
     scene = BoxStack(ratio=100.0, heavy_on_top=True, overlap=OVERLAP)
-    for solver in SOLVERS:
-        for tolerance in TOLERANCES:
-            motion = simulate(scene, scene.drift, solver, to_tolerance(tolerance), STEP, 2.0, THROWN_OVER)
-            yield {"solver": solver, "tolerance": tolerance, **asdict(motion)}
+    for solver, step, tolerance in ladder(SOLVERS):
+        stop = Stop(tolerance, MAX_ITERATIONS, MAX_DRIFT_SECONDS)
+        motion = simulate(scene, scene.drift, solver, stop, step, 2.0, THROWN_OVER, MAX_DRIFT_SECONDS)
+        yield {"solver": solver, "step": step, "tolerance": tolerance, **asdict(motion)}
 
 
 def cube() -> Iterator[dict[str, Any]]:
     scene = ThrownBox()
-    for solver in (*SOLVERS, RELAXED):
-        for step in STEPS if solver == "Robust" else (STEP,):
-            for tolerance in (*TOLERANCES, 1e-10):
-                lifts: list[float] = []
+    for solver, step, tolerance in ladder((*SOLVERS, RELAXED), (*TOLERANCES, 1e-10)):
+        lifts: list[float] = []
 
-                def observe(state: State, lifts: list[float] = lifts) -> float:
-                    lifts.append(scene.lift(state))
-                    return lifts[-1]
+        def observe(state: State, lifts: list[float] = lifts) -> float:
+            lifts.append(scene.lift(state))
+            return lifts[-1]
 
-                motion = simulate(scene, observe, solver, to_tolerance(tolerance), step, 1.5)
-                found = {"lift": max(lifts), "sink": -min(lifts), **asdict(motion)}
-                yield {"solver": solver, "step": step, "tolerance": tolerance, **found}
+        motion = simulate(scene, observe, solver, to_tolerance(tolerance), step, 1.5)
+        found = {"lift": max(lifts), "sink": -min(lifts), **asdict(motion)}
+        yield {"solver": solver, "step": step, "tolerance": tolerance, **found}
 
 
 def chain() -> Iterator[dict[str, Any]]:
@@ -252,18 +276,20 @@ def chain() -> Iterator[dict[str, Any]]:
         return potential_energy(state.position) + system.kinetic_energy(state.velocity)
 
     begin = energy(start)
-    swing = begin - energy(scene.state(0.0 * scene.normal_modes()[0]))
-    for solver in SOLVERS:
-        for step in STEPS if solver in ("Robust", "NSGS") else (STEP,):
-            for tolerance in TOLERANCES:
-                stop = to_tolerance(tolerance)
-                motion = simulate(scene, lambda state: (energy(state) - begin) / swing, solver, stop, step, 2.0)
-                yield {"solver": solver, "step": step, "tolerance": tolerance, **asdict(motion)}
+    height = begin - energy(scene.state(0.0 * scene.normal_modes()[0]))
+    for solver, step, tolerance in ladder(SOLVERS):
+        motion = simulate(
+            scene, lambda state: (energy(state) - begin) / height, solver, to_tolerance(tolerance), step, 2.0
+        )
+        yield {"solver": solver, "step": step, "tolerance": tolerance, **asdict(motion)}
 
 
 TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
     made.__name__: made
-    for made in (arch, sizes, friction, sliding, sweeps, creep, stack, drift, cube, chain, orders, joints, free, piles)
+    for made in (
+        *(arch, sizes, friction, sliding, sweeps, creep, stack, drift, cube, chain, swing),
+        *(orders, joints, free, piles),
+    )
 }
 
 
@@ -279,58 +305,6 @@ def print_table(name: str, make: Callable[[], Iterator[dict[str, Any]]]) -> pd.D
     return pd.DataFrame(rows)
 
 
-def panel(
-    rows: pd.DataFrame, value: str, title: str, least: float, most: float, styles: Mapping[str, Look]
-) -> alt.LayerChart:
-    """Return a value over the tolerance, a line for each solver; values are cut at ``least`` and ``most``."""
-    shown, names = rows.assign(cut=rows[value].clip(least, most)), list(styles)
-    colours, dashes = [one.colour for one in styles.values()], [one.dash for one in styles.values()]
-    legend = alt.Legend(symbolType="stroke", symbolSize=500)
-    axis = alt.Axis(format=".0e", tickCount=5, labelOverlap=True)
-    even = alt.Axis(format=".0e", values=EVEN_DECADES)
-    base = alt.Chart(shown).encode(
-        x=alt.X("tolerance:Q", title="tolerance", axis=even).scale(type="log", reverse=True, nice=False),
-        y=alt.Y("cut:Q", title=title, axis=axis).scale(type="log", domain=(least, most), nice=False),
-        color=alt.Color("solver:N", title=None, sort=names, legend=legend).scale(domain=names, range=colours),
-    )
-    dash = alt.StrokeDash("solver:N", title=None, sort=names, legend=legend).scale(domain=names, range=dashes)
-    layers = [base.mark_line(strokeWidth=2).encode(strokeDash=dash), base.mark_point(filled=True, size=45, opacity=1)]
-    return alt.LayerChart(layer=layers).properties(width=210, height=200)
-
-
-def draw(measured: pd.DataFrame, folder: Path) -> None:
-    """Draw the two charts of the documentation."""
-
-    def rows(table: str) -> pd.DataFrame:
-        found = measured[measured["table"] == table]
-        return found[found["step"].isna() | (found["step"] == STEP)]
-
-    arches = rows("arch").assign(error=lambda table: (table["ratio"] - 1.0).abs())
-    charts = {
-        "arch-by-tolerance": (
-            "An arch of seven stones, steps of 5 ms",
-            [
-                (arches, "error", "error of the least thickness", 1e-4, 0.1),
-                (rows("creep"), "largest", "movement in 10 s [m]", 1e-11, 0.1),
-            ],
-        ),
-        "stack-cube-chain-by-tolerance": (
-            "A stack, a thrown cube and a chain, steps of 5 ms",
-            [
-                (rows("drift"), "largest", "drift of the stack in 2 s [m]", 1e-12, 1.0),
-                (rows("cube"), "lift", "lift of the cube [m]", 1e-12, 1.0),
-                (rows("chain"), "largest", "error of the energy in 2 s", 1e-14, 1.0),
-            ],
-        ),
-    }
-    for name, (title, panels) in charts.items():
-        drawn = {solver for panel_rows, *_ in panels for solver in panel_rows["solver"]}
-        styles = {solver: one for solver, one in looks([*SOLVERS, RELAXED]).items() if solver in drawn}
-        row = alt.hconcat(*(panel(*one, styles) for one in panels), spacing=30)
-        chart = stacked([row], heading(title, [], 700), {"color": "shared", "strokeDash": "shared"})
-        write_drawing(chart, folder / name)
-
-
 def main() -> None:
     """Measure, print, and draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -343,7 +317,7 @@ def main() -> None:
         kept = pd.read_csv(options.output) if options.output.exists() else pd.DataFrame({"table": []})
         pd.concat([kept[kept["table"] != name], measured]).to_csv(options.output, index=False)
     if options.charts:
-        draw(pd.read_csv(options.output), options.charts)
+        draw(pd.read_csv(options.output), options.charts, [*SOLVERS, RELAXED])
 
 
 if __name__ == "__main__":

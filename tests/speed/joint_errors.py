@@ -1,8 +1,9 @@
 """Measure how far joints open, and how much energy they keep, with and without closing them at the end of each step.
 
-``costs_of_accuracy.py --tables joints`` prints the table.
+``costs_of_accuracy.py --tables joints swing`` prints the tables.
 """
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -21,6 +22,9 @@ STEPS = (20e-3, 10e-3)
 SECONDS = 10.0
 """Simulated time [s]."""
 
+SWINGS = (("chain", 10e-3), ("chain", 2e-3), ("ball_on_chain", 0.47e-3))
+"""Scenes with a chain, and Δt [s]."""
+
 STOP = Stop(1e-10, 100_000)
 
 
@@ -33,6 +37,16 @@ def joints(seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
             for error in without:
                 row |= {f"{error}, without": without[error], f"{error}, with": closed[error]}
             yield row
+
+
+def swing(seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
+    """Yield the largest errors of a chain, and of a heavy ball on it, without and with projection."""
+    for name, step in SWINGS:
+        for projection, depth in (("without", None), ("with", DEPTH)):
+            began = time.process_time()
+            errors = joint_errors(name, step, seconds, depth)
+            taken = time.process_time() - began
+            yield {"scene": name, "step": step, "projection": projection, **errors, "seconds": taken}
 
 
 def joint_errors(name: str, step: float, seconds: float, depth: float | None) -> dict[str, float]:

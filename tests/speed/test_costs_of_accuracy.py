@@ -6,9 +6,21 @@ from pathlib import Path
 import costs_of_accuracy
 import pandas as pd
 import pytest
-from costs_of_accuracy import FALLEN, least_thickness, main, simulate, thickness_ratio, to_tolerance
+from accuracy_charts import Quantity, draw
+from costs_of_accuracy import (
+    FALLEN,
+    RELAXED,
+    SOLVERS,
+    least_thickness,
+    main,
+    search_thickness,
+    simulate,
+    thickness_ratio,
+    to_tolerance,
+)
 from joint_errors import joint_errors
 from pile_costs import piles
+from proxbench.bench.report.charts.palette import looks
 from proxbench.problems.motion.scenes.rigid.arch import Arch
 from proxbench.problems.motion.scenes.rigid.linkages import DEPTH
 
@@ -23,7 +35,10 @@ def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
 @pytest.mark.slow
 def test_the_least_thickness_in_motion_is_that_of_the_equilibrium() -> None:
     assert least_thickness(7) == pytest.approx(0.09570, abs=1e-5)
-    assert thickness_ratio(7, "Robust", to_tolerance(1e-6), 1e-2) == pytest.approx(1.0, abs=3e-4)
+    ratio, motions = search_thickness(7, "Robust", to_tolerance(1e-6), 1e-2)
+    assert ratio == pytest.approx(1.0, abs=3e-4)
+    assert ratio == thickness_ratio(7, "Robust", to_tolerance(1e-6), 1e-2)
+    assert all(motion.time == pytest.approx(1.0) for motion in motions if motion.largest <= FALLEN)
 
 
 def test_a_coarse_tolerance_lets_an_arch_fall_that_stands() -> None:
@@ -43,6 +58,28 @@ def test_a_table_that_is_measured_again_replaces_the_last_one(tmp_path: Path, mo
         main()
     kept = pd.read_csv(tmp_path / "costs.csv")
     assert dict(zip(kept["table"], kept["ratio"], strict=True)) == {"arch": 3.0, "cube": 2.0}
+
+
+def test_work_is_time_per_simulated_second_without_motions_that_ran_out_of_time() -> None:
+    rows = pd.DataFrame(
+        {
+            "solver": ["NSGS", "NSGS", "NSGS", "Robust"],
+            "time": [2.0, 0.5, 0.5, 2.0],  # complete, fallen, out of processor time, not compared
+            "largest": [1e-3, 0.2, 1e-3, 1e-3],
+            "seconds": [4.0, 4.0, 40.0, 1.0],
+        }
+    )
+    found = Quantity("drift", rows, "largest", 1e-12, 0.1, 2.0).work(looks(["NSGS"]))
+    assert found["work"].tolist() == [2.0, 8.0]
+    assert found["cut"].tolist() == [1e-3, 0.1]
+
+
+def test_the_charts_of_the_documentation_are_drawn_from_its_table(tmp_path: Path) -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    draw(pd.read_csv(docs / "reference" / "costs-of-accuracy.csv"), tmp_path, [*SOLVERS, RELAXED])
+    drawn = {file.name for file in tmp_path.glob("*.svg")}
+    assert len(drawn) == 4
+    assert drawn <= {file.name for file in (docs / "images").iterdir()}
 
 
 def test_projection_closes_joints_at_the_cost_of_energy() -> None:

@@ -31,6 +31,9 @@ from .shape_meshes import lightened, shape_mesh, shape_points
 LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
 """Colours of quarters of the bodies by their height at the start; every other body has a lighter shade."""
 
+WALL_COLOUR = (128, 136, 150)
+"""Colour of driven bodies."""
+
 GLASS = (150, 170, 200, 60)
 """Colour of fixed bodies, and of all bodies in the view of forces: nearly transparent."""
 
@@ -58,7 +61,7 @@ class RigidRecorder(SceneRecorder):
         self._system = system = scene.system
         self._radii = np.array([shape.bounding_radius for shape in system.shapes])
         self._groups: dict[tuple[Shape, tuple[int, int, int]], list[int]] = {}
-        colours = _body_colours(system.centres(scene.start.position))
+        colours = _body_colours(system.centres(scene.start.position), scene.driven_bodies)
         for body, key in enumerate(zip(system.shapes, colours, strict=True)):
             self._groups.setdefault(key, []).append(body)
         self._fits = [CameraFit(DIRECTION, aspect) for aspect in (BESIDE, ABOVE)]
@@ -85,6 +88,8 @@ class RigidRecorder(SceneRecorder):
             text += (
                 " Joints are **white**, with friction **yellow**, with a motor **purple**, and their forces **blue**."
             )
+        if self.scene.driven_bodies:
+            text += " **Grey** bodies are driven."
         text += self._arrows.explanation
         if any(is_ground(body) for body in self._system.fixed):
             text += f" Lines on the ground are {grid_spacing(self._width):g} m apart."
@@ -208,13 +213,19 @@ class RigidRecorder(SceneRecorder):
                     yield f"{FIXED}/{index}/grid", rr.LineStrips3D(lines, colors=[GRID], radii=[5e-4 * self._width])
 
 
-def _body_colours(centres: FloatArray) -> list[tuple[int, int, int]]:
-    """Return the colour of each body by the share of bodies whose centres [m], shape (n, 3), are lower."""
-    heights = np.sort(centres[:, 2])
-    width = 1e-3 * float(np.linalg.norm(np.ptp(centres, axis=0)))
-    lower = np.searchsorted(heights, centres[:, 2] - width) / len(centres)
-    colours = [rgb(LAYER_COLOURS[int(share * len(LAYER_COLOURS))]) for share in lower]
-    return [lightened(colour) if body % 2 else colour for body, colour in enumerate(colours)]
+def _body_colours(centres: FloatArray, driven_bodies: Sequence[int]) -> list[tuple[int, int, int]]:
+    """Return the colour of each body by the share of bodies whose centres [m], shape (n, 3), are lower.
+
+    Driven bodies all have ``WALL_COLOUR`` and do not count.
+    """
+    is_free = np.ones(len(centres), dtype=bool)
+    is_free[list(driven_bodies)] = False
+    heights = np.sort(centres[is_free, 2])
+    width = 1e-3 * float(np.linalg.norm(np.ptp(centres[is_free], axis=0)))
+    lower = np.searchsorted(heights, centres[:, 2] - width) / len(heights)
+    colours = [rgb(LAYER_COLOURS[min(int(share * len(LAYER_COLOURS)), len(LAYER_COLOURS) - 1)]) for share in lower]
+    shades = [lightened(colour) if body % 2 else colour for body, colour in enumerate(colours)]
+    return [shade if free else WALL_COLOUR for shade, free in zip(shades, is_free.tolist(), strict=True)]
 
 
 def _drawn(mesh: Mesh, factor: tuple[int, int, int, int] | None = None) -> rr.Mesh3D:

@@ -17,13 +17,19 @@ from ....problems.motion.scenes.funnel import STANDARD_GRAVITY
 from ....problems.motion.scenes.rigid.arch import Arch
 from ....problems.motion.scenes.rigid.boxes import BoxOnIncline, BoxStack, ThrownBox, TippingBox
 from ....problems.motion.scenes.rigid.card_house import CardHouse
-from ....problems.motion.scenes.rigid.linkages import BallOnChain, Chain, FourBar
+from ....problems.motion.scenes.rigid.containers import RotatingDrum
+from ....problems.motion.scenes.rigid.linkages import BallOnChain, Chain, FourBar, Pendulum
 from ....problems.motion.scenes.rigid.rolling import RollingCylinder, RollingSphere
+from ....problems.motion.scenes.rigid.spinning_top import SpinningTop
+from ....problems.motion.scenes.rigid.walls import BrickWall
 from ....problems.motion.scenes.scene import OVERLAP
 from ....problems.motion.state import State
 from ....problems.motion.stepping.midpoint import MidpointRule, step_problem
 from ....solvers.registry import create
 from .box_scenes import BoxPile, BoxTable, BoxTrain
+
+SETTLING_SOLVER = "SORprox(relaxation=1.3)"
+"""Solver while boxes settle or slump."""
 
 SETTLING_STOP = Stop(tolerance=1e-4, max_iterations=50)
 """Solver limits while boxes settle. Only their final positions matter, and their contacts are redundant."""
@@ -70,7 +76,7 @@ ARCH_LIMITS = dict(zip(ARCH_STONES, (0.0962, 0.1021, 0.1028, 0.1068, 0.1074), st
 
 
 def _pile(n_boxes: int, step: int = 500) -> BodyRecipe:
-    return BodyRecipe(BoxPile(n_boxes), step, 2e-3, "SORprox(relaxation=1.3)", SETTLING_STOP, 1e-4)
+    return BodyRecipe(BoxPile(n_boxes), step, 2e-3, SETTLING_SOLVER, SETTLING_STOP, 1e-4)
 
 
 def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
@@ -87,6 +93,8 @@ def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
         "box-tipping": TippingBox(),
         "sphere-rolling": RollingSphere(),
         "cylinder-rolling": RollingCylinder(),
+        "top-on-tip": SpinningTop(friction=0.3),
+        "pendulum": Pendulum(),
         "four-bar": FourBar(),
         "ball-on-chain-1e4": BallOnChain(angle=0.5),
         "train-10": BoxTrain(10),
@@ -97,6 +105,7 @@ def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
         "table-4-1e4": BoxTable(4, 1e4),
         "table-10": BoxTable(10),
         "arch-13-sliding": Arch(13, 0.2, friction=0.3),
+        "wall": BrickWall(speed=0.0),
     }
     for ratio in ("1e2", "1e4", "1e6"):
         scenes[f"stack-10-bottom-{ratio}"] = BoxStack(10, float(ratio), overlap=OVERLAP)
@@ -108,6 +117,10 @@ def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
         yield f"bodies-{name}", BodyRecipe(scene)
     for links in (20, 200):
         yield f"bodies-chain-{links}", BodyRecipe(Chain(links), step=100)
+    yield "bodies-wall-struck", BodyRecipe(BrickWall(), step=2)
+    for drum in (RotatingDrum(24, layers=1), RotatingDrum(48)):
+        name = f"bodies-drum-{drum.n_boxes}"
+        yield name, BodyRecipe(drum, 250, drum.step_size, SETTLING_SOLVER, SETTLING_STOP, drum.depth)
     for n_boxes in (100, 300, 1000):
         yield f"bodies-pile-{n_boxes}", _pile(n_boxes)
     yield "bodies-pile-100-falling", _pile(100, step=75)

@@ -34,7 +34,7 @@ def scene_kind(made: Any, summary: str, duration: float = 1.0, *, has_few_contac
 
     Args:
         made: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``,
-            ``ending``, ``step_size`` and ``depth``.
+            ``ending``, ``step_size``, ``depth`` and ``driven_bodies``.
         summary: one-line description for lists.
         duration: default duration of a simulation [s].
         has_few_contacts: see ``Scene``.
@@ -48,6 +48,7 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
     motion = made(**options)
     system, start = motion.system(), motion.start()
     balls, weight = system if isinstance(system, BallSystem) else None, Gravity(getattr(motion, "gravity", 0.0))
+    driven_bodies = getattr(motion, "driven_bodies", ())
     potential_energy: Callable[[FloatArray], float] | None
     if balls is not None:
         potential_energy = partial(_weight, balls, weight)
@@ -64,7 +65,7 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
             length=getattr(motion, "radius", LENGTH),
             step_size=getattr(motion, "step_size", STEP_SIZE),
             duration=duration,
-            kinetic_energy=kinetic_energy(system, start),
+            kinetic_energy=kinetic_energy(system, start, driven_bodies),
             potential_energy=potential_energy,
             n_balls=balls.n_balls if balls else 0,
             depth=getattr(motion, "depth", None),
@@ -72,6 +73,7 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
             exact=motion.exact if isinstance(motion, ClosedFormScene) else None,
             observables=getattr(motion, "observables", ()),
             ending=getattr(motion, "ending", None),
+            driven_bodies=driven_bodies,
         )
     )
 

@@ -108,7 +108,7 @@ class Scene:
         length: reference length of penetrations [m], the radius of a ball or of the pole.
         step_size: default Δt of a fixed step [s].
         duration: default simulated time [s].
-        kinetic_energy: u ↦ T [J].
+        kinetic_energy: u ↦ T [J], without that of driven bodies.
         potential_energy: q ↦ V [J], None if it is not known.
         n_balls: number of balls, 0 if there are none.
         depth: penetration [m] to which positions are projected, None if they are not.
@@ -122,6 +122,7 @@ class Scene:
         contact_names: names of the contacts by their keys, empty if they have none.
         limit_cycle: the known limit cycle, None if there is none.
         view: name of the view that draws the scene in recordings; if None, its balls or coordinates are drawn.
+        driven_bodies: indices of rigid bodies whose motion is prescribed; recordings draw them as walls.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Scene:
     contact_names: Sequence[str] = ()
     limit_cycle: KnownCycle | None = None
     view: str | None = None
+    driven_bodies: Sequence[int] = ()
 
     def __post_init__(self) -> None:
         if self.balls is None and isinstance(self.system, BallSystem):
@@ -268,8 +270,12 @@ class ClosedFormScene(ABC):
         """Return the state at ``time`` [s] in closed form, with velocities after an impact at that time."""
 
 
-def kinetic_energy(system: System, start: State) -> Callable[[FloatArray], float]:
-    """Return u ↦ T [J] of a system, with its mass matrix at ``start``."""
+def kinetic_energy(system: System, start: State, driven_bodies: Sequence[int] = ()) -> Callable[[FloatArray], float]:
+    """Return u ↦ T [J] of a system, with its mass matrix at ``start``, without that of driven rigid bodies."""
+    if isinstance(system, RigidBodies) and driven_bodies:
+        is_free = np.ones((system.n_bodies, 1))
+        is_free[list(driven_bodies)] = 0.0
+        return lambda velocity: system.kinetic_energy((is_free * system.twists(velocity)).ravel())
     if isinstance(system, BallSystem | RigidBodies):
         return system.kinetic_energy
     if isinstance(system, MechanicalSystem):

@@ -7,9 +7,9 @@ from proxbench.bench.recordings.simulation import scaled_label, unit_exponent
 
 @pytest.mark.parametrize(
     ("largest", "exponent"),
-    [(20.0, 0), (1e-3, 0), (9.9e-4, -6), (2e-6, -6), (9e-7, -9), (1e-9, -9), (9e-10, 0), (1e-17, 0), (0.0, 0)],
+    [(20.0, 0), (1e-3, 0), (9.9e-4, -6), (2e-6, -6), (9e-7, -9), (1e-9, -9), (9e-10, -9), (1e-17, -9), (0.0, -9)],
 )
-def test_values_below_the_rounding_of_a_unit_keep_it(largest: float, exponent: int) -> None:
+def test_small_values_have_a_unit_of_their_size_down_to_a_billionth(largest: float, exponent: int) -> None:
     assert unit_exponent(np.array([np.nan, -largest, 0.5 * largest])) == exponent
 
 

@@ -87,6 +87,10 @@ class DrivenRing(Force):
         accelerations[: self.n_boxes] = self.gravity * np.array(DOWN)
         return accelerations
 
+    def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
+        """Return V = Σ m g z of the bodies with weight [J]; that of the others is constant on their circles."""
+        return self.gravity * float(masses[: self.n_boxes] @ centres[: self.n_boxes, 2])
+
 
 def end_walls(width: float) -> list[FixedBody]:
     """Return the half-spaces beyond y = ±width/2."""
@@ -197,6 +201,11 @@ class RotatingDrum(BoxContainer):
         check_positive(self, "a drum", "n_boxes", "speed", "edge", "radius", "layers", "density", "gravity")
         if self.speed**2 * self.radius >= self.gravity:
             raise ProblemError(f"boxes stick to a drum that turns with {self.speed} rad/s; reduce its speed or radius.")
+
+    @property
+    def driven_bodies(self) -> Sequence[int]:
+        """The indices of the staves."""
+        return range(self.n_boxes, self.n_boxes + STAVES)
 
     @property
     def _stave(self) -> Box:

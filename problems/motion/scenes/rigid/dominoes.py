@@ -6,19 +6,27 @@ apart, and do not slip on the ground, lean by angles with
 
     h sin(θ_{i−1} − θ_i) = p cos θ_i − d,
 
-so that the train moves with one degree of freedom. Without friction between dominoes it conserves its energy between
-impacts. At an impact, contact forces do no work on the motion of the longer train, Σ w_j (ω_j⁺ − ω_j⁻) = 0 with
-w_j = ω_j/ω_n. The speed of the wave tends to a limit that is independent of the push. Friction slows the wave (J. M.
-J. van Leeuwen, *The domino effect*, Am. J. Phys. 78, 721, 2010, arXiv:physics/0401018). For thin dominoes, speeds scale
-with (g h)^½ at equal p/h (McLachlan, Beaupre, Cox & Gore, *Falling dominoes*, SIAM Review 25, 403, 1983).
+so that the train moves with one degree of freedom, θ_i = θ_i(θ_n) with the rates w_i = dθ_i/dθ_n. The corner of domino
+i slides down the face of the next one. It pushes with f_i, and friction with μ f_i, whose moments about the lower edges
+are −f_i a_i on domino i and f_i b_i on the next one, with φ = θ_i − θ_{i+1} and
+
+    a_i = h (cos φ + μ sin φ),      b_i = h cos φ − p sin θ_{i+1} − μ d.
+
+The weights c_n = 1, c_i = c_{i+1} b_i/a_i eliminate these forces from the equations of motion: Σ c_i (J θ̈_i − T_i) = 0
+between impacts, with the moments T_i of the weights, and Σ c_i (ω_i⁺ − ω_i⁻) = 0 over all dominoes of the longer train
+at an impact. The speed of the wave tends to a limit that is independent of the push. Without friction, c_i = w_i, and
+the train conserves its energy between impacts. Friction slows the wave (J. M. J. van Leeuwen, *The domino effect*, Am.
+J. Phys. 78, 721, 2010, arXiv:physics/0401018). For thin dominoes, speeds scale with (g h)^½ at equal p/h (McLachlan,
+Beaupre, Cox & Gore, *Falling dominoes*, SIAM Review 25, 403, 1983).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import asin, hypot, inf, sqrt
+from math import asin, hypot, sqrt
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
@@ -133,38 +141,69 @@ class Dominoes:
         return (Observable("front", self.front, label="front of the wave [m]", head="front", rate="wave speed"),)
 
     @cached_property
-    def frictionless_speed(self) -> float:
-        """Limit of the speed of the wave [m/s] without friction between dominoes, and without slip on the ground."""
-        heads = np.linspace(0.0, self.hitting_angle, ANGLES)
-        angles, rates = self._train(heads)
-        thickness, _, height = self.size
-        moment = (height**2 + thickness**2) / 3.0
-        potential = 0.5 * self.gravity * (height * np.cos(angles) + thickness * np.sin(angles))
-        head_speed, seconds = self.push, inf  # of the head after an impact; time from it to the next one
-        for n in range(1, TRAIN):
-            # n dominoes move; inertia and energies are divided by the mass
-            inertia = moment * (rates[:n] ** 2).sum(axis=0)
-            released = (potential[:n, :1] - potential[:n]).sum(axis=0)
-            squared = (inertia[0] * head_speed**2 + 2.0 * released) / inertia
-            if not (squared > 0.0).all():
-                raise ProblemError("the wave stops because the push of the first domino is too weak; increase it.")
-            head_speeds = np.sqrt(squared)
-            seconds = float(np.trapezoid(1.0 / head_speeds, heads))
-            before, after = rates[:n, -1] * head_speeds[-1], rates[: n + 1, 0]
-            head_speed = float(after[1:] @ before / (after @ after))
-        return self.pitch / seconds
+    def limit_speed(self) -> float:
+        """Limit of the speed of the wave [m/s] by the theory, without slip on the ground.
 
-    def _train(self, heads: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the angles [rad] and the rates w of a train whose head leans by ``heads`` [rad].
+        Raises:
+            ProblemError: if the push is too weak, or friction too strong for a wave.
+        """
+        return self.pitch / float(self.intervals[-1])
+
+    @cached_property
+    def intervals(self) -> FloatArray:
+        """Times from each impact to the next one [s] by the theory, shape (TRAIN − 1,).
+
+        Raises:
+            ProblemError: if the push is too weak, or friction too strong for a wave.
+        """
+        heads = np.linspace(0.0, self.hitting_angle, ANGLES)
+        angles, rates, weights = self._train(heads)
+        bends = np.gradient(rates, heads, axis=1, edge_order=2)
+        thickness, _, height = self.size
+        # inertia and moments are divided by the mass
+        inertia = (height**2 + thickness**2) / 3.0
+        moments = 0.5 * self.gravity * (height * np.sin(angles) - thickness * np.cos(angles))
+        head_speed, seconds = self.push, []  # of the head after an impact; times from one to the next one
+        for n in range(1, TRAIN):
+            # n dominoes move; y = ω² of the head has dy/dθ + P y = Q
+            c = weights[:n]
+            resistance = inertia * (c * rates[:n]).sum(axis=0)
+            growth = np.exp(_integral(2.0 * inertia * (c * bends[:n]).sum(axis=0) / resistance, heads))
+            work = _integral(growth * 2.0 * (c * moments[:n]).sum(axis=0) / resistance, heads)
+            squared = (head_speed**2 + work) / growth
+            if not (squared > 0.0).all():
+                raise ProblemError("the wave stops; push the first domino harder, or reduce the friction.")
+            head_speeds = np.sqrt(squared)
+            seconds.append(float(np.trapezoid(1.0 / head_speeds, heads)))
+            before, after = rates[:n, -1] * head_speeds[-1], rates[: n + 1, 0]
+            c = weights[: n + 1, 0]
+            head_speed = float(c[1:] @ before / (c @ after))
+        return np.array(seconds)
+
+    def _train(self, heads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the angles [rad], rates w and weights c of a train whose head leans by ``heads`` [rad].
 
         Returns:
             From the head backwards, shape (TRAIN + 1, len(heads)) each.
+
+        Raises:
+            ProblemError: if dominoes do not push each other because of their friction.
         """
         thickness, _, height = self.size
-        angles, rates = [heads], [np.ones(len(heads))]
+        angles, rates, weights = [heads], [np.ones(len(heads))], [np.ones(len(heads))]
         for _ in range(TRAIN):
             sine = (self.pitch * np.cos(angles[-1]) - thickness) / height
-            slope = self.pitch * np.sin(angles[-1]) / height / np.sqrt(1.0 - sine * sine)
+            cosine, way = np.sqrt(1.0 - sine * sine), self.pitch * np.sin(angles[-1])
+            pushed = height * cosine - way - self.friction * thickness
+            if not (pushed > 0.0).all():
+                raise ProblemError(f"dominoes with friction {self.friction} do not push each other; reduce it.")
+            weights.append(weights[-1] * pushed / (height * (cosine + self.friction * sine)))
+            rates.append(rates[-1] * (1.0 - way / (height * cosine)))
             angles.append(angles[-1] + np.arcsin(sine))
-            rates.append(rates[-1] * (1.0 - slope))
-        return np.array(angles), np.array(rates)
+        return np.array(angles), np.array(rates), np.array(weights)
+
+
+def _integral(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the integral from the first of the points ``at`` to each of them, by the trapezoidal rule."""
+    integral: FloatArray = cumulative_trapezoid(values, at, initial=0)
+    return integral

@@ -7,18 +7,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.recordings.bodies.rigid_bodies import RigidRecorder
+from proxbench.bench.recordings.bodies.rigid_bodies import WALL_COLOUR, RigidRecorder
 from proxbench.bench.recordings.bodies.shape_meshes import shape_mesh
 from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
 from proxbench.problems.motion.bodies.rigid.shapes import Box, Shape
 from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.rigid.containers import STAVES
 from proxbench.problems.motion.scenes.scene import RESTING_OVERLAP
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.step import Step
 from proxbench.solvers import Stop, create
 
 DT = 1e-3
+
+GREY = int.from_bytes(bytes(WALL_COLOUR))
 
 
 @pytest.fixture
@@ -62,6 +65,22 @@ def test_a_mesh_encloses_the_volume_of_its_shape(shape: Shape) -> None:
     mesh = shape_mesh(shape, (0, 0, 0))
     volume = float(np.linalg.det(mesh.vertices[mesh.triangles]).sum()) / 6.0
     assert volume == pytest.approx(shape.volume, rel=0.03)
+
+
+def test_driven_bodies_are_grey_and_others_are_not(
+    tmp_path: Path, record: Callable[..., None], read_back: Callable[[Path], Any]
+) -> None:
+    scene = make_scene("drum(n_boxes=6, layers=1)")
+    rule = MidpointRule(scene.system, create("Robust"), Stop(1e-4, 100), DT)
+    recorder = scene_recorder(scene, tmp_path / "a.rrd", 1)
+    record(recorder, list(rule.steps(scene.start, 1)))
+    content, n_grey, n_coloured = read_back(tmp_path / "a.rrd"), 0, 0
+    for entity, component in content.logged:
+        if entity.startswith("/scene/bodies/") and component == "Mesh3D:vertex_colors":
+            count = len(content.over_time(entity, "InstancePoses3D:translations")[0])
+            colours = {colour >> 8 for colour in content.static(entity, component)}
+            n_grey, n_coloured = (n_grey + count, n_coloured) if GREY in colours else (n_grey, n_coloured + count)
+    assert (n_grey, n_coloured) == (STAVES, 6)
 
 
 def test_a_scene_with_a_view_of_its_own_keeps_it(tmp_path: Path) -> None:

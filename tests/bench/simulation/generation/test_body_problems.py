@@ -70,6 +70,8 @@ def test_frozen_later_steps_are_remade_to_the_accuracy_of_the_steps_before(name:
         ("bodies-chain-20", 0),
         ("bodies-ball-on-chain-1e4", 0),
         ("bodies-train-10", 87),
+        ("bodies-wall", 300),
+        ("bodies-pendulum", 0),
     ],
 )
 def test_faces_and_closed_linkages_are_redundant(name: str, deficiency: int) -> None:
@@ -101,6 +103,7 @@ def test_a_thick_arch_stands_and_a_thin_one_does_not(stones: int) -> None:
         ("bodies-box-sticking", True),
         ("bodies-box-sliding", False),
         ("bodies-box-tipping", False),
+        ("bodies-wall", True),
     ],
 )
 def test_bodies_stand_or_fall_as_their_names_say(name: str, stands: bool) -> None:
@@ -152,6 +155,19 @@ def test_joints_of_a_train_close_and_only_its_first_box_moves() -> None:
 def test_numbers_that_are_not_positive_are_refused(make: object) -> None:
     with pytest.raises(ProblemError, match="must be positive"):
         make()  # type: ignore[operator]
+
+
+def test_boxes_of_a_drum_touch_staves_that_they_cannot_move_and_a_struck_wall_its_ball() -> None:
+    drum = load("bodies-drum-24")
+    heaviness = masses(drum)
+    assert heaviness[24:] == pytest.approx(np.full(24, 1e9 * heaviness[0]))
+    staves = heaviness > heaviness[0]
+    moved = np.abs(drum.factors.scaled_directions.toarray()).reshape(-1, 6, drum.n_rows).sum(axis=1) > 0.0
+    assert moved[staves].any()
+    assert (moved[staves].any(axis=0) <= moved[~staves].any(axis=0)).all()
+    struck = body_problem("bodies-wall-struck")
+    ball = np.abs(struck.factors.scaled_directions.toarray()[-6:]).sum(axis=0) > 0.0
+    assert 0 < ball.sum() < struck.n_rows
 
 
 def test_a_step_without_contacts_is_no_problem(monkeypatch: pytest.MonkeyPatch) -> None:

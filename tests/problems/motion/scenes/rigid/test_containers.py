@@ -38,6 +38,23 @@ def test_staves_without_boxes_turn_as_a_ring() -> None:
     assert np.cos(facing - np.arctan2(poses[:, 0], poses[:, 2])) == pytest.approx(np.ones(STAVES), abs=1e-9)
 
 
+def test_the_energy_of_a_drum_is_that_of_its_boxes_and_constant_while_they_fall() -> None:
+    scene = make_scene("drum(n_boxes=6, layers=1)")
+    assert list(scene.driven_bodies) == list(range(6, 6 + STAVES))
+    assert scene.potential_energy is not None
+    potential_energy = scene.potential_energy
+    boxes = scene.start.position.reshape(-1, 7)[:6]
+    mass = 1000.0 * 0.016**3
+    assert scene.kinetic_energy(scene.start.velocity) == 0.0
+    assert potential_energy(scene.start.position) == pytest.approx(mass * 9.81 * boxes[:, 2].sum(), rel=1e-12)
+    rule = MidpointRule(scene.system, create("Robust"), Stop(1e-6, 1000), 1e-4)
+    *_, last = (step.state for step in rule.steps(scene.start, 50))
+    kinetic = scene.kinetic_energy(last.velocity)
+    released = potential_energy(scene.start.position) - potential_energy(last.position)
+    assert kinetic == pytest.approx(6 * 0.5 * mass * (9.81 * 5e-3) ** 2, rel=1e-9)
+    assert kinetic == pytest.approx(released, rel=1e-6)
+
+
 def test_the_ring_has_weight_on_boxes_and_centripetal_acceleration_on_the_others() -> None:
     centres = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, -0.6]])
     found = DrivenRing(1, 9.81, 2.0).accelerate(centres, np.zeros((2, 3)), np.ones(2))
