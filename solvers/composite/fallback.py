@@ -39,9 +39,9 @@ ITERATIONS = 2000
 """Sufficient for sweeps on most problems that they solve."""
 
 MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
-"""Relaxation and momentum of the parts of ``MomentumFallback``. Moderate momentum is fastest to the usual
-accuracy on hundreds of contacts and more; high momentum solves most of the rare steps of a settling pile on which
-moderate momentum reaches a plateau."""
+"""Relaxation and momentum of the parts of ``MomentumFallback``. Momentum that follows the measured rate is fastest on
+hundreds of contacts and more; a constant long memory solves most of the rare steps of a settling pile on which it
+reaches a plateau."""
 
 
 @dataclass(frozen=True, init=False)
@@ -151,10 +151,10 @@ class PreparedFallback:
 
 @dataclass(frozen=True, init=False)
 class MomentumFallback(Fallback):
-    """A preset of ``Fallback``: SORprox over the factors with momentum 0.8, 0.97, 0.985 and 0.985, then ``Robust``.
+    """A preset of ``Fallback``: SORprox with measured momentum, then with 0.97, 0.985 and 0.985, then ``Robust``.
 
-    ``Robust`` is the only part for problems without factors. This is the default of ``proxbench simulate`` for scenes
-    with many contacts.
+    Sweeps are over the factors; ``Robust`` is the only part for problems without them. This is the default of
+    ``proxbench simulate`` for scenes with many contacts.
     """
 
     def __init__(self) -> None:
