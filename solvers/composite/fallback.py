@@ -24,6 +24,7 @@ from ...problems.contact.solver import (
     shows_iterates,
     threads_of,
 )
+from ..iteration.loop import PreparedIteration
 from ..iteration.method import Method, check_option
 from ..iteration.stopping import Clock
 from ..prox.sorprox import SORprox
@@ -39,9 +40,9 @@ ITERATIONS = 2000
 """Sufficient for sweeps on most problems that they solve."""
 
 MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
-"""Relaxation and momentum of the parts of ``MomentumFallback``. Moderate momentum is fastest to the usual
-accuracy on hundreds of contacts and more; high momentum solves most of the rare steps of a settling pile on which
-moderate momentum reaches a plateau."""
+"""Relaxation and momentum of the parts of ``MomentumFallback``. Momentum that follows the measured rate is fastest on
+hundreds of contacts and more; a constant long memory solves most of the rare steps of a settling pile on which it
+reaches a plateau."""
 
 
 @dataclass(frozen=True, init=False)
@@ -102,9 +103,12 @@ class Fallback(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why no part can solve ``problem``, or None."""
-        reasons = [part.supports(problem) for part in self.parts]
-        if None in reasons:
-            return None
+        reasons = []
+        for part in self.parts:
+            reason = part.supports(problem)
+            if reason is None:
+                return None
+            reasons.append(reason)
         if len(reasons) == 1:
             return reasons[0]
         return "; ".join(f"{part.name}: {reason}" for part, reason in zip(self.parts, reasons, strict=True))
@@ -128,15 +132,21 @@ class PreparedFallback:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts all parts."""
-        model, problem = self.fallback.model, self.problem
-        residual = Residual(problem) if model == Model.COULOMB else ModelResidual(problem, model)
-        observe = observe if self.fallback.has_iterates else None
-        sequence = SolverSequence(problem, residual, self.prepared, stop, observe, Clock(stop.max_seconds))
+        observe = observe if observe is None or self.fallback.has_iterates else None
+        clock = Clock(stop.max_seconds)
+        sequence = SolverSequence(self.problem, self._residual(), self.prepared, stop, observe, clock)
         for run in self._runs(sequence, start):
             solution = sequence.run(run)
             if solution is not None:
                 return solution
         return sequence.finish(sequence.status)
+
+    def _residual(self) -> Residual:
+        """Return the residual of the first part, or a new one if that part has none."""
+        model, first = self.fallback.model, self.prepared[self.parts[0].name]
+        if isinstance(first, PreparedIteration):
+            return first.residual
+        return Residual(self.problem) if model == Model.COULOMB else ModelResidual(self.problem, model)
 
     def _runs(self, sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
         """Yield the first part from the start, then all parts from zero."""
@@ -151,10 +161,10 @@ class PreparedFallback:
 
 @dataclass(frozen=True, init=False)
 class MomentumFallback(Fallback):
-    """A preset of ``Fallback``: SORprox over the factors with momentum 0.8, 0.97, 0.985 and 0.985, then ``Robust``.
+    """A preset of ``Fallback``: SORprox with measured momentum, then with 0.97, 0.985 and 0.985, then ``Robust``.
 
-    ``Robust`` is the only part for problems without factors. This is the default of ``proxbench simulate`` for scenes
-    with many contacts.
+    Sweeps are over the factors; ``Robust`` is the only part for problems without them. This is the default of
+    ``proxbench simulate`` for scenes with many contacts.
     """
 
     def __init__(self) -> None:

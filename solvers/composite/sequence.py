@@ -79,10 +79,10 @@ class SolverSequence:
         self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
         self.history.append(f"{run.name}: {last.status}")
         self.latest = last.impulses
-        self.keep_best(last.impulses, self.residual.judged(self.problem, last.impulses))
         if last.status in (Status.SOLVED, Status.INFEASIBLE):
             reasons = [last.message] if last.message else []
             return Solution(last.impulses, last.status, self.iterations, "; ".join([*self.history, *reasons]))
+        self.keep_best(last.impulses, self.residual.judged(self.problem, last.impulses))
         limit = self.clock.reached_limit(self.stop, self.iterations)
         return self.finish(limit) if limit else None
 

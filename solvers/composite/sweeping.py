@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.compilation import interpretable
 from ...problems.contact.problem import ContactProblem
+from ..iteration.momentum import MEASURED, Momentum
 from ..iteration.stopping import MAX_CHECK_INTERVAL
 from ..prox.accelerated_sorprox import NesterovSORprox
 from ..prox.nsgs import NSGS
@@ -30,8 +31,8 @@ MIN_MOMENTUM_CONTACTS = 100
 RELAXATION = 1.5
 """Relaxation without momentum."""
 
-FAST_RELAXATION, FAST_MOMENTUM = 1.1, 0.8
-"""Relaxation and momentum for many spatial contacts."""
+FAST_RELAXATION, FAST_MOMENTUM = 1.1, MEASURED
+"""Relaxation and momentum for many spatial contacts; the memory follows the measured rate of convergence."""
 
 UNCOUPLED = 0.0
 """Density of a problem in which no two contacts share a body."""
@@ -56,7 +57,8 @@ def select_sweeps(problem: ContactProblem) -> Sweeps:
         return UNCOUPLED_SWEEPS
     is_spatial = problem.layout.sliding == 2
     is_many = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and found <= MAX_MOMENTUM_DENSITY
-    relaxation, momentum = (FAST_RELAXATION, FAST_MOMENTUM) if is_many else (RELAXATION, 0.0)
+    relaxation = FAST_RELAXATION if is_many else RELAXATION
+    momentum: Momentum = FAST_MOMENTUM if is_many else 0.0
     if found > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= FEW_ROWS else FACTORS_DENSITY):
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
     return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED_SWEEPS

@@ -1,6 +1,7 @@
 """Progress of a solve by interior points: the best iterate, the limits, and the reasons to end."""
 
 from collections.abc import Callable
+from operator import itemgetter
 
 import numpy as np
 
@@ -24,6 +25,10 @@ PATIENCE = 20
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
 """A run of at least this many steps ends if the last steps, this share of them, brought no gain."""
+
+MIN_WARM_STEPS = 20
+"""The same number for a run from a given start, which may be stuck at the boundary of a cone. A run from zero takes
+about as many steps in all."""
 
 LARGE = 1e6
 """Larger scaled impulses may be growing without bound."""
@@ -53,6 +58,7 @@ class Progress:
         flops: float,
         first: FloatArray,
         shortest: float = 0.0,
+        is_warm: bool = False,
     ) -> None:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
@@ -60,6 +66,7 @@ class Progress:
         self._marked, self._gained, self._run_began = np.inf, 0, 0
         self.best, self._latest, self._iteration = first, first, 0
         self.best_residual = self._began_at = residual.judged(problem, first)
+        self._is_warm, self._of_warm_run = is_warm, (first, self.best_residual)
         self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_PER_SECOND, 0.0, 0, 0
         self.outcome: Outcome | None = None
         self._check_limits()
@@ -101,10 +108,19 @@ class Progress:
         self.outcome = self.outcome or Outcome(status, reason)
 
     def may_run(self) -> bool:
-        """Whether a run may begin: the first one, or one after a run that stalled but reduced the residual."""
+        """Whether a run may begin: the first one, or one after a run that stalled.
+
+        After a run from a given start, the solve continues as from zero.
+        """
         if self.outcome is None:
             return True
-        if self.outcome[0] is not Status.STALLED or not self.best_residual < MARK * self._began_at:
+        if self.outcome[0] is not Status.STALLED:
+            return False
+        if self._is_warm:
+            self._is_warm, self._of_warm_run = False, (self.best, self.best_residual)
+            self.best, self._marked = np.zeros_like(self.best), np.inf
+            self.best_residual = self._residual.judged(self._problem, self.best)
+        elif not self.best_residual < MARK * self._began_at:
             return False
         self.outcome, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         self._gained = self._run_began = self._iteration
@@ -113,7 +129,7 @@ class Progress:
     def check_gain(self) -> None:
         """End a run if most steps brought no gain; steps that change only the last bits would not end otherwise."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
-        if steps >= MIN_STEPS and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
+        if steps >= (MIN_WARM_STEPS if self._is_warm else MIN_STEPS) and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
             self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")
 
     def check_feasibility(self, r: FloatArray) -> None:
@@ -129,7 +145,8 @@ class Progress:
         """Return the best Λ with the outcome of the solve."""
         assert self.outcome is not None
         status, reason = self.outcome
-        return Solution(self.best, status, self._iteration, reason)
+        best, _ = min((self.best, self.best_residual), self._of_warm_run, key=itemgetter(1))
+        return Solution(best, status, self._iteration, reason)
 
     def _check_limits(self) -> None:
         if self.best_residual <= self._stop.tolerance:

@@ -1,8 +1,9 @@
 """Runs of an interior point method within one solve.
 
 An iterate that is stuck near the boundary of a cone may move again from the inside. A run that stalls is therefore
-followed by another one from the best Λ; the solve ends with the first run that finds no better Λ, because the next
-would repeat it. If other methods follow, a single run is enough, and it ends when its steps become negligible.
+followed by another one, from zero if it began at a given start, else from the best Λ; the solve ends with the first run
+that finds no better Λ, because the next would repeat it. If other methods follow, a single run is enough, and it ends
+when its steps become negligible.
 """
 
 from abc import ABC, abstractmethod
@@ -88,7 +89,10 @@ class PreparedRuns:
         first, flops = initial_impulses(self.problem, self.residual, start), self.system.flops
         if self.residual.infeasible:
             return None
-        return Progress(self.problem, self.residual, stop, observe, flops=flops, first=first, shortest=shortest)
+        is_warm = bool(first.any()) and not self.is_single
+        return Progress(
+            self.problem, self.residual, stop, observe, flops=flops, first=first, shortest=shortest, is_warm=is_warm
+        )
 
 
 @dataclass(frozen=True)

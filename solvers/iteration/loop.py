@@ -42,6 +42,14 @@ class SinglePassIterates:
         raise NotImplementedError
 
 
+class MeasuringIterates:
+    """Base class of iterates whose acceleration may follow the measured residuals."""
+
+    def note_residual(self, residual: float) -> None:
+        """Note the residual of the current Λ."""
+        raise NotImplementedError
+
+
 def impulses_and_residual(iterates: Iterates, residual: Residual) -> tuple[FloatArray, float]:
     """Return Λ over rows, a fresh array of shape (n_rows,), and its residual."""
     if isinstance(iterates, SinglePassIterates):
@@ -169,6 +177,8 @@ def check_convergence(problem: ContactProblem, residual: Residual, driver: Itera
     if found <= monitor.stop.tolerance:
         found = confirm_residual(problem, residual, impulses, found, monitor.stop.tolerance)
     outcome, cycle = monitor.check_convergence(driver.iteration, found, impulses), None
+    if outcome is None and isinstance(iterates, MeasuringIterates):
+        iterates.note_residual(found)
     if outcome is None and monitor.suspects_cycle:
         if isinstance(iterates, AcceleratedIterates) and iterates.reduce_acceleration():
             monitor.restart_progress()

@@ -1,5 +1,7 @@
 """Common parts of built-in solvers: names, and the checks of problems and options."""
 
+from functools import cached_property
+
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
@@ -17,7 +19,7 @@ class Method:
         """Whether ``observe`` is called."""
         return True
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Class name with the options that differ from the defaults."""
         return described(self)

@@ -16,6 +16,8 @@ its length in all. A solve that ends after k sweeps gains nothing from a memory 
 best constant β therefore depends on the tolerance and on the number of contacts. With β_k the memory is 1 + k/d sweeps,
 at any k the same part of them, as in accelerated gradient methods (Su, Boyd & Candès, J. Mach. Learn. Res. 17, 2016).
 
+The bound may follow the measured rate of convergence (``measured_momentum``).
+
 ``RestartedMomentum`` chooses β itself, by Nesterov's sequence (1983) with k sweeps since the last restart:
 
     β_k = (t_k − 1)/t_(k+1),      t_(k+1) = (1 + √(1 + 4t_k²))/2,      t_1 = 1.
@@ -26,14 +28,22 @@ Sweeps are not gradient steps: on redundant joints the changes may grow without 
 if a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
 """
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Literal, Protocol
 
 import numpy as np
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from .loop import Iterates, WrappedIterates
+from .loop import Iterates, MeasuringIterates, WrappedIterates
+from .measured_momentum import DELAY, MeasuredMomentum
 from .method import check_option
+
+MEASURED: Literal["measured"] = "measured"
+"""Option in place of β for momentum that follows the measured rate."""
+
+Momentum = float | Literal["measured"]
+"""Option ``momentum`` of a method."""
 
 MIN_MOMENTUM = 0.3
 """A β up to this value is set to zero instead of being halved."""
@@ -46,11 +56,13 @@ GROWTH = 100.0
 
 
 def check_momentum(momentum: object, delay: object) -> None:
-    """Raise ``SolverError`` unless 0 ≤ β < 1 and d ≥ 0 is finite."""
-    is_valid = isinstance(momentum, int | float) and 0.0 <= momentum < 1.0
-    check_option("momentum", momentum, is_valid, "a number from 0 to below 1")
+    """Raise ``SolverError`` unless β is measured or 0 ≤ β < 1, and d ≥ 0 is finite, and 0 for measured momentum."""
+    is_measured = isinstance(momentum, str) and momentum == MEASURED
+    is_valid = is_measured or (isinstance(momentum, int | float) and 0.0 <= momentum < 1.0)
+    check_option("momentum", momentum, is_valid, "a number from 0 to below 1, or 'measured'")
     is_valid = isinstance(delay, int | float) and 0.0 <= delay < np.inf
     check_option("momentum_delay", delay, is_valid, "a number of at least 0")
+    check_option("momentum_delay", delay, not (is_measured and delay), "0 with momentum='measured'")
 
 
 class LinearIterates(Iterates, Protocol):
@@ -67,7 +79,7 @@ def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
     return min(momentum, sweeps / (sweeps + delay))
 
 
-class MomentumState:
+class MomentumState(MeasuringIterates):
     """β of iterates with momentum, at least 0 and below 1.
 
     Args:
@@ -78,9 +90,26 @@ class MomentumState:
     def __init__(self, momentum: float, delay: float = 0.0) -> None:
         self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
         self._delay, self._sweeps = delay, 0
+        self._measured: MeasuredMomentum | None = None
+
+    def follow_residuals(self) -> None:
+        """Let the bound of β follow the measured rate of convergence."""
+        self._measured = MeasuredMomentum()
+        self._momentum, self._delay = self._measured.bound, DELAY
+
+    def note_residual(self, residual: float) -> None:
+        """Note the residual of the current Λ."""
+        if self._measured is not None:
+            self._measured.note(self._sweeps, residual)
+            self._momentum = self._measured.bound
 
     def reduce_acceleration(self) -> bool:
-        """Halve β, or set it to zero when it is small; return False if it is zero already."""
+        """Halve β, or set it to zero when it is small; return False if it is zero already.
+
+        The bound no longer follows the residuals then.
+        """
+        if self._measured is not None:
+            self._momentum, self._measured = min(self._momentum, MeasuredMomentum().bound), None
         if self._momentum == 0.0:
             return False
         self._momentum = 0.5 * self._momentum if self._momentum > MIN_MOMENTUM else 0.0
@@ -128,6 +157,22 @@ class RestartedMomentum(MomentumIterates):
 def with_momentum(iterates: LinearIterates, momentum: float, delay: float) -> Iterates:
     """Return the iterates with momentum β that grows with ``delay``, or the iterates themselves if β = 0."""
     return MomentumIterates(iterates, momentum, delay) if momentum > 0.0 else iterates
+
+
+def begin_with_momentum(
+    begin: Callable[[FloatArray, float, float], Iterates], momentum: Momentum, delay: float
+) -> Callable[[FloatArray], Iterates]:
+    """Return a function that begins iterates at Λ, shape (n_rows,), with the options of a method."""
+    if not isinstance(momentum, str):
+        return lambda start: begin(start, momentum, delay)
+
+    def begin_measured(start: FloatArray) -> Iterates:
+        iterates = begin(start, MeasuredMomentum().bound, DELAY)
+        assert isinstance(iterates, MomentumState)
+        iterates.follow_residuals()
+        return iterates
+
+    return begin_measured
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -10,7 +10,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ..iteration.loop import PreparedIteration
 from ..iteration.method import Method
-from ..iteration.momentum import check_momentum
+from ..iteration.momentum import Momentum, begin_with_momentum, check_momentum
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from .parallel.pairs import unsupported_reason
@@ -33,7 +33,7 @@ class ColouredSORprox(Method):
     """
 
     relaxation: float = 1.0
-    momentum: float = 0.0
+    momentum: Momentum = 0.0
     momentum_delay: float = 0.0
     threads: int = 1
 
@@ -50,5 +50,5 @@ class ColouredSORprox(Method):
         """Colour the contacts, and assemble the data of the batches."""
         self.check_supports(problem)
         sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, self.relaxation), self.threads)
-        begin = partial(ColouredIterates, sweep, momentum=self.momentum, delay=self.momentum_delay)
+        begin = begin_with_momentum(partial(ColouredIterates, sweep), self.momentum, self.momentum_delay)
         return PreparedIteration(problem, Residual(problem), begin)

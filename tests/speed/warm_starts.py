@@ -3,13 +3,20 @@
 ``python tests/speed/warm_starts.py iterations`` solves the steps of the suite ``sequences`` from zero and from the
 solver's own answers, and prints the mean iterations, and for each step that takes more of them warm what distinguishes
 it. ``python tests/speed/warm_starts.py drift`` continues the motion of each sequence with each solver, and prints the
-distance to the same motion with steps solved to 1e-10. Names of sequences may follow. Times are those of
-``proxbench run --suite sequences``; this script counts, so that other programs do not matter.
+distance to the same motion with steps solved to 1e-10. Names of sequences may follow, for ``iterations`` also folders
+that ``proxbench capture --every 1`` has written. ``python tests/speed/warm_starts.py guesses FILE.hdf5`` solves FCLIB
+files from zero and from their stored guess. ``--solver`` and ``--tolerance`` select some.
+
+Times are those of ``proxbench run --suite sequences``; this script counts, so that other programs do not matter, unless
+a solve reaches its limit of time.
 """
 
-import sys
+import argparse
 from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
 
+import h5py
 import numpy as np
 from proxbench.bench.simulation.generation.sequence_problems import (
     SEQUENCE_RECIPES,
@@ -20,7 +27,7 @@ from proxbench.bench.simulation.generation.sequence_problems import (
 from proxbench.bench.simulation.starts import COLD, WARM, StepSolver
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.exchange.catalog import SEQUENCE_MEMBERS
-from proxbench.problems.exchange.sequences import warm_start_impulses
+from proxbench.problems.exchange.sequences import BEFORE, warm_start_impulses
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
@@ -30,16 +37,24 @@ SOLVERS = ("Robust", "SORprox", "NSGS", "InteriorPoint", "HybridNewton")
 TOLERANCES = (1e-2, 1e-4, 1e-8)
 LIMITS = {"max_iterations": 100_000, "max_seconds": 10.0}
 
+EXACT_STOP = Stop(1e-8, 100_000, 60.0)
+"""Limits of the answers whose contact states are compared."""
+
 DRIFT_STEPS = 20
 """Steps after which motions are compared."""
 
 
-def iterations(name: str) -> None:
+def members(name: str) -> list[ContactProblem]:
+    """Return the steps of a sequence, or those in a folder in the order of their names."""
+    return [load(one) for one in SEQUENCE_MEMBERS.get(name) or sorted(Path(name).glob("*.npz"))]
+
+
+def iterations(name: str, solvers: Sequence[str], tolerances: Sequence[float]) -> None:
     """Print the iterations of the steps of one sequence from zero and warm."""
-    steps = [load(member) for member in SEQUENCE_MEMBERS[name]]
-    exact = [create("Robust").prepare(step).solve(STEP_STOP).impulses for step in steps]
-    for solver in SOLVERS:
-        for tolerance in TOLERANCES:
+    steps, robust = members(name), create("Robust")
+    exact = cache(lambda index: robust.prepare(steps[index]).solve(EXACT_STOP).impulses)
+    for solver in solvers:
+        for tolerance in tolerances:
             counts = []
             start = None
             for index, step in enumerate(steps):
@@ -49,9 +64,9 @@ def iterations(name: str) -> None:
                     counts.append((cold.iterations, warm.iterations, cold.status, warm.status))
                     if warm.iterations > cold.iterations:
                         print(f"    slower: {step.name} {solver} {tolerance:g} {counts[-1][:2]}", end=" ")
-                        print(why(steps[index - 1], step, exact[index - 1], exact[index], start))
-                if index + 1 < len(steps):
-                    start = warm_start_impulses(step, warm.impulses, steps[index + 1])
+                        print(why(steps[index - 1], step, exact(index - 1), exact(index), start))
+                follows = index + 1 < len(steps) and steps[index + 1].provenance.get(BEFORE) == step.name
+                start = warm_start_impulses(step, warm.impulses, steps[index + 1]) if follows else None
             solved = [sum(row[column] is Status.SOLVED for row in counts) for column in (2, 3)]
             means = [float(np.mean([row[column] for row in counts])) for column in (0, 1)]
             slower = sum(warm > cold for cold, warm, *_ in counts)
@@ -72,7 +87,7 @@ def why(before: ContactProblem, step: ContactProblem, old: np.ndarray, new: np.n
     common = states[0].keys() & states[1].keys()
     changed = sum(states[0][key] != states[1][key] for key in common)
     residuals = [judge(step, impulses).residual for impulses in (start, np.zeros(step.n_rows))]
-    change = np.linalg.norm(new - carried) / np.linalg.norm(new)
+    change = np.linalg.norm(new - carried) / (np.linalg.norm(new) or np.nan)  # nan if the answer is zero
     return (
         f"residual of the start {residuals[0]:.2g}, of zero {residuals[1]:.2g}; |change|/|impulses| {change:.2f}; "
         f"{len(states[1]) - len(common)} new, {changed} of {len(common)} change state"
@@ -90,14 +105,28 @@ def state_names(problem: ContactProblem, impulses: np.ndarray) -> dict[str, str]
     return found
 
 
-def drift(name: str) -> None:
+def guesses(name: str, solvers: Sequence[str], tolerances: Sequence[float]) -> None:
+    """Print the iterations on an FCLIB file from zero and from its guess, and the parts of the solver that ran."""
+    problem = load(name)
+    with h5py.File(name) as file:
+        guess = file["guesses/1/r"][()]
+    print(f"    {problem.name}: residual of the guess {judge(problem, guess).residual:.2g}")
+    for solver in solvers:
+        for tolerance in tolerances:
+            prepared = create(solver).prepare(problem)
+            found = [prepared.solve(Stop(tolerance, **LIMITS), start) for start in (None, guess)]
+            cells = " | ".join(f"{one.iterations} {one.status} {one.message}" for one in found)
+            print(f"| {problem.name} | {solver} | {tolerance:g} | {cells} |", flush=True)
+
+
+def drift(name: str, solvers: Sequence[str], tolerances: Sequence[float]) -> None:
     """Print how far each solver leads the motion of one sequence away in ``DRIFT_STEPS`` steps."""
     recipe = SEQUENCE_RECIPES[name]
     begin = first_state(recipe)
     exact = moved(recipe, begin, "Robust", STEP_STOP, WARM)
     way = np.abs(exact.position - begin.position).max()
-    for solver in SOLVERS:
-        for tolerance in TOLERANCES:
+    for solver in solvers:
+        for tolerance in tolerances:
             ends = [moved(recipe, begin, solver, Stop(tolerance, **LIMITS), start) for start in (COLD, WARM)]
             errors = [np.abs(end.position - exact.position).max() for end in ends]
             print(f"| {name} | {solver} | {tolerance:g} | {way:.2g} | {errors[0]:.2g} | {errors[1]:.2g} |", flush=True)
@@ -111,11 +140,18 @@ def moved(recipe: SequenceRecipe, state: State, solver: str, stop: Stop, start: 
     return last.state
 
 
-def main(what: str, names: Sequence[str]) -> None:
-    """Print one of the two tables."""
-    for name in names or SEQUENCE_MEMBERS:
-        {"iterations": iterations, "drift": drift}[what](name)
+def main() -> None:
+    """Read the command line and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["iterations", "drift", "guesses"])
+    parser.add_argument("names", nargs="*", default=[*SEQUENCE_MEMBERS])
+    parser.add_argument("--solver", action="append")
+    parser.add_argument("--tolerance", action="append", type=float)
+    given = parser.parse_args()
+    tables = {"iterations": iterations, "drift": drift, "guesses": guesses}
+    for name in given.names:
+        tables[given.what](name, given.solver or SOLVERS, given.tolerance or TOLERANCES)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2:])
+    main()

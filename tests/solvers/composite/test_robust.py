@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers.composite import sweeping
 from proxbench.solvers.composite.robust import PreparedRobust
 from proxbench.solvers.composite.sweeping import can_accelerate, select_sweeps, sweeps_between_checks
 from proxbench.solvers.composite.windows import WINDOW
@@ -73,7 +74,11 @@ def test_sweeps_continue_after_useless_newton_steps() -> None:
     ("name", "tolerance"),
     [("hard-random-sparse-300", 1e-8), pytest.param("pile-1000", 1e-4, marks=pytest.mark.slow)],
 )
-def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(name: str, tolerance: float) -> None:
+def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(
+    name: str, tolerance: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With constant momentum, which makes these sweeps slow."""
+    monkeypatch.setattr(sweeping, "FAST_MOMENTUM", 0.8)
     problem = load(name)
     solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
     assert solution.status is Status.SOLVED

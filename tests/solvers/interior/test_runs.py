@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from proxbench.problems import judge, load
 from proxbench.problems.contact.residual import Residual
-from proxbench.solvers import Status, Stop, create
+from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
-from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, MIN_STEPS, Progress
+from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, MIN_STEPS, MIN_WARM_STEPS, Progress
 from proxbench.solvers.interior.runs import InteriorMethod, SingleRun
 from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
 
@@ -99,6 +99,33 @@ def test_only_a_check_of_the_gain_ends_a_solve_without_one() -> None:
     progress.check_gain()
     assert progress.outcome is not None
     assert progress.outcome[0] is Status.STALLED
+
+
+def test_a_fruitless_run_from_a_start_ends_early_and_the_solve_continues_as_from_zero() -> None:
+    problem = load("funnel-30")
+    residual, rng = Residual(problem), np.random.default_rng(1)
+    first = rng.uniform(size=problem.n_rows)
+    progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=first, is_warm=True)
+    began = progress.best_residual
+    for _ in range(MIN_WARM_STEPS):
+        assert progress.outcome is None
+        progress.record(rng.uniform(size=problem.n_rows), 2.0 * began)
+        progress.check_gain()
+    assert progress.outcome is not None
+    assert progress.may_run()
+    assert not progress.best.any()
+    assert progress.best_residual == residual.judged(problem, progress.best)
+
+
+def test_the_solution_of_a_failed_run_from_zero_is_the_better_one_of_the_run_before() -> None:
+    problem = load("funnel-30")
+    near = solve(problem, "SORprox", tolerance=1e-3).impulses
+    progress = Progress(problem, Residual(problem), Stop(1e-12), None, flops=1.0, first=near, is_warm=True)
+    progress.end(Status.STALLED, "short steps")
+    assert progress.may_run()
+    progress.end(Status.STALLED, "short steps")
+    assert not progress.may_run()
+    assert np.array_equal(progress.solution().impulses, near)
 
 
 def test_the_gain_of_a_run_is_measured_within_that_run() -> None:

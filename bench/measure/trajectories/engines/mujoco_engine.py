@@ -74,13 +74,14 @@ class MuJoCoEngine:
 
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> MuJoCoEngine:
-    """Build a scene; options: ``cone``, ``impratio``, ``solver``, ``stiff``."""
+    """Build a scene; options: ``cone``, ``impratio``, ``solver``, ``iterations``, ``tolerance``, ``stiff``."""
     return MuJoCoEngine(description, time_step, options)
 
 
 def model_xml(description: Description, time_step: float, options: dict[str, Any]) -> str:
     """Return the model. MuJoCo takes the larger of two friction coefficients, so all are μ."""
-    solver = {name: options[name] for name in ("cone", "impratio", "solver") if name in options}
+    names = ("cone", "impratio", "solver", "iterations", "tolerance")
+    solver = {name: options[name] for name in names if name in options}
     contact = f'friction="{description.friction} 0 0" condim="3"'
     if options.get("stiff"):
         contact += f' solref="{2.0 * time_step} 1" solimp="{STIFF_IMPEDANCE}"'

@@ -17,13 +17,16 @@ class PyBulletEngine:
         library: Any = client.BulletClient(connection_mode=import_module("pybullet").DIRECT)
         self.library, self.description, self.time_step = library, description, time_step
         self._advance = library.stepSimulation
+        self._kind = {"useMaximalCoordinates": bool(options.get("maximal_coordinates"))}
         library.setGravity(*description.gravity)
         library.setPhysicsEngineParameter(
             fixedTimeStep=time_step, numSolverIterations=options["iterations"], solverResidualThreshold=0.0
         )
+        if "island_size" in options:
+            library.setPhysicsEngineParameter(minimumSolverIslandSize=options["island_size"])
         static = [self._add_panel(panel) for panel in description.panels]
         if description.has_floor:
-            static.append(library.createMultiBody(0, library.createCollisionShape(library.GEOM_PLANE)))
+            static.append(library.createMultiBody(0, library.createCollisionShape(library.GEOM_PLANE), **self._kind))
         self.bodies = [self._add_body(body) for body in description.bodies]
         for body in (*static, *self.bodies):
             library.changeDynamics(
@@ -70,7 +73,7 @@ class PyBulletEngine:
 
     def _add_panel(self, panel: Any) -> int:
         shape = self.library.createCollisionShape(self.library.GEOM_BOX, halfExtents=list(panel.half))
-        pose = {"basePosition": list(panel.centre), "baseOrientation": list(panel.quaternion)}
+        pose = {"basePosition": list(panel.centre), "baseOrientation": list(panel.quaternion), **self._kind}
         made: int = self.library.createMultiBody(0, shape, **pose)
         return made
 
@@ -78,11 +81,15 @@ class PyBulletEngine:
         library = self.library
         size = {"halfExtents": 3 * [body.half]} if body.is_cube else {"radius": body.half}
         shape = library.createCollisionShape(library.GEOM_BOX if body.is_cube else library.GEOM_SPHERE, **size)
-        made: int = library.createMultiBody(body.mass, shape, basePosition=body.position)
+        made: int = library.createMultiBody(body.mass, shape, basePosition=body.position, **self._kind)
         library.resetBaseVelocity(made, body.velocity)
         return made
 
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> PyBulletEngine:
-    """Build a scene; option: ``iterations``."""
+    """Build a scene.
+
+    Options: ``iterations``, ``maximal_coordinates`` (rigid bodies instead of multibodies), and ``island_size``, the
+    number of constraints up to which islands are solved together.
+    """
     return PyBulletEngine(description, time_step, options)

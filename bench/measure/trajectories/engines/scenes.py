@@ -105,17 +105,18 @@ def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
     """Return the overlap of balls at the end [r], the final kinetic energy per ball and the energy gained [m g r]."""
     settled = motion.positions[motion.times > motion.times[-1] - SETTLED_SECONDS]
     kinetic = 0.5 * float((_speeds(motion)[-1] ** 2).mean()) / (STANDARD_GRAVITY * scene.length)
-    return max(_overlap(scene, frame) for frame in settled), kinetic, scene.energy_gained(motion)
+    return max(deepest_overlap(scene, frame) for frame in settled), kinetic, scene.energy_gained(motion)
 
 
-def _funnel() -> Description:
+def pour(balls: int) -> Description:
+    """Return balls that pour through a funnel."""
     errors = ("overlap [r]", "energy gained [m g r]", "balls through")
-    return _of_balls("funnel", 250, 4.5, 0.6, errors, _measure_funnel)
+    return _of_balls("funnel", balls, 4.5, 0.6, errors, _measure_funnel)
 
 
 def _measure_funnel(scene: Description, motion: Motion) -> tuple[float, ...]:
     """Return the largest overlap of balls [r], the energy gained [m g r], and the number of balls below the outlet."""
-    overlap = max(_overlap(scene, frame) for frame in motion.positions)
+    overlap = max(deepest_overlap(scene, frame) for frame in motion.positions)
     return overlap, scene.energy_gained(motion), float(np.count_nonzero(motion.positions[-1, :, 2] < 0.0))
 
 
@@ -197,7 +198,7 @@ def _speeds(motion: Motion) -> FloatArray:
     return speeds
 
 
-def _overlap(scene: Description, centres: FloatArray) -> float:
+def deepest_overlap(scene: Description, centres: FloatArray) -> float:
     """Return the largest overlap of two balls, in radii; walls are ignored, because the funnels differ."""
     from scipy.spatial import cKDTree
 
@@ -211,6 +212,6 @@ SCENES: dict[str, Callable[[], Description]] = {
     "incline-rest": lambda: _incline("incline-rest", 0.4),
     "stack": cache(_stack),
     "pile": cache(_pile),
-    "funnel": cache(_funnel),
+    "funnel": cache(lambda: pour(250)),
 }
 """Functions that describe the scenes, by name."""
