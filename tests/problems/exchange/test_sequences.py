@@ -88,7 +88,7 @@ def test_keys_name_each_contact_once_and_are_no_numbers_of_the_problem() -> None
     assert problem.anonymous().keys == ()
     with pytest.raises(ProblemError, match="must name each of 2 contacts, got 1"):
         problem.keyed(["a"])
-    with pytest.raises(ProblemError, match="more than one contact 'a'"):
+    with pytest.raises(ProblemError, match="'a' more than once"):
         problem.keyed(["a", "a"])
 
 

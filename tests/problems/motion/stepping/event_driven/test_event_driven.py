@@ -76,7 +76,7 @@ def test_time_stepping_converges_to_it_from_the_published_start() -> None:
 
 def test_a_bouncing_ball_stops_it_at_the_accumulation_point() -> None:
     ball = BouncingBall()
-    with pytest.raises(AccumulationError, match=r"accumulate at t = 1\.3545709.*time stepping") as raised:
+    with pytest.raises(AccumulationError, match=r"accumulate at t = 1\.3545709.*time-stepping method") as raised:
         simulate(general_system(ball), general_start(ball), 2.0)
     error = raised.value
     assert error.accumulation_time == pytest.approx(ball.rest_time, abs=1e-9)
