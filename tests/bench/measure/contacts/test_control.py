@@ -163,6 +163,17 @@ def test_only_slow_first_solves_and_slow_copies_are_compared_with_one_more_round
     assert [(one.seconds, one.repeated) for one in copies] == [(0.1, 0.01), (0.3, 0.4)]
 
 
+@pytest.mark.parametrize(("seconds", "loaded"), [(0.1, 0), (1e-4, 2)])
+def test_kernels_are_loaded_for_slow_copies_alone_and_only_as_often_as_a_copy_may_have_compiled_some(
+    seconds: float, loaded: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[None] = []
+    monkeypatch.setattr(Controls, "_load_kernels", lambda _: calls.append(None))
+    monkeypatch.setattr(MeasuringCore, "is_steady", lambda *_: False)  # which alone asks for more copies
+    assert len(Scripted([0.1], after_another=0.1).copies(STOP, seconds, lambda: seconds)) == 6
+    assert len(calls) == loaded
+
+
 def test_a_machine_that_has_become_slower_accuses_nobody() -> None:
     assert Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.1)
     assert Scripted([0.1], 0.1).first_solves(STOP, 0.1 / 1.4, lambda: 0.001)
