@@ -78,7 +78,7 @@ def _git(*words: str) -> str:
     """Return the output of a git command in the folder of this source; empty outside a checkout."""
     try:
         done = subprocess.run(
-            ["git", "-C", str(Path(__file__).resolve().parent), *words],
+            ["git", "--no-optional-locks", "-C", str(Path(__file__).resolve().parent), *words],
             capture_output=True,
             text=True,
             timeout=10,

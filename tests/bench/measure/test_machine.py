@@ -1,8 +1,11 @@
 """The record of a machine has the version of every library whose solvers, captures or contacts may be measured."""
 
+import os
 import re
+import subprocess
 from collections import namedtuple
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 from proxbench.bench.measure import machine
@@ -25,6 +28,23 @@ def test_only_installed_libraries_have_a_version() -> None:
     versions = machine.this_machine().versions
     assert "numpy" in versions
     assert all(versions.values())
+
+
+def test_reading_the_state_of_a_checkout_writes_nothing_into_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run that is killed meanwhile would leave a locked index."""
+    source, index = tmp_path / "machine.py", tmp_path / ".git" / "index"
+    source.write_text("")
+    identity = ("-c", "user.name=a", "-c", "user.email=a@b.c")
+    for words in (("init", "--quiet"), ("add", "."), (*identity, "commit", "--quiet", "--message", "one")):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    os.utime(source, (1, 1))  # git would note its new time in the index
+    before = index.read_bytes()
+    monkeypatch.setattr(machine, "__file__", str(source))
+    assert len(machine._git("rev-parse", "HEAD")) == 40
+    assert machine._git("status", "--porcelain") == ""
+    assert index.read_bytes() == before
 
 
 @pytest.mark.parametrize("has_iowait", [True, False])
