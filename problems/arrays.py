@@ -1,5 +1,6 @@
-"""Array types and read-only copies."""
+"""Array types, read-only copies, and sparse matrices as labelled arrays."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -41,3 +42,31 @@ def read_only(*arrays: NDArray[Any]) -> None:
     """Make arrays read-only."""
     for array in arrays:
         array.setflags(write=False)
+
+
+def compressed_arrays(label: str, matrix: Any) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a CSR or CSC matrix by name, with 64-bit indices; ``compressed_matrix`` reads them."""
+    indices = {f"{label}.{part}": getattr(matrix, part).astype(np.int64) for part in ("indices", "indptr")}
+    return {f"{label}.data": matrix.data, **indices, f"{label}.shape": np.array(matrix.shape)}
+
+
+def compressed_matrix(kind: Any, content: Mapping[str, NDArray[Any]], label: str) -> Any:
+    """Return the matrix with these arrays, which may be among others.
+
+    Its indices are checked, because compiled code relies on them.
+
+    Args:
+        kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
+        content: arrays by name.
+        label: beginning of the names of the arrays of the matrix.
+
+    Raises:
+        KeyError: if an array is missing.
+        ValueError: if an array does not fit.
+    """
+    parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
+    if any(part.dtype.kind != kind_of_part for part, kind_of_part in zip(parts, "fii", strict=True)):
+        raise ValueError(f"{label} is no matrix of numbers")
+    matrix = kind(parts, shape=tuple(int(length) for length in content[f"{label}.shape"]))
+    matrix.check_format(full_check=True)
+    return matrix

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import FloatArray, IntArray, frozen, read_only
+from .arrays import FloatArray, IntArray, compressed_arrays, compressed_matrix, frozen, read_only
 from .errors import ProblemError
 
 _VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound")
@@ -153,9 +153,7 @@ class EngineModel:
         for name in _MATRICES:
             matrix = getattr(self, name)
             if matrix is not None:
-                found |= {f"engine.{name}.data": matrix.data, f"engine.{name}.shape": np.array(matrix.shape)}
-                indices = {part: getattr(matrix, part).astype(np.int64) for part in ("indices", "indptr")}
-                found |= {f"engine.{name}.{part}": array for part, array in indices.items()}
+                found |= compressed_arrays(f"engine.{name}", matrix)
         return found
 
     @staticmethod
@@ -168,7 +166,8 @@ class EngineModel:
         """
         scale, time_step = map(float, content["engine.scalars"])
         vectors: dict[str, Any] = {one: content[f"engine.{one}"] for one in _VECTORS}
-        matrices: dict[str, Any] = {one: _matrix(content, one) for one in _MATRICES if f"engine.{one}.data" in content}
+        stored = [one for one in _MATRICES if f"engine.{one}.data" in content]
+        matrices: dict[str, Any] = {one: compressed_matrix(sp.csr_array, content, f"engine.{one}") for one in stored}
         return EngineModel(name=name, scale=scale, time_step=time_step, **vectors, **matrices)
 
     def fresh(self) -> "EngineModel":
@@ -275,16 +274,6 @@ def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
     missing = (sums - least.sum(axis=1))[:, None] / count
     found: FloatArray = np.where(fits.any(axis=1)[:, None], np.maximum(least, level), least + missing)
     return found
-
-
-def _matrix(content: Mapping[str, NDArray[Any]], name: str) -> sp.csr_array[Any]:
-    parts = tuple(content[f"engine.{name}.{part}"] for part in ("data", "indices", "indptr"))
-    if any(part.dtype.kind != kind for part, kind in zip(parts, "fii", strict=True)):
-        raise ValueError(f"{name} is not a matrix of numbers")
-    n_rows, n_columns = map(int, content[f"engine.{name}.shape"])
-    matrix = sp.csr_array(parts, shape=(n_rows, n_columns))
-    matrix.check_format(full_check=True)
-    return matrix
 
 
 def _canonical(given: sp.csr_array[Any]) -> sp.csr_array[Any]:

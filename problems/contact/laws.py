@@ -229,6 +229,11 @@ class Laws:
         """Number of laws."""
         return len(self.kind)
 
+    @property
+    def n_joint_rows(self) -> int:
+        """Number of bilateral laws, one for each row of the joints."""
+        return int(self.is_bilateral.sum())
+
     @cached_property
     def n_rows(self) -> int:
         """Number of rows, the length of c, Λ and ξ."""

@@ -90,18 +90,14 @@ class ContactProblem:
             raise ProblemError(f"the engine's model has {self.engine.n_rows} impulses for {self.laws.n_rows} rows.")
 
     def __repr__(self) -> str:
-        joints, rows = self._n_joint_rows, counted(self.n_rows, "row")
+        joints, rows = self.laws.n_joint_rows, counted(self.n_rows, "row")
         sizes = [counted(self.n_contacts - joints, "contact"), f"{rows}, {joints} of joints" if joints else rows]
         return f"<ContactProblem {self.name!r}: {', '.join(sizes)}, holds {self._form}>"
 
     def _repr_html_(self) -> str:
-        sizes = {"contacts": self.n_contacts - self._n_joint_rows, "rows": self.n_rows}
+        sizes = {"contacts": self.n_contacts - self.laws.n_joint_rows, "rows": self.n_rows}
         facts = {**sizes, "laws": self.laws.summary, "holds": self._form}
         return html_table(f"Contact problem {self.name}", {**facts, **self.provenance})
-
-    @property
-    def _n_joint_rows(self) -> int:
-        return int(self.laws.is_bilateral.sum())
 
     @property
     def _form(self) -> str:

@@ -25,7 +25,7 @@ from numba import njit, uint64
 
 from ..arrays import FloatArray, IntArray
 from ..compilation import interpretable
-from ..engine_model import own_residual
+from ..engine_model import EngineModel, own_residual
 from ..errors import ProblemError
 from .answer import ratio
 from .coupling import components, write_scales_and_ratios
@@ -153,24 +153,43 @@ class ModelResidual(Residual):
     def __init__(self, problem: ContactProblem, model: Model) -> None:
         super().__init__(problem)
         self._model = model
-        self._engine = problem.engine if model.kind == "engine" else None
-        if self._engine is not None:
-            self.scale, self.infeasible = self._engine.scale, False  # its constraints give way
         self._problem = problem if self.unit == 1.0 else in_units(problem, time=self.unit).problem
-
-    def judged(self, problem: ContactProblem, impulses: FloatArray) -> float:
-        """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem of this object."""
-        return super().judged(problem, impulses) if self._engine is None else own_residual(self._engine, impulses)
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
         """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
-        if self._engine is not None:
-            return own_residual(self._engine, impulses)
         if self.infeasible:
             return np.inf
         impulses, velocity = self.unit * impulses, self.unit * velocity
         relative = self.ratios * violations(self._problem, self, impulses, velocity, self._model)
         return ratio(relative.max(initial=0.0), self.unit * self.scale)
+
+
+class EngineResidual(Residual):
+    """The residual under the model of the engine of a captured step; attributes as in ``Residual``.
+
+    The model has a solution for any constraints, because its regularisation lets them give way.
+    """
+
+    def __init__(self, problem: ContactProblem, engine: EngineModel) -> None:
+        super().__init__(problem)
+        self._engine, self.scale, self.infeasible = engine, engine.scale, False
+
+    def judged(self, problem: ContactProblem, impulses: FloatArray) -> float:
+        """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem of this object."""
+        return own_residual(self._engine, impulses)
+
+    def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
+        """Return the residual of Λ [N s], shape (n_rows,)."""
+        return own_residual(self._engine, impulses)
+
+
+def residual_under(problem: ContactProblem, model: Model) -> Residual:
+    """Return the residual of a problem under a model."""
+    if model == Model.COULOMB:
+        return Residual(problem)
+    if model == Model.ENGINE and problem.engine is not None:
+        return EngineResidual(problem, problem.engine)
+    return ModelResidual(problem, model)
 
 
 def _unit(scale: float) -> float:

@@ -76,7 +76,7 @@ def survey(path: Path) -> Survey:
     problem = _read(path)
     laws, provenance = problem.laws, problem.provenance
     rolling, residual = laws.friction_coefficient[laws.is_rolling], provenance.get(RESIDUAL)
-    joints = int(laws.is_bilateral.sum())
+    joints = laws.n_joint_rows
     return Survey(
         file=str(path),
         title=str(provenance.get("title", "")),

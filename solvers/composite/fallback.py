@@ -13,7 +13,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import ModelResidual, Residual
+from ...problems.contact.residual import Residual, residual_under
 from ...problems.contact.solver import (
     Observer,
     Prepared,
@@ -146,7 +146,7 @@ class PreparedFallback:
         model, first = self.fallback.model, self.prepared[self.parts[0].name]
         if isinstance(first, PreparedIteration):
             return first.residual
-        return Residual(self.problem) if model == Model.COULOMB else ModelResidual(self.problem, model)
+        return residual_under(self.problem, model)
 
     def _runs(self, sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
         """Yield the first part from the start, then all parts from zero."""

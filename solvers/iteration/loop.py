@@ -9,7 +9,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import ModelResidual, Residual
+from ...problems.contact.residual import Residual, residual_under
 from ...problems.contact.solver import Observer, Solution, SolverError, Status, Stop
 from ...problems.errors import ProblemError
 from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor, Outcome, sweeps_to_next_check
@@ -274,7 +274,7 @@ def iterate(
     Raises:
         SolverError: from ``solve``, if the generator ends or yields an array of another shape.
     """
-    residual = Residual(problem) if model == Model.COULOMB else ModelResidual(problem, model)
+    residual = residual_under(problem, model)
     return PreparedIteration(problem, residual, lambda start: _GeneratedIterates(problem, sweeps(start), start))
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, get_args
 from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.residual import ModelResidual
+from ...problems.contact.residual import residual_under
 from ..iteration.method import Method, check_option
 from .installed import check_installed
 from .mujoco_problem import TRIED, ConstraintStage
@@ -74,7 +74,7 @@ class PreparedMuJoCo(PreparedRounds):
 
     def __init__(self, problem: ContactProblem, options: MuJoCo) -> None:
         super().__init__(problem)
-        self.residual = ModelResidual(problem, Model.ENGINE)
+        self.residual = residual_under(problem, Model.ENGINE)
         self._stage = ConstraintStage(program_of(problem, options.impedance), options.algorithm)
 
     def begin(self, max_seconds: float) -> Call:

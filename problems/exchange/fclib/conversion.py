@@ -80,7 +80,7 @@ def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
         ProblemError: if FCLIB cannot represent the laws, or G is not symmetric between contacts and joints.
     """
     laws, order = contacts_of(problem), rows_in_order(problem)
-    n = len(order) - int(problem.laws.is_bilateral.sum())  # number of contact rows, which come before joints
+    n = len(order) - problem.laws.n_joint_rows  # number of contact rows, which come before joints
     common: dict[str, Any] = {**vars(laws), "about": _texts(problem)}
     contents: LocalContents | GlobalContents
     if problem.factors is None:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...arrays import compressed_arrays, compressed_matrix
 from ...contact.answer import Answer
 from ...contact.laws import Laws
 from ...contact.matrices.factors import Factors, InverseMass
@@ -187,12 +188,7 @@ def _short(array: NDArray[Any]) -> NDArray[Any]:
 
 def _compressed(label: str, matrix: Any) -> dict[str, Any]:
     """Return the arrays of a CSR or CSC matrix, with 32-bit indices; the digest does not depend on their type."""
-    return {
-        f"{label}.data": matrix.data,
-        f"{label}.indices": _short(matrix.indices),
-        f"{label}.indptr": _short(matrix.indptr),
-        f"{label}.shape": np.array(matrix.shape),
-    }
+    return {name: _short(array) for name, array in compressed_arrays(label, matrix).items()}
 
 
 def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
@@ -210,28 +206,18 @@ def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple
         "engine": EngineModel.of_numbers(str(about["engine"]), content) if "engine" in about else None,
     }
     if "G.data" in content:
-        matrix = _matrix(sp.csr_array, content, "G")
+        matrix = compressed_matrix(sp.csr_array, content, "G")
         return ContactProblem(content["c"], laws, matrix=matrix, **attributes), about["digest"]
-    directions = _matrix(sp.csc_array, content, "W")
-    inverse = InverseMass.create(_matrix(sp.csr_array, content, "Minv"))
+    directions = compressed_matrix(sp.csc_array, content, "W")
+    inverse = InverseMass.create(compressed_matrix(sp.csr_array, content, "Minv"))
     if "M.data" in content:
-        mass = _matrix(sp.csr_array, content, "M")
+        mass = compressed_matrix(sp.csr_array, content, "M")
         if mass.shape != inverse.matrix.shape:
             raise ValueError("M and M⁻¹ are not of one shape")
         check_finite(mass, "M")
         inverse = InverseMass(inverse.matrix, mass)
     factors = Factors.create(directions, inverse, content.get("free_motion"))
     return ContactProblem(content["c"], laws, factors=factors, **attributes), about["digest"]
-
-
-def _matrix(kind: Any, content: dict[str, Any], label: str) -> Any:
-    """Return a sparse matrix; its indices are checked, because compiled code relies on them."""
-    parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
-    if any(part.dtype.kind not in kinds for part, kinds in zip(parts, ("f", "i", "i"), strict=True)):
-        raise ValueError(f"{label} is no matrix of numbers")
-    matrix = kind(parts, shape=tuple(int(length) for length in content[f"{label}.shape"]))
-    matrix.check_format(full_check=True)
-    return matrix
 
 
 def _answer(content: dict[str, Any]) -> Answer | None:

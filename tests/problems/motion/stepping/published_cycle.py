@@ -1,4 +1,7 @@
-"""The woodpecker's published limit cycle: the one table of its incidents that tests hold everything else against."""
+"""The published limit cycle of the woodpecker, and the deviation of a state from it."""
+
+from proxbench.problems.motion.scenes.woodpecker import DESCENT, section_start
+from proxbench.problems.motion.state import State
 
 INCIDENTS = (
     (0.005820757234809802, "unilateral", 2, "closed", "open"),
@@ -18,3 +21,13 @@ INCIDENTS = (
 has the same twelve rows and begins with the last two."""
 
 TIMES = [incident[0] for incident in INCIDENTS]
+
+
+def section_error(state: State) -> float:
+    """Largest error of y, φ_S and its velocity after one period, each over its range in the cycle."""
+    start = section_start()
+    return max(
+        abs(state.position[0] - start.position[0] + DESCENT) / 0.01945,
+        abs(state.position[2] - start.position[2]) / 0.47,
+        abs(state.velocity[2] - start.velocity[2]) / 17.57,
+    )

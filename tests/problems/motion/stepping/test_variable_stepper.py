@@ -1,47 +1,31 @@
 """The variable step against the woodpecker's published limit cycle, closed forms, and what it promises of itself."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.motion.bodies.system import MechanicalSystem
 from proxbench.problems.motion.scenes.bouncing import BouncingBall
 from proxbench.problems.motion.scenes.effects import Drag, ball_system
 from proxbench.problems.motion.scenes.impacts import NewtonsCradle, ObliqueImpact
 from proxbench.problems.motion.scenes.inclines import BlockOnIncline, SlidingSphere, SphereOnIncline
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.scenes.resting import Stack, VGroove
-from proxbench.problems.motion.scenes.scene import ClosedFormScene, bare_scene
-from proxbench.problems.motion.scenes.woodpecker import DESCENT, OVERLAP, PERIOD, section_start, woodpecker
+from proxbench.problems.motion.scenes.scene import ClosedFormScene
+from proxbench.problems.motion.scenes.woodpecker import OVERLAP, PERIOD, section_start, woodpecker
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.sequences import StepCounter, UnsolvedStepError
-from proxbench.problems.motion.stepping.step import AcceptedStep, StepError, SwitchingPoint
+from proxbench.problems.motion.stepping.sequences import StepCounter
+from proxbench.problems.motion.stepping.step import AcceptedStep, SwitchingPoint
 from proxbench.problems.motion.stepping.step_doubling import StepDoubling
 from proxbench.problems.motion.stepping.switch_search import SEARCHES, Anticipating
 from proxbench.problems.motion.stepping.variable_stepper import VariableStepper
-from proxbench.solvers import Solution, Status, Stop, create
+from proxbench.solvers import Stop, create
 
-from .published_cycle import INCIDENTS, TIMES
-
-
-def steps_of(
-    system: Any,
-    start: State,
-    until: float,
-    kind: type[VariableStepper] = Extrapolated,
-    solver: Any = None,
-    **options: Any,
-) -> Iterator[AcceptedStep]:
-    still = State(0.0, np.ones(1), np.zeros(1))
-    scene = replace(bare_scene("own", {}, oscillator(True), still), system=system, start=start)
-    chosen: Any = {"tolerance": 1e-6, "min_step": 1e-8, "max_step": 2e-2, **options}
-    return kind(**chosen).steps(scene, solver or create("SORprox"), Stop(1e-13, 100_000), start, until)
+from .published_cycle import INCIDENTS, TIMES, section_error
+from .variable_steps import oscillator, steps_of
 
 
 def cycle(periods: float, **options: Any) -> list[AcceptedStep]:
@@ -50,16 +34,6 @@ def cycle(periods: float, **options: Any) -> list[AcceptedStep]:
 
 def switches(steps: list[AcceptedStep]) -> list[SwitchingPoint]:
     return [switch for step in steps for switch in step.switches]
-
-
-def section_error(state: State) -> float:
-    """Largest error of y, φ_S and its velocity after one period, each over its range in the cycle."""
-    start = section_start()
-    return max(
-        abs(state.position[0] - start.position[0] + DESCENT) / 0.01945,
-        abs(state.position[2] - start.position[2]) / 0.47,
-        abs(state.velocity[2] - start.velocity[2]) / 17.57,
-    )
 
 
 @pytest.mark.parametrize(
@@ -172,22 +146,6 @@ def test_a_slip_that_turns_round_between_two_steps_is_a_switching_point() -> Non
     assert turn.begin - 1e-8 <= 1.0 / deceleration <= turn.end + 1e-8
 
 
-def oscillator(reversible: bool) -> MechanicalSystem:
-    """A unit mass on a unit spring, damped unless it is reversible, and a contact that is never reached."""
-    mass = np.eye(1)
-    return MechanicalSystem(
-        mass=lambda position: mass,
-        force=lambda position, velocity: -position if reversible else -position - 0.5 * velocity,
-        gap=lambda position: position + 10.0,
-        directions=lambda position: np.ones((1, 1)),
-        friction=[0.0],
-        restitution_normal=[0.0],
-        restitution_tangential=[0.0],
-        rows_per_contact=1,
-        is_reversible=reversible,
-    )
-
-
 def estimated_errors(system: Any, start: State, levels: int) -> list[float]:
     """Return the error estimates of a step and of one half as long."""
     stepper = Extrapolated(tolerance=1e-300, levels=levels)
@@ -295,144 +253,3 @@ def test_it_costs_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
     steps = cycle(1.0, tolerance=1e-6, min_step=1e-8)
     assert sum(step.solves for step in steps) < 800
     assert section_error(steps[-1].end) < 1e-3 * section_error(state)
-
-
-class Failing:
-    """SORprox until its patience is over."""
-
-    def __init__(self, after: int, failure: Status | Exception) -> None:
-        self._solver, self._left, self._failure = create("SORprox"), after, failure
-
-    def prepare(self, problem: ContactProblem) -> Any:
-        self._left -= 1
-        if self._left >= 0:
-            return self._solver.prepare(problem)
-        if isinstance(self._failure, Exception):
-            raise self._failure
-        return self
-
-    def solve(self, stop: Stop, start: Any = None) -> Solution:
-        assert isinstance(self._failure, Status)
-        return Solution(np.zeros(2), self._failure, 1)
-
-
-@pytest.mark.parametrize("search", ["anticipating", "nested"])
-@pytest.mark.parametrize("failure", [Status.INFEASIBLE, RuntimeError("no luck")])
-def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Status | Exception, search: str) -> None:
-    steps = steps_of(woodpecker(), section_start(OVERLAP), PERIOD, solver=Failing(100, failure), search=search)
-    reached: list[State] = []
-    with pytest.raises(StepError, match=r"from t = 0\.\d+ s") as raised:
-        reached.extend(step.end for step in steps)
-    assert len(reached) > 10
-    assert raised.value.state is reached[-1]
-    rest = list(steps_of(woodpecker(), raised.value.state, PERIOD))
-    assert section_error(rest[-1].end) < 1e-4
-
-
-def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is the shortest one already. An attempt of it has found the switch, and it is taken again to be accepted."""
-    taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
-
-    def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:
-        taken.append((state, length))
-        if taken[-2][0] is state and taken[-2][1] == length and len(failed) < 1:
-            failed.append(state)
-            raise UnsolvedStepError(str(Status.ITERATION_LIMIT))
-        return take(counter, state, length, held)
-
-    failed: list[State] = []
-    monkeypatch.setattr(StepCounter, "take", fail_once)
-    ball = BouncingBall()
-    with pytest.raises(StepError, match=r"the inclusion of the shortest step, 1e-08 s from t = 0\.45") as raised:
-        list(steps_of(ball.system(), ball.start(), 0.6))
-    assert failed == [raised.value.state]
-
-
-class NotANumber(Failing):
-    """SORprox until its patience is over; then NaN, which it calls solved."""
-
-    def solve(self, stop: Stop, start: Any = None) -> Solution:
-        return Solution(np.full(2, np.nan), Status.SOLVED, 1)
-
-
-@pytest.mark.parametrize("search", ["anticipating", "nested"])
-def test_nan_that_a_solver_calls_solved_never_becomes_a_state(search: str) -> None:
-    steps = steps_of(woodpecker(), section_start(OVERLAP), PERIOD, solver=NotANumber(100, Status.SOLVED), search=search)
-    reached: list[State] = []
-    with pytest.raises(StepError, match="'solved, but with impulses that are not finite'") as raised:
-        reached.extend(step.end for step in steps)
-    assert all(np.isfinite([*state.position, *state.velocity]).all() for state in [*reached, raised.value.state])
-    assert raised.value.state is reached[-1]
-
-
-def test_a_singular_mass_matrix_is_an_error_with_the_time() -> None:
-    broken = replace(oscillator(True), mass=lambda position: np.zeros((1, 1)))
-    with pytest.raises(StepError, match=r"t = 0 s.*not positive definite"):
-        next(steps_of(broken, State(0.0, np.ones(1), np.zeros(1)), 1.0))
-
-
-def test_directions_of_the_wrong_shape_are_an_error_with_the_time() -> None:
-    broken = replace(oscillator(True), directions=lambda position: np.ones((1, 2)))
-    with pytest.raises(StepError, match=r"t = 0 s.*W\(q\) is \(1, 2\), not \(1, 1\)"):
-        next(steps_of(broken, State(0.0, np.array([-11.0]), np.zeros(1)), 1.0))
-
-
-@pytest.mark.parametrize(
-    ("broken", "what"),
-    [
-        ({"gap": lambda position: np.ones(2)}, r"gaps g\(q\) is \(2,\), not \(1,\)"),
-        ({"force": lambda position, velocity: np.ones((1, 2))}, r"forces h\(q, u\) is \(1, 2\), not \(1,\)"),
-        ({"mass": lambda position: np.eye(2)}, r"mass matrix M\(q\) is \(2, 2\), not \(1, 1\)"),
-        ({"gap": lambda position: np.full(1, np.nan)}, r"the gaps g\(q\) contain NaN"),
-        ({"force": lambda position, velocity: np.full(1, np.nan)}, r"the forces h\(q, u\) contain NaN"),
-        ({"mass": lambda position: 1.0 / 0.0}, "ZeroDivisionError: float division by zero"),
-    ],
-    ids=["gap", "force", "mass", "NaN gap", "NaN force", "raising"],
-)
-def test_functions_of_a_system_that_fail_are_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
-    with pytest.raises(StepError, match=f"t = 0 s.*{what}"):
-        next(steps_of(replace(oscillator(True), **broken), State(0.0, np.ones(1), np.zeros(1)), 1.0))
-
-
-def test_a_function_that_raises_later_is_an_error_with_time_and_step() -> None:
-    def gap(position: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        if position[0] < 0.5:
-            raise OverflowError("too far")
-        return position + 10.0
-
-    reached: list[AcceptedStep] = []
-    with pytest.raises(
-        StepError, match=r"a step of \S+ s from t = \d\.\d+ s failed: OverflowError: too far\."
-    ) as raised:
-        reached.extend(steps_of(replace(oscillator(True), gap=gap), State(0.0, np.ones(1), np.zeros(1)), 9.0))
-    assert raised.value.state is reached[-1].end
-
-
-@pytest.mark.parametrize("min_step", [1e-300, 1e-17])
-def test_a_minimal_step_that_no_clock_resolves_is_refused(min_step: float) -> None:
-    with pytest.raises(ProblemError, match=r"too short to separate times up to 0\.145\d+ s; choose at least 2e-15 s"):
-        steps_of(woodpecker(), section_start(OVERLAP), PERIOD, min_step=min_step)
-
-
-@pytest.mark.parametrize(
-    ("options", "what"),
-    [
-        ({"tolerance": 0.0}, "tolerance must be between 0 and 1"),
-        ({"min_step": -1.0}, "min_step must be positive"),
-        ({"min_step": 1e-3, "max_step": 1e-4}, "max_step must be finite and at least min_step = 0.001"),
-    ],
-)
-def test_options_out_of_range_are_named(options: dict[str, Any], what: str) -> None:
-    with pytest.raises(ProblemError, match=what):
-        steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), 1.0, **options)
-
-
-@pytest.mark.parametrize("until", [-1.0, np.inf, np.nan])
-def test_an_end_before_the_start_or_never_is_named(until: float) -> None:
-    with pytest.raises(ProblemError, match=f"until = {until} s must be finite and after the start at 0.0 s"):
-        steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), until)
-
-
-def test_extrapolation_needs_two_levels() -> None:
-    with pytest.raises(ProblemError, match="levels must be at least 2"):
-        Extrapolated(levels=1)
