@@ -14,7 +14,7 @@ def record(
     ],
     solver: options.Solvers = None,
     output: Annotated[
-        Path | None, options.output(metavar="FILE", help="Recording to write (.rrd); optional for a simulation.")
+        Path | None, options.output(metavar="FILE", help="Recording to write (.rrd); required for solvers.")
     ] = None,
     plugin: options.PluginFiles = None,
     tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,

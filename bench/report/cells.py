@@ -122,11 +122,11 @@ def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
             pairs = zip(summary[share], summary["problems"], strict=True)
             shown[head + of] = [f"{round(value * number)}/{number}" for value, number in pairs]
         for head, key in shown_means(summary).items():
-            shown[head + of] = _means(summary, key, one)
+            shown[head + of] = mean_texts(summary, key, one)
     return shown.assign(wrong=summary["wrong"])
 
 
-def _means(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
+def mean_texts(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
     """Return mean times as texts, with the number of problems if excluded times reduce it."""
     number, most = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
     columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[most]

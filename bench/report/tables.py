@@ -9,6 +9,7 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
+from ...problems.contact.model import Model
 from ..store.condition import basis, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome
@@ -55,7 +56,7 @@ _MARKS = (
 )
 """Legend of the marks of times."""
 
-_BY_MODEL = "By model: the least residual by the model of the solver."
+_BY_MODEL = "By model: the residual of the same solve by the model of the solver."
 """Legend of the residuals under other models than Coulomb's law."""
 
 _FAMILIES = (
@@ -75,11 +76,13 @@ MOST_TABLES = 20
 
 
 def results_table(frames: RunFrames) -> pd.DataFrame:
-    """Return one row per case: time to each accuracy [s], the best judged residual, its iterations, outcome and reason.
+    """Return one row per case: time to each accuracy [s], residuals and iterations of the best solve, and how it ended.
+
+    The best solve has the least residual by the model of the solver. Wrong claims do not count.
 
     Columns: problem, family, n_contacts, solver, threads, model, ``time_to_1e-02`` … (of ``accuracies``), excluded
-    (accuracies whose times have only excluded rounds), residual (by Coulomb's law), model_residual (the best one by the
-    model of the solver), iterations, outcome, reason, notes (of the finest point with notes).
+    (accuracies whose times have only excluded rounds), residual (by Coulomb's law), model_residual (by the model of the
+    solver) and iterations (all of the best solve), outcome, reason, notes (of the finest point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]
@@ -93,11 +96,11 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     tags = [accuracy_tag(accuracy) for accuracy in accuracies(frames)]
     excluded = [" ".join(tag for tag in tags if (*name, tag) in marks) for name in names]
     trusted = attempted_points(frames)
-    trusted = trusted[trusted["outcome"] != Outcome.WRONG].sort_values("residual", kind="stable")
-    best = trusted.drop_duplicates(CASE)[[*CASE, "residual", "iterations"]]
-    under_model = trusted.groupby(CASE, as_index=False)["model_residual"].min()
+    trusted = trusted[trusted["outcome"] != Outcome.WRONG]
+    by_model = trusted["model_residual"].where(trusted["model"] != str(Model.COULOMB), trusted["residual"])
+    best = trusted.loc[by_model.sort_values(kind="stable").index].drop_duplicates(CASE)
     table = cases.assign(**seconds, excluded=excluded)
-    table = table.merge(best, how="left", on=CASE).merge(under_model, how="left", on=CASE)
+    table = table.merge(best[[*CASE, "residual", "model_residual", "iterations"]], how="left", on=CASE)
     return table.astype({"residual": float, "model_residual": float, "iterations": float}).assign(
         **case_endings(frames).reset_index(drop=True)
     )

@@ -80,14 +80,18 @@ function summary(view) {
   return common.solvers.map((solver) => {
     const cases = supported(view, view.problems, [solver]);
     const times = (chosen) => cases.filter(chosen).map((one) => one.timeTo(accuracy));
+    const meanOf = (of, chosen) => {
+      const included = times((one) => of(one) && chosen(one));
+      return { seconds: meanTime(run.run, included), count: included.length, total: times(of).length };
+    };
     const own = gains.filter((row) => row.solver === solver.name).map((row) => Math.log(row.speedup));
     return {
       solver,
       problems: cases.length,
       claimed: cases.filter((one) => one.claims(accuracy)).length,
       confirmed: times((one) => !Number.isNaN(one.timeTo(accuracy))).length,
-      mean: meanTime(run.run, times((one) => isIn(common, one) && isIn(compared, one))),
-      ownMean: meanTime(run.run, times((one) => !one.isExcluded(accuracy))),
+      mean: meanOf((one) => isIn(common, one), (one) => isIn(compared, one)),
+      ownMean: meanOf(() => true, (one) => !one.isExcluded(accuracy)),
       fastest: equals.includes(solver)
         ? cases.filter((one) => isIn(compared, one) && one.timeTo(accuracy) === best.get(one.problem)).length
         : NaN,

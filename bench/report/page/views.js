@@ -5,6 +5,8 @@ const linkCell = (address, text) => ({ node: element("a", { href: address }, tex
 const problemLink = (view, problem) => linkCell(view.linkTo({ problem }), problem);
 const caseLink = (view, one, text) => linkCell(view.linkTo({ problem: one.problem, case: one.solver }), text);
 const timeCell = (seconds, excluded = false) => ({ text: duration(seconds) + (excluded ? "*" : ""), value: seconds });
+// A mean time, with the number of problems if excluded times reduce it.
+const meanCell = ({ seconds, count, total }) => ({ text: duration(seconds) + (count && count < total ? ` (${count})` : ""), value: seconds });
 const counts = (part, all) => ({ text: `${part}/${all}`, value: all ? part / all : NaN, share: all ? part / all : 0 });
 const numeric = (name) => ({ name, numeric: true });
 
@@ -15,8 +17,8 @@ function summaryTable(view) {
     row.solver.model,
     { text: `${row.claimed}/${row.problems}`, value: row.claimed / row.problems },
     counts(row.confirmed, row.problems),
-    timeCell(row.mean),
-    timeCell(row.ownMean),
+    meanCell(row.mean),
+    meanCell(row.ownMean),
     { text: digits(row.fastest, 12), value: row.fastest },
     row.solver.name === view.baseline
       ? { text: "baseline", value: 1 }

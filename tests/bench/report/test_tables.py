@@ -19,6 +19,8 @@ from proxbench.bench.report.tables import (
 from proxbench.bench.store.outcome import Outcome
 from rich.console import Console
 
+REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
+
 
 def points(*rows: tuple[float, float, str], status: str = "") -> pd.DataFrame:
     frame = pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
@@ -44,6 +46,16 @@ def test_wrong_claims_are_never_ranked() -> None:
 def test_what_was_solved_after_the_limit_is_never_ranked() -> None:
     assert np.isnan(time_to_accuracy(points((1e-9, 50.0, "stalled")), 1e-2, limit=0.5))
     assert np.isnan(time_to_accuracy(points((1e-9, 1.0, "time limit"), status="solved"), 1e-2))
+
+
+def test_residuals_and_iterations_of_a_row_are_those_of_one_solve() -> None:
+    """A pyramid is solved more accurately by later solves, whose distance from Coulomb's law hardly changes."""
+    frames = load(REFERENCE)
+    columns = ["problem", "solver", "residual", "model_residual", "iterations"]
+    rows, points = results_table(frames)[columns].dropna(), frames.points[columns].dropna()
+    assert len(rows) == len(rows.merge(points.drop_duplicates(), on=columns)) > 100
+    relaxed = rows[rows["solver"] == "PyramidPGS(sides=16)"]
+    assert (relaxed.merge(points, on=["problem", "solver"]).eval("model_residual_x <= model_residual_y")).all()
 
 
 def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> None:

@@ -145,7 +145,7 @@ def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clo
 def test_solves_of_the_known_problem_warm_the_caches_before_first_solves(
     clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They go on for 20 s, of which each takes 7 s with its copy, and are not charged."""
+    """They are repeated for 20 s and are not counted; each takes 7 s, including the copy of the problem."""
     monkeypatch.setattr(measure, "WARM_SECONDS", 20.0)
     solver, new = Timed(clock, solve_seconds=1.0), load("hard-groove")
     measurement = measured(solver)

@@ -14,7 +14,7 @@ import pytest
 from headless_chromium import Chromium, chromium
 from proxbench.bench import load
 from proxbench.bench.report.accuracy import summary_table
-from proxbench.bench.report.cells import duration
+from proxbench.bench.report.cells import duration, mean_texts
 from proxbench.bench.report.page.assembly import page
 from proxbench.bench.report.profiles import ALL, COMMON, EVERY, profile_tables, seconds_matrix
 from proxbench.bench.store.frames import RunFrames
@@ -25,6 +25,8 @@ pytestmark = pytest.mark.skipif(
 
 REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
+MEANS = ("mean_time", "own_mean_time")
+"""Prefixes of the means of a summary."""
 
 PROFILES_OVER = "#filters label:nth-of-type(3) select"
 """The choice of the problems that profiles are over."""
@@ -129,12 +131,12 @@ def test_filters_give_what_the_tables_compute(
     expected = summary_table(left).set_index("solver")
     found = shown(browser, "summary-table").set_index("solver")
     assert list(found.index) == list(expected.index)
+    means = {key: dict(zip(expected.index, mean_texts(expected, key, "1e-06"), strict=True)) for key in MEANS}
     for solver, row in expected.iterrows():
         claimed, confirmed = (round(row[f"{kind}_1e-06"] * row["problems"]) for kind in ("success", "correct"))
         counts = [f"{count}/{row['problems']}" for count in (claimed, confirmed)]
-        texts = [*counts, duration(row["mean_time_1e-06"])]
-        assert found.loc[solver, ["claimed", "confirmed", "mean"]].tolist() == texts
-        assert found.loc[solver, "own mean"] == duration(row["own_mean_time_1e-06"])
+        assert found.loc[solver, ["claimed", "confirmed"]].tolist() == counts
+        assert found.loc[solver, ["mean", "own mean"]].tolist() == [means[key][str(solver)] for key in MEANS]
         assert found.loc[solver, "wrong"] == str(row["wrong"])
     seconds = seconds_matrix(left, 1e-6)
     for view, chosen in ((COMMON, "common problems"), (EVERY, "all problems")):
