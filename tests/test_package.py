@@ -87,12 +87,24 @@ def test_a_problem_is_solved_and_judged_with_the_package_alone() -> None:
         ("proxbench.solvers", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.bench", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
         ("proxbench.bench.cli.main", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
+        ("proxbench.bench.runs", {"scipy.stats", "scipy.spatial", "scipy.integrate", "cvxpy", "altair", "rerun"}),
     ],
 )
 def test_importing_loads_no_more_than_it_needs(module: str, heavy: set[str]) -> None:
     code = f"import sys, {module}; print(sorted({heavy!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_importing_the_run_of_benchmarks_loads_no_kernel() -> None:
+    code = """
+import gc, proxbench.bench.runs
+from numba.core.dispatcher import Dispatcher
+kernels = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
+print(len(kernels) > 100, [one.py_func.__name__ for one in kernels if one.signatures])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "True []"
 
 
 def test_the_names_that_scripts_rely_on_exist() -> None:

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import special, stats
+from scipy import special
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
@@ -100,6 +100,8 @@ def bootstrap_ratio(
     value = float(np.exp(difference(*samples)))
     if n < needed:
         return Ratio(value, 0.0, np.inf)
+    from scipy import stats  # slow to import, and only reports need it
+
     found = stats.bootstrap(
         samples,
         difference,

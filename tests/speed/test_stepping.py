@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from contestants import SIZES, TOLERANCE
-from proxbench.bench.simulation.generation.generate import RECIPES, FunnelRecipe
+from proxbench.bench.simulation.generation.generate import FunnelRecipe, recipes
 from proxbench.problems import judge
 from proxbench.problems.motion.scenes.funnel import TIME_STEP
 from proxbench.problems.motion.state import State
@@ -16,7 +16,7 @@ from proxbench.solvers import Stop, create
 @cache
 def flowing(size: int) -> tuple[MidpointRule, State]:
     """The stepper, and the state at the instant of the library's problem ``funnel-SIZE``."""
-    recipe = RECIPES[f"funnel-{size}"]
+    recipe = recipes()[f"funnel-{size}"]
     assert isinstance(recipe, FunnelRecipe)
     stepper = MidpointRule(recipe.scene.system(), create("SORprox", relaxation=1.5), Stop(TOLERANCE), TIME_STEP)
     state = recipe.scene.start()

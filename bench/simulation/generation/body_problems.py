@@ -6,6 +6,7 @@ takes. The captured step itself is not solved.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 from ....problems.contact.problem import FREE_FALL, ContactProblem
@@ -79,7 +80,7 @@ def _pile(n_boxes: int, step: int = 500) -> BodyRecipe:
     return BodyRecipe(BoxPile(n_boxes), step, 2e-3, SETTLING_SOLVER, SETTLING_STOP, 1e-4)
 
 
-def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
+def _named_recipes() -> Iterator[tuple[str, BodyRecipe]]:
     scenes: dict[str, BodyScene] = {
         "stack-10": BoxStack(10, overlap=OVERLAP),
         "stack-100": BoxStack(100, overlap=OVERLAP),
@@ -126,13 +127,15 @@ def _body_recipes() -> Iterator[tuple[str, BodyRecipe]]:
     yield "bodies-pile-100-falling", _pile(100, step=75)
 
 
-BODY_RECIPES = dict(_body_recipes())
-"""Recipe of each problem of the suite ``bodies``."""
+@cache
+def body_recipes() -> dict[str, BodyRecipe]:
+    """Return the recipe of each problem of the suite ``bodies``. The scenes are created at the first call."""
+    return dict(_named_recipes())
 
 
 def body_problem(name: str) -> ContactProblem:
     """Return the problem of a recipe."""
-    recipe = BODY_RECIPES[name]
+    recipe = body_recipes()[name]
     stepper = MidpointRule(
         recipe.scene.system(), create(recipe.solver), recipe.stop, recipe.time_step, depth=recipe.depth
     )

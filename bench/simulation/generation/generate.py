@@ -6,6 +6,7 @@ seed, so that generating twice gives equal digests. Between machines rounding di
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ from ....problems.motion.stepping.midpoint import MidpointRule
 from ....problems.motion.stepping.step import Step
 from ....solvers.registry import create
 from ...plugins.describing import plugin_problem
-from .body_problems import BODY_RECIPES, BodyRecipe, body_problem
+from .body_problems import BodyRecipe, body_problem, body_recipes
 from .sequence_problems import MEMBERS, SEQUENCE_RECIPES, SequenceRecipe, sequence_problems
 
 WOODPECKER_STEPS = 5000
@@ -107,22 +108,27 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
         yield name, FunnelRecipe(scene, _SETTLED, PILE_STOP, MIXED)
 
 
-RECIPES: dict[str, FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe | SequenceRecipe] = {
-    **dict(_funnel_recipes()),
-    **BODY_RECIPES,
-    **{member: SEQUENCE_RECIPES[name] for member, name in MEMBERS.items()},
-    "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
-    "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
-    "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
-    "woodpecker-beak-impact": WoodpeckerRecipe(0.0195, 0),
-    "woodpecker-upper-second-impact": WoodpeckerRecipe(0.0202, 2),
-    "woodpecker-upper-release": WoodpeckerRecipe(0.0222, 2),
-    "woodpecker-lower-impact": WoodpeckerRecipe(0.0570, 1),
-    "woodpecker-lower-second-impact": WoodpeckerRecipe(0.0600, 1),
-    "woodpecker-lower-slip-to-stick": WoodpeckerRecipe(0.10635, 1),
-    "woodpecker-lower-stick-to-slip": WoodpeckerRecipe(0.1459, 1),
-}
-"""Recipe of each generated problem."""
+Recipe = FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe | SequenceRecipe
+
+
+@cache
+def recipes() -> dict[str, Recipe]:
+    """Return the recipe of each generated problem. The scenes are created at the first call."""
+    return {
+        **dict(_funnel_recipes()),
+        **body_recipes(),
+        **{member: SEQUENCE_RECIPES[name] for member, name in MEMBERS.items()},
+        "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
+        "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
+        "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
+        "woodpecker-beak-impact": WoodpeckerRecipe(0.0195, 0),
+        "woodpecker-upper-second-impact": WoodpeckerRecipe(0.0202, 2),
+        "woodpecker-upper-release": WoodpeckerRecipe(0.0222, 2),
+        "woodpecker-lower-impact": WoodpeckerRecipe(0.0570, 1),
+        "woodpecker-lower-second-impact": WoodpeckerRecipe(0.0600, 1),
+        "woodpecker-lower-slip-to-stick": WoodpeckerRecipe(0.10635, 1),
+        "woodpecker-lower-stick-to-slip": WoodpeckerRecipe(0.1459, 1),
+    }
 
 
 def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
@@ -139,13 +145,13 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
         ProblemError: for a name without a recipe, or a folder that cannot be written.
         PluginError: if a plugin does not create the problem that it offers.
     """
-    of_plugins = {offer.name for offer in plugin_problems()}.difference(RECIPES, HARD_CASES)
+    of_plugins = {offer.name for offer in plugin_problems()}.difference(recipes(), HARD_CASES)
     for name in names:
         if name in HARD_CASES:
             raise ProblemError(
                 f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
             )
-        if name not in RECIPES and name not in of_plugins:
+        if name not in recipes() and name not in of_plugins:
             raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
     target = folder if folder is not None else cache_folder()
     made = (plugin_problem(name) for name in names if name in of_plugins)
@@ -156,7 +162,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
 
 def generate_missing(names: Iterable[str]) -> None:
     """Generate missing problems that come from scenes, into the user's cache folder."""
-    missing = [name for name in names if name in RECIPES and not is_available(name)]
+    missing = [name for name in names if not is_available(name) and name in recipes()]
     if missing:
         generate(missing)
 
@@ -170,7 +176,7 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     pecks: dict[str, WoodpeckerRecipe] = {}
     sequences: dict[str, set[str]] = {}
     for name in names:
-        recipe = RECIPES[name]
+        recipe = recipes()[name]
         if isinstance(recipe, FunnelRecipe):
             flows.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
         elif isinstance(recipe, WoodpeckerRecipe):

@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.transform import Rotation
 
 from ....arrays import FloatArray, IntArray
 from ....errors import ProblemError
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 MAX_FACES = 64
 """Largest number of faces of a polyhedron."""
@@ -90,6 +92,9 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
         ProblemError: if points are missing, not finite or not corners of their hull, if they are flat, or a polyhedron
             has more than ``MAX_FACES`` faces or ``MAX_CORNERS`` corners of a face.
     """
+    from scipy.spatial import ConvexHull, QhullError  # import takes 0.2 s
+    from scipy.spatial.transform import Rotation
+
     corners = np.array(points, dtype=np.float64)
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4 or not np.isfinite(corners).all():
         raise ProblemError(
@@ -115,7 +120,7 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
     return Polyhedron((corners - centre) @ axes, faces, volume, moments), np.array([*centre, w, x, y, z])
 
 
-def _faces(corners: FloatArray, hull: ConvexHull) -> tuple[tuple[int, ...], ...]:
+def _faces(corners: FloatArray, hull: "ConvexHull") -> tuple[tuple[int, ...], ...]:
     """Return the faces of a hull, with coplanar triangles merged, each counter-clockwise seen from outside."""
     size = np.ptp(corners, axis=0).max()
     scaled = hull.equations / np.array([1.0, 1.0, 1.0, size])

@@ -26,7 +26,6 @@ from functools import cached_property
 from math import asin, hypot, sqrt
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
@@ -205,5 +204,7 @@ class Dominoes:
 
 def _integral(values: FloatArray, at: FloatArray) -> FloatArray:
     """Return the integral from the first of the points ``at`` to each of them, by the trapezoidal rule."""
+    from scipy.integrate import cumulative_trapezoid  # import takes 0.2 s
+
     integral: FloatArray = cumulative_trapezoid(values, at, initial=0)
     return integral

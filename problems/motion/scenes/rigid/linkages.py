@@ -9,7 +9,6 @@ from math import acos, atan2, cos, hypot, inf, sin, sqrt
 from typing import ClassVar
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from scipy.special import ellipj, ellipk
 
@@ -387,6 +386,8 @@ class FourBar(ClosedFormScene):
 
         if time == 0.0:
             return self.state(self.angle, self.speed)
+        from scipy.integrate import solve_ivp  # import takes 0.2 s
+
         solution = solve_ivp(lambda _, q: [speed(q[0])], (0.0, time), [self.angle], "DOP853", rtol=1e-12, atol=1e-12)
         angle = float(solution.y[0, -1])
         return replace(self.state(angle, speed(angle)), time=time)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from proxbench.bench.simulation.generation.body_problems import ARCH_LIMITS, BODY_RECIPES, BodyRecipe, body_problem
+from proxbench.bench.simulation.generation.body_problems import ARCH_LIMITS, BodyRecipe, body_problem, body_recipes
 from proxbench.bench.simulation.generation.box_scenes import BoxPile, BoxTable, BoxTrain
 from proxbench.problems import ContactProblem, ProblemError, load
 from proxbench.problems.exchange.catalog import SUITES, is_held
@@ -32,17 +32,17 @@ def masses(problem: ContactProblem) -> np.ndarray:
 
 
 def test_small_problems_of_every_family_are_frozen() -> None:
-    assert 10 <= len(FROZEN) < len(BODY_RECIPES)
+    assert 10 <= len(FROZEN) < len(body_recipes())
     assert {family_of(name) for name in FROZEN} == {family_of(name) for name in SUITES["bodies"]}
     assert max(load(name).n_contacts for name in FROZEN) <= 150
 
 
-@pytest.mark.parametrize("name", [name for name in FROZEN if BODY_RECIPES[name].step == 0])
+@pytest.mark.parametrize("name", [name for name in FROZEN if body_recipes()[name].step == 0])
 def test_frozen_first_steps_are_remade_to_rounding(name: str) -> None:
     """The terms of c are velocities of bodies, which cancel in joints; c inherits their rounding."""
     made, frozen = body_problem(name), load(name)
     assert made.provenance == frozen.provenance
-    rounding = 10.0 * np.finfo(float).eps * np.abs(BODY_RECIPES[name].scene.start().velocity).max()
+    rounding = 10.0 * np.finfo(float).eps * np.abs(body_recipes()[name].scene.start().velocity).max()
     for one, other, of_terms in (
         (made.free_velocity, frozen.free_velocity, rounding),
         (delassus(made), delassus(frozen), 0.0),
@@ -52,7 +52,7 @@ def test_frozen_first_steps_are_remade_to_rounding(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in FROZEN if BODY_RECIPES[name].step > 0])
+@pytest.mark.parametrize("name", [name for name in FROZEN if body_recipes()[name].step > 0])
 def test_frozen_later_steps_are_remade_to_the_accuracy_of_the_steps_before(name: str) -> None:
     made, frozen = body_problem(name), load(name)
     for one, other in ((made.free_velocity, frozen.free_velocity), (delassus(made), delassus(frozen))):
@@ -171,11 +171,11 @@ def test_boxes_of_a_drum_touch_staves_that_they_cannot_move_and_a_struck_wall_it
 
 
 def test_a_step_without_contacts_is_no_problem(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(BODY_RECIPES, "bodies-apart", BodyRecipe(BoxPile(2)))
+    monkeypatch.setitem(body_recipes(), "bodies-apart", BodyRecipe(BoxPile(2)))
     with pytest.raises(ProblemError, match="no contact is active in step 0 of the scene of 'bodies-apart'"):
         body_problem("bodies-apart")
 
 
 def test_a_first_step_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(BODY_RECIPES, "bodies-two", BodyRecipe(BoxStack(2), stop=None))  # type: ignore[arg-type]
+    monkeypatch.setitem(body_recipes(), "bodies-two", BodyRecipe(BoxStack(2), stop=None))  # type: ignore[arg-type]
     assert body_problem("bodies-two").n_contacts == 8

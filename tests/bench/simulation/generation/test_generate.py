@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from proxbench.bench.simulation.generation.generate import (
-    RECIPES,
     RollingRecipe,
     generate,
     generate_missing,
+    recipes,
     remake_problems,
 )
 from proxbench.problems import ContactProblem, ProblemError, load
@@ -36,18 +36,18 @@ def difference(first: ContactProblem, second: ContactProblem) -> float:
 
 
 def test_every_problem_that_is_not_a_formula_has_a_recipe() -> None:
-    assert set(RECIPES) == set(SUITES["all"]) - set(HARD_CASES)
+    assert set(recipes()) == set(SUITES["all"]) - set(HARD_CASES)
 
 
 def test_the_pile_that_resists_rolling_is_the_frozen_pile_with_another_law() -> None:
-    recipe = RECIPES["pile-100-rolling"]
+    recipe = recipes()["pile-100-rolling"]
     assert isinstance(recipe, RollingRecipe)
     resisting = with_rolling_friction(load(recipe.of), recipe.rolling_friction)
     assert load("pile-100-rolling").digest == resisting.digest
 
 
 def test_a_recipe_that_adds_a_law_remakes_what_it_is_added_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(RECIPES, "rolling", RollingRecipe("funnel-30-early", 0.002))
+    monkeypatch.setitem(recipes(), "rolling", RollingRecipe("funnel-30-early", 0.002))
     plain, resisting = remake_problems(["funnel-30-early"]), remake_problems(["rolling"])
     for one, other in zip(plain, resisting, strict=True):
         assert (other.name, other.provenance["rolling_friction"]) == ("rolling", 0.002)
