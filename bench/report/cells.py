@@ -153,12 +153,12 @@ def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[s
     """Return the solved problems and mean times of each solver (rows) in each family (columns)."""
     rows: dict[str, dict[str, str]] = {solver: {} for solver in solvers if solver in set(table["solver"])}
     chosen, heads = tags or summary_tags(table), dict[str, None]()
-    for row in table.to_dict("records"):
+    means = {tag: mean_texts(table, "mean_time", tag) for tag in chosen}
+    for index, row in enumerate(table.to_dict("records")):
         for tag in chosen:
             head = row["family"] if len(chosen) == 1 else f"{row['family']} {tag}"
             solved = round(row[f"correct_{tag}"] * row["problems"])
-            text = f"{solved}/{row['problems']} {duration(row[f'mean_time_{tag}'])}"
-            rows[row["solver"]][head] = text
+            rows[row["solver"]][head] = f"{solved}/{row['problems']} {means[tag][index]}"
             heads[head] = None
     cells = [{"solver": solver, **{head: row.get(head, "–") for head in heads}} for solver, row in rows.items()]
     return pd.DataFrame(cells, columns=["solver", *heads])

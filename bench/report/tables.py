@@ -65,6 +65,9 @@ _FAMILIES = (
 )
 """Legend of the table by family."""
 
+_FEWER_OF_FAMILIES = "(n): over n of them, because times of the others are excluded; –: over none."
+"""Continuation of that legend if excluded times reduce the problems of a mean."""
+
 _STARTS = (
     "From zero (cold) and from the answer to the step before (warm): solved steps, and over those solved both ways the "
     "mean iterations, the geometric mean times, their ratio (gain), and how many steps are slower warm by 5 % or more."
@@ -141,13 +144,18 @@ def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.Dat
     results = ("results", table, shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
     if frames.is_study:
         return [results, ("points", points_table(frames), shown_points, "")]
-    summary, starts = summary_table(frames), starts_table(frames)
+    summary, starts, of_families = summary_table(frames), starts_table(frames), families_table(frames)
     note = f"\n{_summary_legend(summary)}\n" if len(summary) else ""
     return [
         results,
         ("problems", problems_table(frames), shown_problems, ""),
         ("ratios", ratios, shown_ratios, ""),
-        ("families", families_table(frames), partial(shown_families, frames.info.plan.solvers), f"\n{_FAMILIES}\n"),
+        (
+            "families",
+            of_families,
+            partial(shown_families, frames.info.plan.solvers),
+            f"\n{_family_legend(of_families)}\n",
+        ),
         ("summary", summary, shown_summary, note),
         *([("starts", starts, shown_starts, f"\n{_STARTS}\n")] if len(starts) else []),
     ]
@@ -252,7 +260,7 @@ def _print_families(frames: RunFrames, console: Console) -> None:
             console.print(Text(f"by family, to {tag}", style="bold"))
             print_table(console, cells[["solver", *names]])
             console.print()
-    console.print(Text(_FAMILIES, style="dim"))
+    console.print(Text(_family_legend(table), style="dim"))
     console.print()
 
 
@@ -306,6 +314,10 @@ def _summary_legend(summary: pd.DataFrame) -> str:
         "claimed: supported problems that the solver claims to solve; confirmed: those that the judge confirms; "
         f"{means}{fewer if _has_fewer(summary) else ''}"
     )
+
+
+def _family_legend(table: pd.DataFrame) -> str:
+    return f"{_FAMILIES} {_FEWER_OF_FAMILIES}" if _has_fewer(table) else _FAMILIES
 
 
 def _markdown_head(frames: RunFrames) -> str:

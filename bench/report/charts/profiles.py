@@ -84,7 +84,7 @@ def profile_charts(
         view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title tells so.
     """
     shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
-    over, solvers = _over(frames, shown["accuracy"], view), shown["accuracy"]["solver"].unique()
+    solvers = shown["accuracy"]["solver"].unique()
     charts = {}
     for name in (*CURVES, "speedup"):
         table, parts = shown[name], [(name, "", shown[name])]
@@ -92,7 +92,8 @@ def profile_charts(
             levels = [(level, table[table["accuracy"] == level]) for level in profile_accuracies(frames)]
             parts = [(name, f"to a {frames.residual} residual of {exponent(level)}", own) for level, own in levels]
         row = _row(frames, parts, set(table["solver"]))
-        lines = [*([over] if name in CURVES else []), _NOTES[name].format(baseline)]
+        over = [_over(frames, shown["accuracy"], view, table["problems"])] if name in CURVES else []
+        lines = [*over, _NOTES[name].format(baseline)]
         notes = _with_threads(lines, name, other_threads(frames, solvers, baseline if name == "speedup" else ""))
         charts[name] = _page(frames, _TITLES[name], notes, [row], len(parts))
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
@@ -144,16 +145,25 @@ def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
     return own if len(own) else table[table["view"] == EVERY]
 
 
-def _over(frames: RunFrames, shown: pd.DataFrame, view: str) -> str:
-    """Return the meaning of the shares of a view, for a title."""
+def _over(frames: RunFrames, shown: pd.DataFrame, view: str, drawn: "pd.Series[int]") -> str:
+    """Return the meaning of the shares of a view, for a title.
+
+    Args:
+        frames: the run.
+        shown: accuracy profiles of the view.
+        view: one of ``VIEWS``.
+        drawn: number of problems of each row of the chart, from which problems with excluded times are omitted.
+    """
     count, solvers = int(shown["problems"].iloc[0]), shown["solver"].nunique()
     all_problems = counted(frames.cases["problem"].nunique(), "problem")
+    least = int(drawn.min()) if len(drawn) else 0
+    fewer = f"; {least} of them without excluded times" if least < count else ""
     if (shown["view"] == COMMON).all():
         left_out = frames.cases["solver"].nunique() - solvers
         without = f"; without {counted(left_out, 'solver')} that support none" if left_out else ""
-        return f"over the {count} of {all_problems} that all {solvers} solvers support{without}"
+        return f"over the {count} of {all_problems} that all {solvers} solvers support{without}{fewer}"
     none = "no problem is supported by all solvers: " if view == COMMON else ""
-    return f"{none}over all {all_problems}; unsupported ones count as not solved"
+    return f"{none}over all {all_problems}; unsupported ones count as not solved{fewer}"
 
 
 def _page(

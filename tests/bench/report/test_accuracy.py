@@ -17,7 +17,7 @@ from proxbench.bench.report.accuracy import (
     starts_table,
     summary_table,
 )
-from proxbench.bench.report.cells import duration, shown_points, shown_summary
+from proxbench.bench.report.cells import duration, shown_families, shown_points, shown_summary
 from proxbench.bench.report.tables import print_tables, write_tables
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
@@ -142,6 +142,8 @@ def test_means_name_the_number_of_their_problems_where_times_are_excluded(tmp_pa
     assert list(found["own_problems_1e-02"]) == [3, 1]
     (column,) = (name for name in shown_summary(found.reset_index()) if name.startswith("mean"))
     assert list(shown_summary(found.reset_index())[column]) == [f"{duration(0.1)} (1)"] * 2
+    of_family = shown_families(["A", "B"], found.reset_index().assign(family="sticking"), ["1e-02"])
+    assert list(of_family["sticking"]) == [f"3/3 {duration(0.1)} (1)"] * 2
 
 
 def test_notes_of_solved_cases_are_printed_below_their_table(tmp_path: Path) -> None:
