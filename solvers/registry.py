@@ -61,10 +61,10 @@ ON_DEVICES = {"WarpJORprox": "prox.warp_sorprox", "WarpColouredSORprox": "prox.w
 """Module of each solver that needs Warp, an optional dependency, and one of its devices."""
 
 _COMPOSITES = {"Refined": "composite.refined", "Fallback": "composite.fallback", "Warm": "composite.warm"}
-"""Module of each solver that is made of other solvers."""
+"""Module of each solver that is composed of other solvers."""
 
 _NATIVE = {"Shared": "native.shared_library", "Executable": "native.executable"}
-"""Module of each solver that is a file in another language."""
+"""Module of each solver in another programming language."""
 
 _OWN = {**BUILT_IN, **PARTS, **_COMPOSITES, **PEERS, **ON_DEVICES, **_NATIVE}
 """Names that plugins cannot use."""
@@ -78,7 +78,7 @@ _EXAMPLES = {
 _NATIVE_EXAMPLES = {"Shared": "Shared(./libmine.so)", "Executable": "Executable(./mine)"}
 
 _PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'\"=,()]+?))\s*(?=[,)])")
-"""The path of a file in another language, the first argument, with or without quotes."""
+"""The path of a library or executable, the first argument, with or without quotes."""
 
 
 def available() -> list[str]:
@@ -102,12 +102,12 @@ def on_devices() -> list[str]:
 
 
 def composites() -> dict[str, str]:
-    """Return an example of each built-in solver that is made of other solvers, by its name."""
+    """Return an example of each built-in solver that is composed of other solvers, by its name."""
     return dict(_EXAMPLES)
 
 
 def natives() -> dict[str, str]:
-    """Return an example of each solver that is a file in another language, by its name."""
+    """Return an example of each solver in another programming language, by its name."""
     return dict(_NATIVE_EXAMPLES)
 
 
@@ -205,7 +205,7 @@ def plain_names(name: str) -> list[str]:
 
 
 def native_parts(name: str) -> list[str]:
-    """Return the names of a solver and of its parts that are files in another language, each with its options.
+    """Return the names of a solver and its parts that are in another programming language, each with its options.
 
     Raises:
         SolverError: if the text is not a name.
@@ -219,7 +219,7 @@ def native_parts(name: str) -> list[str]:
 
 
 def _native_text(written: Name) -> str:
-    """Return the name of a file in another language as the solver itself writes it."""
+    """Return the name of a solver in another programming language as the solver itself writes it."""
     options = {key: value for key, value in written.options.items() if key != "path"}
     first = [repr(written.options["path"])] if "path" in written.options else []
     return f"{written.plain}({', '.join([*first, *(f'{key}={value!r}' for key, value in options.items())])})"
@@ -248,7 +248,7 @@ def _plugin_factory(offer: Offer) -> Any:
 def parse(text: str) -> Name:
     """Parse a name such as ``"SORprox(relaxation=1.5)"``; values are Python literals.
 
-    The path of a file in another language needs no quotes: ``"Shared(./libmine.so)"``.
+    The path of a library or executable needs no quotes: ``"Shared(./libmine.so)"``.
 
     Raises:
         SolverError: if the text is not a name, or a name with keyword options.
@@ -270,7 +270,7 @@ def solve(
         limits: max_iterations, max_seconds.
 
     Raises:
-        SolverError: for an unknown solver or option, or if ``problem`` is not a problem.
+        SolverError: for an unknown solver or option, or if ``problem`` is not a contact problem, a name or a path.
         ProblemError: from ``load``.
     """
     if isinstance(problem, str | Path):

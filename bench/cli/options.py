@@ -34,7 +34,7 @@ def require_command(context: typer.Context) -> int:
     return 2
 
 
-def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
+def _load_plugin_files(paths: list[Path] | None) -> list[Path] | None:
     if paths:
         from ..plugins.files import use_plugin_files
 
@@ -42,7 +42,7 @@ def _take_into_use(paths: list[Path] | None) -> list[Path] | None:
     return paths
 
 
-def given(context: typer.Context) -> set[str]:
+def given_parameters(context: typer.Context) -> set[str]:
     """Return the names of the parameters given on the command line."""
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
@@ -51,37 +51,39 @@ _OTHER_NAMES = {"results": "output", "plugins": "plugin"}
 """Options whose names differ from those of the parameters in Python."""
 
 
-def spelled(name: str) -> str:
+def option_name(name: str) -> str:
     """Return the option of a parameter: ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
 
 
 def spell_options(message: str) -> str:
     """Return a message with parameters replaced by options: `` `force=True` `` by ``--force``."""
-    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: spelled(_OTHER_NAMES.get(found[1], found[1])), message)
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: option_name(_OTHER_NAMES.get(found[1], found[1])), message)
 
 
-def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
+def require_absent(names: Iterable[str], given: Collection[str], reason: str) -> None:
     """Raise ``BenchError`` with a reason if one of these parameters is given."""
     from ..errors import BenchError
 
     for name in names:
         if name in given:
-            raise BenchError(f"{'SCENE' if name == 'scene' else spelled(name)} {reason}; leave it out.")
+            raise BenchError(f"{'SCENE' if name == 'scene' else option_name(name)} {reason}; leave it out.")
 
 
-def refuse_both(name: str, others: Iterable[str], given: Collection[str]) -> None:
+def require_exclusive(name: str, others: Iterable[str], given: Collection[str]) -> None:
     """Raise ``BenchError`` if a parameter is given together with one of the others."""
     from ..errors import BenchError
 
     for other in others:
         if name in given and other in given:
-            raise BenchError(f"{spelled(name)} and {spelled(other)} exclude each other; give one of them.")
+            raise BenchError(
+                f"{option_name(name)} and {option_name(other)} are mutually exclusive; give only one of them."
+            )
 
 
 def refuse_two_prints(quiet: bool, as_json: bool) -> None:
     """Raise ``BenchError`` if a command is called with both ``--quiet`` and ``--json``."""
-    refuse_both("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
+    require_exclusive("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 
 def _check_residual(name: str) -> str:
@@ -97,8 +99,8 @@ PluginFiles = Annotated[
     selection(
         "--plugin",
         metavar="FILE",
-        help="File with solvers, problems, scenes; repeatable.",
-        callback=_take_into_use,
+        help="File with solvers, problems or scenes; repeatable.",
+        callback=_load_plugin_files,
     ),
 ]
 """Plugin files, loaded before the command starts."""

@@ -40,7 +40,7 @@ def report(
     written. With --page, only the offline page of the run is written.
     """
     options.refuse_two_prints(quiet, as_json)
-    _require_consistent_options(result, options.given(context), charts)
+    _require_consistent_options(result, options.given_parameters(context), charts)
     if _is_simulation(result):
         from .simulation.show import report_simulation
 
@@ -63,11 +63,11 @@ def _require_consistent_options(result: Path, given: Collection[str], charts: bo
     """Raise ``BenchError`` if options of ``report`` contradict each other or the result."""
     if _is_simulation(result):
         of_runs = ("problem", "page", "baseline", "profiles", "residual")
-        options.refuse(of_runs, given, f"applies to runs, but {result} is a simulation")
-    options.refuse_both("problem", ("page", "baseline", "profiles", "quiet"), given)
-    options.refuse_both("page", ["profiles"], given)
+        options.require_absent(of_runs, given, f"applies to runs, but {result} is a simulation")
+    options.require_exclusive("problem", ("page", "baseline", "profiles", "quiet"), given)
+    options.require_exclusive("page", ["profiles"], given)
     if not charts:
-        options.refuse(["page", "profiles"], given, "draws charts, but --no-charts omits them")
+        options.require_absent(["page", "profiles"], given, "draws charts, but --no-charts omits them")
 
 
 def report_run(

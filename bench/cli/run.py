@@ -110,9 +110,9 @@ def _executor(dask: str) -> AbstractContextManager[Executor | None]:
 
 def _require_consistent_options(context: typer.Context) -> None:
     """Raise ``BenchError`` if options of ``run`` contradict each other."""
-    given = options.given(context)
+    given = options.given_parameters(context)
     if "resume" in given:
-        options.refuse(_STORED_WITH_THE_RUN, given, "is stored with the run, and --resume cannot change it")
+        options.require_absent(_STORED_WITH_THE_RUN, given, "is stored with the run, and --resume cannot change it")
     else:
-        options.refuse(["retry_failed", "mix"], given, "finishes an interrupted run and needs --resume RUN")
-    options.refuse_both("suite", ["problem"], given)
+        options.require_absent(["retry_failed", "mix"], given, "finishes an interrupted run and needs --resume RUN")
+    options.require_exclusive("suite", ["problem"], given)

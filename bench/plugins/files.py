@@ -24,7 +24,7 @@ def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECON
         seconds: wall time limit to import a file and create its solvers [s].
 
     Raises:
-        PluginError: if a file is missing or cannot be imported, or provides nothing, a name that is taken, or a solver
+        PluginError: if a file is missing or cannot be imported, or provides nothing, a name already taken, or a solver
             that violates the interface; the file is then not registered.
     """
     for path in map(Path, paths):
@@ -52,7 +52,7 @@ def _register_file(file: PluginFile, seconds: float) -> None:
 
 
 def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[str] = ()) -> list[PluginUse]:
-    """Return the plugin names in a run, each with its package, or its file and SHA-256.
+    """Return the plugins that a run uses, each with its package, or its file and SHA-256.
 
     Args:
         solvers: names of solvers, with or without options.

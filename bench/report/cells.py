@@ -1,4 +1,4 @@
-"""Cells of tables as texts: times with units, counts, and marks of the fastest times."""
+"""Cells of tables as text: times with units, counts, and marks of the fastest times."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -31,7 +31,7 @@ def exponent(tolerance: float) -> str:
 
 
 def time_columns(results: pd.DataFrame) -> dict[str, str]:
-    """Return the keys of the time columns by their heads."""
+    """Return the keys of the time columns by their headings."""
     return {key.removeprefix(TIME): key for key in results.columns if key.startswith(TIME)}
 
 
@@ -41,7 +41,7 @@ def summary_tags(summary: pd.DataFrame) -> list[str]:
 
 
 def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
-    """Return the standing of each time in a table of results, by index and head."""
+    """Return the standing of each time in a table of results, by index and heading."""
     columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
     known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
     return {
@@ -52,7 +52,7 @@ def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tupl
 
 
 def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
-    """Return ratios and their intervals as texts."""
+    """Return ratios and their intervals as text."""
     shown = ratios[["problem", "solver", "standing"]].copy()
     shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
     shown.insert(3, "time", ratios["seconds"].map(duration))
@@ -64,7 +64,7 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
 def shown_results(
     results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results as texts: times that tie with the least have a mark, and the fastest ones are ``bold``.
+    """Return results as text: times that tie with the shortest have a mark, and the fastest ones are ``bold``.
 
     The column *threads* is shown if a solver uses several. The column *by model* shows the residual by the model
     of each solver, if that of one of them is not Coulomb's law.
@@ -83,7 +83,7 @@ def shown_results(
     if (results["threads"] == 1).all():
         shown = shown.drop(columns="threads")
     own = shown.pop("model_residual")
-    if not is_study and not is_of_coulomb(results):
+    if not is_study and not all_solve_coulomb(results):
         shown.insert(list(shown.columns).index("residual") + 1, "by model", own)
     for head, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
         if head in shown:
@@ -93,13 +93,13 @@ def shown_results(
     return shown
 
 
-def is_of_coulomb(cases: pd.DataFrame) -> bool:
+def all_solve_coulomb(cases: pd.DataFrame) -> bool:
     """Return whether all solvers of some cases solve Coulomb's law."""
     return bool((cases["model"] == str(Model.COULOMB)).all())
 
 
 def shown_points(points: pd.DataFrame) -> pd.DataFrame:
-    """Return the points of a study as texts."""
+    """Return the points of a study as text."""
     shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
     for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
@@ -114,7 +114,7 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
-    """Return the summary as texts, for the accuracy of a tag, or for all accuracies with their tags in the heads."""
+    """Return the summary as text, for the accuracy of a tag, or for all accuracies with their tags in the headings."""
     shown = summary[["solver", "model"]].copy()
     for one in [tag] if tag else summary_tags(summary):
         of = "" if tag else f" {one}"
@@ -127,7 +127,7 @@ def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
 
 
 def mean_texts(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
-    """Return mean times as texts, with the number of problems if excluded times reduce it."""
+    """Return mean times as text, with the number of problems if excluded times reduce it."""
     number, most = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
     columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[most]
     return [
@@ -137,7 +137,7 @@ def mean_texts(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
 
 
 def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
-    """Return problems as texts: number of solvers that reach each accuracy, least time, and fastest solver."""
+    """Return problems as text: number of solvers that reach each accuracy, shortest time, and fastest solver."""
     shown = problems[["problem", "family"]].assign(contacts=problems["n_contacts"].astype(str))
     fastest = pd.Series("–", index=problems.index)
     for key in problems.columns[problems.columns.str.startswith("solved_")]:
@@ -165,7 +165,7 @@ def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[s
 
 
 def shown_starts(starts: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of starts as texts: solved problems, iterations and times from zero and warm, and the gain."""
+    """Return the table of starts as text: solved problems, iterations and times from zero and warm, and the gain."""
     shown = starts[["family", "solver"]].assign(to=[f"{value:.0e}" for value in starts["tolerance"]])
     for start in ("cold", "warm"):
         counts = zip(starts[f"{start}_solved"], starts["problems"], strict=True)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...problems.contact.model import Model
-from ..store.condition import basis, run_state, steadiness, warnings
+from ..store.condition import residual_note, run_state, steadiness, warnings
 from ..store.frames import JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome
 from .accuracy import (
@@ -28,7 +28,7 @@ from .accuracy import (
 )
 from .cells import (
     TIME,
-    is_of_coulomb,
+    all_solve_coulomb,
     shown_families,
     shown_points,
     shown_problems,
@@ -179,7 +179,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     """
     for warning in warnings(frames):
         console.print(Text(warning, style="bold yellow"))
-    for sentence in (*basis(frames), steadiness(frames)):
+    for sentence in (*residual_note(frames), steadiness(frames)):
         console.print(Text(sentence, style="dim"))
     console.print()
     results = results_table(frames)
@@ -295,7 +295,7 @@ def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
     least = " of a simulation, to that error" if frames.is_study else least
     times = f"{columns} the least median time{least}; – means never reached."
     times += "" if frames.is_study else f" {_MARKS}"
-    times += "" if frames.is_study or is_of_coulomb(frames.cases) else f" {_BY_MODEL}"
+    times += "" if frames.is_study or all_solve_coulomb(frames.cases) else f" {_BY_MODEL}"
     return times if summary.empty else f"{times}\n{_summary_legend(summary)}"
 
 

@@ -12,10 +12,10 @@ from ..errors import BenchError
 from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
 
-UNSTEADY = 1.5
+MAX_DRIFT = 1.5
 """Drift above which a report warns."""
 
-BUSY = 0.25
+MAX_BUSY_CORES = 0.25
 """Number of other cores that other programs may use on average without a warning."""
 
 MAX_MISSING = 3
@@ -83,8 +83,8 @@ def hosts(frames: RunFrames) -> dict[str, int]:
     return dict(Counter(host for machines in by_problem for host in {machine.host for machine in machines}))
 
 
-def mixtures(frames: RunFrames) -> list[str]:
-    """Return in words how the sessions differ whose times a report compares.
+def session_differences(frames: RunFrames) -> list[str]:
+    """Describe how sessions differ whose times a report compares.
 
     All sessions must have the same versions and source, and those of one problem the same machine.
     """
@@ -115,17 +115,17 @@ def require_comparable(frames: RunFrames) -> None:
     if frames.is_study:
         raise BenchError(f"{frames.folder} is a study, whose points are simulations; name a run over contact problems.")
     if frames.cases.empty:
-        raise BenchError(f"{frames.folder} has no measured case; finish it with: {_resuming(frames)}")
+        raise BenchError(f"{frames.folder} has no measured case; finish it with: {_resume_command(frames)}")
 
 
-def _resuming(frames: RunFrames) -> str:
+def _resume_command(frames: RunFrames) -> str:
     return f"proxbench run --resume {frames.folder}"
 
 
 def unfinished(frames: RunFrames) -> list[str]:
     """Return the warning that planned cases are missing or measured in part; empty if all are measured.
 
-    A case is missing if it was not reached, lost with a worker, or if its file was deleted or is damaged.
+    A case is missing if it was not reached, if its worker was lost, or if its file was deleted or is damaged.
     """
     if frames.is_finished:
         return []
@@ -137,7 +137,7 @@ def unfinished(frames: RunFrames) -> list[str]:
     named = f", without {', '.join(missing[:MAX_MISSING])}{more}" if known and missing else ""
     partly = f", {begun} more in part" if begun else ""
     counts = f"{frames.n_finished} of {frames.n_planned} cases"
-    return [f"UNFINISHED: {counts} are measured{partly}{named}; resume with: {_resuming(frames)}"]
+    return [f"UNFINISHED: {counts} are measured{partly}{named}; resume with: {_resume_command(frames)}"]
 
 
 def warnings(frames: RunFrames) -> list[str]:
@@ -151,12 +151,12 @@ def warnings(frames: RunFrames) -> list[str]:
             f"EXCLUDED: {counts} were measured while other programs used the core; they are marked {EXCLUDED_MARK} and "
             "not compared; measure again on a quiet machine"
         )
-    if busy_cores(frames.info) > BUSY:
+    if busy_cores(frames.info) > MAX_BUSY_CORES:
         found.append(
             f"BUSY: other programs used {busy_cores(frames.info):.1f} other cores on average while solves were timed; "
             "times are not comparable with those of another run; measure again on a quiet machine"
         )
-    if drift(frames) > UNSTEADY:
+    if drift(frames) > MAX_DRIFT:
         found.append(
             f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
             "different problems are not comparable; measure again on a quiet machine"
@@ -175,17 +175,17 @@ def warnings(frames: RunFrames) -> list[str]:
             f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
             "different problems are not comparable"
         )
-    mixed = mixtures(frames)
+    mixed = session_differences(frames)
     if mixed:
         found.append(
             f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
-            "sessions are not comparable; measure again in one"
+            "sessions are not comparable; measure again in a single session"
         )
     return found
 
 
-def basis(frames: RunFrames) -> list[str]:
-    """Return the kind of the residuals, unless they are the judged ones."""
+def residual_note(frames: RunFrames) -> list[str]:
+    """Return a note that names the kind of the residuals, unless they are the judged ones."""
     if frames.residual == JUDGED:
         return []
     return ["residuals are local: the largest violation of a contact relative to contacts that share a body with it"]
@@ -208,4 +208,4 @@ def steadiness(frames: RunFrames) -> str:
 
 def run_state(frames: RunFrames) -> list[str]:
     """Return the warnings, the kind of the residuals if it is not the usual one, and the steadiness of the machine."""
-    return [*warnings(frames), *basis(frames), steadiness(frames)]
+    return [*warnings(frames), *residual_note(frames), steadiness(frames)]

@@ -8,11 +8,11 @@ from typing import Any
 
 from ..errors import ProblemError
 
-TRIED_VERSION = "4.0"
+SUPPORTED_VERSION = "4.0"
 """Supported version of MuJoCo, with any patch release."""
 
 INSTALL = 'pip install ".[mujoco]" in a clone of proxbench'
-"""Command that installs MuJoCo."""
+"""Instruction that installs MuJoCo."""
 
 
 def mujoco() -> Any:
@@ -25,8 +25,8 @@ def mujoco() -> Any:
         raise ProblemError(f"capturing needs MuJoCo, which is not installed; run {INSTALL}.")
     module = importlib.import_module("mujoco")
     version = str(module.__version__)
-    if not f"{version}.".startswith(f"{TRIED_VERSION}."):
-        raise ProblemError(f"MuJoCo {version} is not supported, only {TRIED_VERSION}.x is; run {INSTALL}.")
+    if not f"{version}.".startswith(f"{SUPPORTED_VERSION}."):
+        raise ProblemError(f"MuJoCo {version} is not supported, only {SUPPORTED_VERSION}.x is; run {INSTALL}.")
     return module
 
 

@@ -1,4 +1,4 @@
-"""Repair of matrices in files that are not quite symmetric or semidefinite.
+"""Repair of matrices in files, if they are not quite symmetric or semidefinite.
 
 Public files contain mass matrices with a single triangle, and matrices that lost their symmetry or their smallest
 eigenvalues to rounding. The reader chooses a remedy by name, and the provenance of the problem records it.
@@ -25,13 +25,13 @@ Indefinite = Literal["refuse", "project"]
 ASYMMETRY = "asymmetry"
 """Entry of the provenance: max |A − Aᵀ| / max |A| of a matrix that was repaired or kept."""
 
-LARGEST_ASYMMETRY = 1e-2
+MAX_ASYMMETRY = 1e-2
 """max |A − Aᵀ| / max |A| up to which "mean" applies; beyond it, the difference is not rounding."""
 
-LARGEST_NEGATIVE = 1e-6
+MAX_NEGATIVE = 1e-6
 """Largest |negative eigenvalue|, relative to the largest one, to which "project" applies."""
 
-MOST_ROWS = 5000
+MAX_ROWS = 5000
 """Largest number of rows of a matrix to project, for which all eigenvalues are computed."""
 
 
@@ -103,7 +103,7 @@ class Repair:
     def semidefinite(
         self, matrix: sp.csr_array[Any], notes: dict[str, Any]
     ) -> tuple[sp.csr_array[Any], dict[str, Any], bool]:
-        """Return the same as ``delassus`` for the result of ``symmetric``, a matrix and its ``notes``."""
+        """Repair a matrix that ``symmetric`` has returned with its ``notes``; see ``delassus``."""
         if notes and self.symmetry == "keep":
             return matrix, notes, True
         if self.indefinite == "project":
@@ -118,10 +118,11 @@ class Repair:
             ProblemError: if the remedy does not apply to it, or is "keep".
         """
         if self.symmetry == "keep":
-            raise ProblemError("`symmetry` keep applies to W only; a mass matrix M must be symmetric.")
+            raise ProblemError("`symmetry` keep applies only to a Delassus matrix; a mass matrix M must be symmetric.")
         matrix, notes = symmetric(matrix, "M", self.symmetry)
         if self.symmetry == "mean" and asymmetry(matrix):
-            matrix = sp.csr_array(0.5 * (matrix + matrix.T))  # rounding relative to M may be large in one of its blocks
+            # an asymmetry within the rounding of M may exceed the rounding of one of its blocks
+            matrix = sp.csr_array(0.5 * (matrix + matrix.T))
         return matrix, notes
 
 
@@ -147,7 +148,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
     if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # the problem rejects such numbers
         return matrix, {}
     misses = f"{name} is asymmetric by {off:.1e} of its largest entry"
-    if how == "refuse" or (how == "mean" and not off <= LARGEST_ASYMMETRY):
+    if how == "refuse" or (how == "mean" and not off <= MAX_ASYMMETRY):
         raise _asymmetric(misses, matrix, off)
     repaired, remedy = matrix, "is kept unchanged"
     if how == "mean":
@@ -155,7 +156,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
     elif how in ("lower", "upper"):
         strict = sp.tril(matrix, -1) if how == "lower" else sp.triu(matrix, 1)
         repaired = sp.csr_array(strict + strict.T + sp.diags_array(matrix.diagonal()))
-        remedy = f"is read by its {how} triangle"
+        remedy = f"only its {how} triangle is read"
     return repaired, {ASYMMETRY: off, "matrix": f"{misses}, and {remedy}"}
 
 
@@ -166,20 +167,20 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     without negative eigenvalues beyond rounding is returned unchanged.
 
     Raises:
-        ProblemError: if the matrix is too large, or an eigenvalue is too far below zero for a rounding error.
+        ProblemError: if the matrix is too large, or an eigenvalue is too far below zero to be a rounding error.
     """
-    if matrix.shape[0] > MOST_ROWS:
-        raise ProblemError(f"G has {matrix.shape[0]} rows, but `indefinite` project supports at most {MOST_ROWS}.")
+    if matrix.shape[0] > MAX_ROWS:
+        raise ProblemError(f"G has {matrix.shape[0]} rows, but `indefinite` project supports at most {MAX_ROWS}.")
     if not matrix.shape[0]:
         return matrix, {}
     values, vectors = np.linalg.eigh(matrix.toarray().astype(np.float64))
     least = float(values[0] / max(values[-1], np.finfo(np.float64).tiny))
     if least >= -NEGATIVE_TOLERANCE:
         return matrix, {}
-    if least < -LARGEST_NEGATIVE:
+    if least < -MAX_NEGATIVE:
         raise ProblemError(
-            f"G has the eigenvalue {values[0]:.3g}, the largest is {values[-1]:.3g}, and `indefinite` project replaces "
-            f"negative ones up to {LARGEST_NEGATIVE:g} of the largest one."
+            f"G has the negative eigenvalue {values[0]:.3g} and the largest eigenvalue {values[-1]:.3g}; `indefinite` "
+            f"project replaces only negative eigenvalues up to {MAX_NEGATIVE:g} of the largest one."
         )
     kept = vectors[:, values > 0.0] * np.sqrt(values[values > 0.0])
     remedy = "negative eigenvalues of G are replaced by 0"
@@ -192,6 +193,6 @@ def _asymmetric(misses: str, matrix: sp.csr_array[Any], off: float) -> Asymmetri
         return AsymmetricError(f"{misses}, and only its lower triangle has entries", "lower")
     if not sp.tril(matrix, -1).count_nonzero():
         return AsymmetricError(f"{misses}, and only its upper triangle has entries", "upper")
-    if off <= LARGEST_ASYMMETRY:
+    if off <= MAX_ASYMMETRY:
         return AsymmetricError(misses, "mean")
     return AsymmetricError(f"{misses}, and either its lower or its upper triangle is wrong", "lower")

@@ -3,15 +3,17 @@
     Delassus    minimise ½ ΛᵀGΛ + cᵀΛ   subject to   Λ ∈ K,            K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact
     factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
 
-Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N; the dual of both cones together, {ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is
-their sum, for which the factor form has no variables. A bilateral law has K = R, and so ξ = 0 in the dual.
+Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of both cones together, {ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is
+the sum of their duals, which needs variables that the factor form does not have. A bilateral law has K = R, and so
+ξ = 0 in the dual.
 
 The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ the multipliers; it never
 assembles G. Both accept another c as an update of their data, without a new set-up.
 
 Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
-motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The matrix then has unit diagonal
-and c has size one, for any masses and units of the contacts. Each cone is scaled as a whole and keeps its form.
+motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The largest diagonal entry of
+each block is then one, and c has size one, for any masses and units of the contacts. Each cone is scaled as a whole and
+keeps its form.
 
 Either program may be regularised: G + diag(w) replaces G; in factor form the rows diag(√w) are appended to W̃.
 """
@@ -32,7 +34,7 @@ from ...problems.contact.residual import convex_obstacle
 Form = Literal["delassus", "factors"]
 
 MAX_ITERATIONS = 200
-"""Limit of interior point iterations of one run; Clarabel needs 10 to 30, or makes no progress."""
+"""Limit of interior-point iterations of one run; Clarabel needs 10 to 30, or makes no progress."""
 
 MAX_REFINEMENTS = 50
 """Largest number of refinements of one linear solve in a careful run, as long as each halves the error."""
@@ -58,8 +60,8 @@ class ConicResult:
 
     Attributes:
         impulses: Λ [N s], shape (n_rows,); NaN if there are none.
-        iterations: its iterations.
-        seconds: its time [s].
+        iterations: number of iterations of the run.
+        seconds: time of the run [s].
         status: how the run ended.
     """
 

@@ -117,7 +117,7 @@ def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-
 
 @njit(cache=True, error_model="numpy")
 def couple(kind, friction, share, r, u, matrices, shifts, target, second, coupled, right):  # type: ignore[no-untyped-def]
-    """Write D and the right side x of (Ĝ + D) dr = x + …, from D₀ and x₀ of the cones.
+    """Write D and the right-hand side x of (Ĝ + D) dr = x + …, from D₀ and x₀ of the cones.
 
     The ``share`` z of De Saxcé's term enters: D = (I − zZ) D₀, x = (I − zZ) x₀, Z = e_N ζᵀ, ζ = û_T/‖û_T‖; for a
     variable bound the same share of its change, z μ dr_N.

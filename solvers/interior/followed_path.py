@@ -161,7 +161,7 @@ class FollowedPath:
         return self._progress.factorise(lambda: self._system.factorise(self._coupled))
 
     def _towards_tau(self) -> FloatArray:
-        """Return the right side of complementarity for dτ = τ."""
+        """Return the right-hand side of complementarity for dτ = τ."""
         heads = np.zeros_like(self._heads)
         heads[:, 0] = heads[:, -1] = self._at.tau
         return heads

@@ -5,7 +5,7 @@ Along the path every equation is at most quadratic in the unknowns,
     p ∘ q = τ e,      s² = ‖û_T‖²,      û = Ĝr + ĉ + s e_N,
 
 so with x(a) = Σ x_k aᵏ each order follows from the lower ones, by the linear system of Newton's method at a = 0 with
-the right side (Cochelin 1994)
+the right-hand side (Cochelin 1994)
 
     L(p₀) q_k + L(q₀) p_k = τ_k e − Σ_{0<j<k} p_j ∘ q_{k−j},
     s_k = ζᵀ û_{T,k} + (Σ_{0<j<k} û_{T,j}ᵀ û_{T,k−j} − s_j s_{k−j}) / 2s₀.
@@ -31,9 +31,9 @@ class Direction:
     """A direction in the unknowns.
 
     Attributes:
-        r: shape (n, 3).
-        u: shape (n, 3).
-        s: shape (n,).
+        r: change of r, shape (n, 3).
+        u: change of û, shape (n, 3).
+        s: change of s, shape (n,).
         tau: change of τ, relative to τ.
     """
 
@@ -82,7 +82,7 @@ def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-u
 
 @njit(cache=True, error_model="numpy")
 def write_right(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
-    """Write L(p)⁻¹ of the heads, and the right side over lanes, without De Saxcé's term."""
+    """Write L(p)⁻¹ times the heads, and the right-hand side over lanes, without De Saxcé's term."""
     width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0

@@ -41,7 +41,7 @@ class Method:
 
 
 def unsupported_laws(problem: ContactProblem) -> str | None:
-    """Return the laws of ``problem`` other than contacts and sliding friction, as a reason to decline, or None."""
+    """Return why a method that supports only contacts with sliding friction cannot solve ``problem``, or None."""
     if problem.laws.is_bilateral.any():
         return "it has joints (bilateral laws), and this method supports only contacts with sliding friction"
     if problem.laws.is_rolling.any():

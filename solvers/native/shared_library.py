@@ -2,7 +2,7 @@
 
 The structures of a solve are created when the problem is prepared, so that a call has little overhead: it sets the
 limits, enters the library, and copies the impulses to memory that the library cannot reach. Guards lie before and
-behind the memory of the impulses, and their bytes must not change. The impulses are NaN before each call, which reveals
+after the memory of the impulses, and their bytes must not change. The impulses are NaN before each call, which reveals
 entries that the library does not write.
 """
 
@@ -31,7 +31,7 @@ from .problem_arrays import ProblemArrays
 from .structures import FUNCTIONS, OBSERVER, STATUSES, Description, Problem, Request, Result, addressed, text_of
 
 GUARD = 64
-"""Number of guard entries before and behind the impulses, which a solver must not write."""
+"""Number of guard entries before and after the impulses, which a solver must not change."""
 
 MAX_COUNT = 2**62
 """Largest iteration limit that the library receives; larger limits have no effect."""
@@ -95,7 +95,7 @@ class Shared(NativeSolver):
         try:
             length, found = elf_length(self.file), self.file.stat().st_size
         except OSError as error:
-            raise SolverError(f"cannot read {self.path}: {error.strerror}; correct its permissions.") from None
+            raise SolverError(f"cannot read {self.path}: {error.strerror}; make it readable.") from None
         if found < length:
             raise SolverError(f"shared library {self.path} is truncated after {found} bytes; build or copy it again.")
 
@@ -120,7 +120,7 @@ class PreparedLibrary:
         self._memory = np.empty(2 * GUARD + self._n_rows)
         self._memory[:GUARD] = self._memory[GUARD + self._n_rows :] = np.frombuffer(_GUARD_BYTES)
         self._impulses, self._start = self._memory[GUARD : GUARD + self._n_rows], np.zeros(self._n_rows)
-        self._ahead, self._behind = self._memory[:GUARD], self._memory[GUARD + self._n_rows :]
+        self._guard_before, self._guard_after = self._memory[:GUARD], self._memory[GUARD + self._n_rows :]
         self._request: Request = addressed(Request)
         self._result: Result = addressed(Result)
         self._request.threads, self._request.start = granted_threads(), self._start.ctypes.data
@@ -131,7 +131,7 @@ class PreparedLibrary:
         """Call ``proxbench_solve``; see ``Prepared.solve``.
 
         Raises:
-            BrokenInterfaceError: if the library writes beyond the impulses, or returns no status.
+            BrokenInterfaceError: if the library writes beyond the impulses, or returns an unknown status.
         """
         if self._refused is not Status.SOLVED:
             return refused_solution(self._n_rows, self._refused, self._message)
@@ -142,7 +142,7 @@ class PreparedLibrary:
         self._impulses.fill(np.nan)
         result.iterations, result.message = 0, None
         code = self._call(self._handle, *self._addresses) if observe is None else self._observed(observe)
-        if self._ahead.tobytes() != _GUARD_BYTES or self._behind.tobytes() != _GUARD_BYTES:
+        if self._guard_before.tobytes() != _GUARD_BYTES or self._guard_after.tobytes() != _GUARD_BYTES:
             raise BrokenInterfaceError(f"{self._source} wrote beyond the {self._n_rows} impulses of the problem")
         if not 0 <= code < len(STATUSES):
             status_of(self._source, code)

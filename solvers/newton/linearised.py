@@ -134,7 +134,7 @@ def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-unty
 def _linearise(  # type: ignore[no-untyped-def]
     sets, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
 ):
-    """Identify the states; set Λ of open and idle rows to zero, and write right side and weights (P, δ) of slip."""
+    """Identify the states, zero Λ of open and idle rows, and write the right-hand side and weights (P, δ) of slip."""
     for law in range(len(sets)):
         if sets[law] == LINE:
             is_active[first_row[law]] = alpha[law] > 0.0

@@ -7,7 +7,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
 from .installed import check_installed
-from .kamino_problem import TRIED, DualSolver, unsupported_reason
+from .kamino_problem import TESTED_VERSION, DualSolver, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 
@@ -33,7 +33,7 @@ class KaminoPADMM(Method):
     has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_installed("KaminoPADMM", "newton", "kamino", TRIED)
+        check_installed("KaminoPADMM", "newton", "kamino", TESTED_VERSION)
         check_option("acceleration", self.acceleration, isinstance(self.acceleration, bool), "True or False")
         check_option("penalty", self.penalty, 0.0 < self.penalty < float("inf"), "positive")
 

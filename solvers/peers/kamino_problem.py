@@ -22,7 +22,7 @@ from ...problems.contact.laws import LawKind, Laws
 from ...problems.contact.problem import ContactProblem
 from ..conic.programs import Scaling
 
-TRIED = "1.8"
+TESTED_VERSION = "1.8"
 """Beginning of the tested versions of Newton."""
 
 MAX_ROWS = 3000

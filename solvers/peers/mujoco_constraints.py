@@ -9,16 +9,16 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import residual_under
 from ..iteration.method import Method, check_option
 from .installed import check_installed
-from .mujoco_problem import TRIED, ConstraintStage
+from .mujoco_problem import TESTED_VERSION, ConstraintStage
 from .mujoco_program import program_of, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 Algorithm = Literal["Newton", "CG", "PGS"]
 
 FIRST_TOLERANCE, TIGHTENING = 1e-2, 1e-3
-"""MuJoCo's tolerance of the cost in the first round, and its factor from one round that meets it to the next.
+"""MuJoCo's tolerance of the cost in the first round, and the factor that reduces it after each round that meets it.
 
-They do not depend on the tolerance of the solve, so that a tighter one has the same iterates.
+They do not depend on the tolerance of the solve, so that a solve with a smaller tolerance has the same iterates.
 """
 
 
@@ -47,7 +47,7 @@ class MuJoCo(Method):
     has_iterates: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        check_installed("MuJoCo", "mujoco", "mujoco", TRIED)
+        check_installed("MuJoCo", "mujoco", "mujoco", TESTED_VERSION)
         known = get_args(Algorithm)
         check_option("algorithm", self.algorithm, self.algorithm in known, "one of " + ", ".join(known))
         check_option("impedance", self.impedance, 0.0 < self.impedance < 1.0, "between 0 and 1")

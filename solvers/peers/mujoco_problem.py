@@ -1,8 +1,8 @@
-"""MuJoCo's constraint stage, filled with a convex program, and the import of MuJoCo.
+"""MuJoCo's constraint stage, filled with a convex program.
 
 A model is built that has the right number of coordinates and constraint rows: a slide joint of mass 1 for each
-coordinate, an equality for each bilateral law, friction loss for each friction with a fixed bound, and a sphere in a
-plane for each contact. Its kinematics are not used.
+coordinate, an equality for each bilateral law, friction loss for each friction law with a fixed bound, and a sphere on
+a plane for each contact. Its kinematics are not used.
 """
 
 import importlib
@@ -13,8 +13,8 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.solver import SolverError
 from .mujoco_program import ConeProgram
 
-TRIED = "4.0"
-"""Beginning of the tested versions of MuJoCo."""
+TESTED_VERSION = "4.0"
+"""Prefix of the tested versions of MuJoCo."""
 
 
 class ConstraintStage:
@@ -30,7 +30,8 @@ class ConstraintStage:
         self._model = self._mujoco.MjModel.from_xml_string(_model_text(program))
         self._data = self._mujoco.MjData(self._model)
         self._model.opt.solver = getattr(self._mujoco.mjtSolver, f"mjSOL_{algorithm.upper()}")
-        if algorithm == "PGS":  # it would start from the forces of the accelerations, which stiffness magnifies
+        if algorithm == "PGS":
+            # it would start from forces computed from accelerations, whose errors stiffness amplifies
             self._model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_WARMSTART
         self._fill()
 
@@ -65,7 +66,7 @@ class ConstraintStage:
         self._data.qacc_warmstart[:] = self._jacobian.T @ self._program.forces(impulses)
 
     def run(self, tolerance: float, iterations: int) -> None:
-        """Solve the program; nothing else, so that its time is that of MuJoCo's solver."""
+        """Solve the program, and do nothing else, so that the time is that of MuJoCo's solver."""
         self._model.opt.tolerance, self._model.opt.iterations = tolerance, iterations
         self._mujoco.mj_fwdConstraint(self._model, self._data)
 

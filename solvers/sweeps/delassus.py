@@ -1,6 +1,6 @@
 """Gauss–Seidel sweeps over the assembled Delassus matrix, one kernel for each block width.
 
-For each block i a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the newest
+For each block i a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the latest
 impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of [54, 55] law by law; it reads G
 once.
 
@@ -150,7 +150,7 @@ class DelassusIterates(DelassusState):
         return self._laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps."""
+        """Perform ``count`` sweeps."""
         self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
@@ -164,11 +164,11 @@ class DelassusIterates(DelassusState):
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def planar_velocity(i, first, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
-    """Return ξ_N, ξ_T of block i, without its ``first`` stored blocks."""
+def planar_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
+    """Return ξ_N, ξ_T of block i without the first ``n_skipped`` of its stored blocks."""
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
     normal, tangent = free[two * i], free[two * i + one]
-    for p in range(starts[i] + uint64(first), starts[i + one]):
+    for p in range(starts[i] + uint64(n_skipped), starts[i + one]):
         j, v = uint64(lanes[p]), four * p
         n, t = impulses[j], impulses[j + one]
         normal += values[v] * n + values[v + one] * t
@@ -177,11 +177,11 @@ def planar_velocity(i, first, starts, lanes, values, free, impulses):  # type: i
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def spatial_velocity(i, first, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
-    """Return ξ_N, ξ_T1, ξ_T2 of block i, without its ``first`` stored blocks."""
+def spatial_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
+    """Return ξ_N, ξ_T1, ξ_T2 of block i without the first ``n_skipped`` of its stored blocks."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     normal, tangent, other = free[three * i], free[three * i + one], free[three * i + two]
-    for p in range(starts[i] + uint64(first), starts[i + one]):
+    for p in range(starts[i] + uint64(n_skipped), starts[i + one]):
         j, v = uint64(lanes[p]), uint64(9) * p
         n, t, s = impulses[j], impulses[j + one], impulses[j + two]
         normal += values[v] * n + values[v + one] * t + values[v + two] * s

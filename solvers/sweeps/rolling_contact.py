@@ -184,7 +184,7 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
 
 @njit(cache=True, error_model="numpy")
 def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-untyped-def]
-    """Write the linear system of a Newton step, with its right side as the last column, from ξ of ``_violation``.
+    """Write the linear system of a Newton step, with its right-hand side as the last column, from ξ of ``_violation``.
 
     With x_i = Λ_i − ξ_i/α_i a law is at rest (ξ = 0) where x_i lies in its set. Else Λ_N = 0, or with t = x_i/‖x_i‖,
     κ = b/‖x_i‖ and P = κ(I − t tᵀ):  P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).

@@ -126,7 +126,7 @@ def _refuse_contradictions(context: typer.Context) -> None:
     from ....problems.motion.scenes.registry import SCENES
     from ...errors import BenchError
 
-    values, given = context.params, options.given(context)
+    values, given = context.params, options.given_parameters(context)
     resume, output = values["resume"], values["output"]
     is_study = values["study"] or (resume is not None and resume.is_dir())
     if resume is None and not values["scene"]:
@@ -134,16 +134,16 @@ def _refuse_contradictions(context: typer.Context) -> None:
     if resume is not None and values["study"] and not resume.is_dir():
         raise BenchError(f"{resume} is not a study; omit --study, or name the folder of a study.")
     if not is_study:
-        options.refuse(_LIMITS, given, "limits a study, but this is a single simulation")
+        options.require_absent(_LIMITS, given, "limits a study, but this is a single simulation")
         if len(values["solver"] or ()) > 1:
             raise BenchError("a simulation has one solver; name one, or compare several with --study.")
     else:
-        options.refuse(sorted(_NOT_IN_A_STUDY), given, "is for a single simulation, but this is a study")
+        options.require_absent(sorted(_NOT_IN_A_STUDY), given, "is for a single simulation, but this is a study")
         if output.suffix in (".json", ".npz"):
             raise BenchError(f"a study is stored in a folder, but --output names the file {output}; name a folder.")
     if resume is not None:
         if is_study:
-            options.refuse(_STORED, given, "is stored with the study and cannot be changed")
+            options.require_absent(_STORED, given, "is stored with the study and cannot be changed")
         writes_more = {"recording", "chart"} & given  # which --force may replace
         own_place = "has no effect with --resume, which writes to the resumed file"
-        options.refuse(("output",) if writes_more else ("output", "force"), given, own_place)
+        options.require_absent(("output",) if writes_more else ("output", "force"), given, own_place)

@@ -10,12 +10,12 @@ from .meshes import WHITE, Mesh
 
 Round = Sphere | Capsule | Cylinder
 
-AROUND, ALONG = 32, 8
-"""Numbers of corners around the axis of a round shape, and from a pole to the equator."""
+N_AROUND, N_MERIDIAN = 32, 8
+"""Numbers of segments around the axis of a round shape, and from a pole to the equator."""
 
 
 def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
-    """Return the surface of a bounded shape; quarters of round ones alternate in shade, to show their rotation.
+    """Return the surface of a bounded shape; quadrants of round shapes alternate in colour, to show their rotation.
 
     Each triangle has its own corners, three in a row, so that edges stay sharp.
 
@@ -56,29 +56,29 @@ def _hull(points: FloatArray) -> FloatArray:
     """Return the triangles of a convex hull, shape (n, 3, 3), counter-clockwise seen from outside."""
     hull = ConvexHull(points)
     corners: FloatArray = points[hull.simplices]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    is_inward = np.einsum("ti,ti->t", across, hull.equations[:, :3]) < 0.0
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_inward = np.einsum("ti,ti->t", normals, hull.equations[:, :3]) < 0.0
     corners[is_inward] = corners[is_inward][:, ::-1]
     return corners
 
 
 def _profile(shape: Round) -> FloatArray:
-    """Return distances from the axis and heights of the surface [m], from below, shape (n, 2)."""
+    """Return distances from the axis and heights of the surface [m], from the bottom up, shape (n, 2)."""
     if isinstance(shape, Cylinder):
         half, radius = 0.5 * shape.length, shape.radius
         return np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]])
     half = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
-    polar = np.linspace(0.0, 0.5 * np.pi, ALONG + 1)
+    polar = np.linspace(0.0, 0.5 * np.pi, N_MERIDIAN + 1)
     upper = np.column_stack([shape.radius * np.cos(polar), half + shape.radius * np.sin(polar)])
     lower = upper[::-1] * [1.0, -1.0]
     return np.concatenate([lower, upper[1:] if half == 0.0 else upper])
 
 
 def _rings(profile: FloatArray) -> FloatArray:
-    """Return the points of a surface of revolution, shape (n, AROUND, 3)."""
-    angle = 2.0 * np.pi * np.arange(AROUND) / AROUND
+    """Return the points of a surface of revolution, shape (n, N_AROUND, 3)."""
+    angle = 2.0 * np.pi * np.arange(N_AROUND) / N_AROUND
     radii, heights = profile.T
-    rings = [np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.outer(heights, np.ones(AROUND))]
+    rings = [np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.outer(heights, np.ones(N_AROUND))]
     return np.stack(rings, axis=-1)
 
 
@@ -89,7 +89,7 @@ def _revolved(profile: FloatArray) -> FloatArray:
     beside, above = np.roll(lower, -1, axis=1), np.roll(upper, -1, axis=1)
     triangles = np.concatenate([np.stack([lower, beside, above], axis=2), np.stack([lower, above, upper], axis=2)])
     triangles = triangles.reshape(-1, 3, 3)
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    size = np.linalg.norm(sides, axis=1)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    size = np.linalg.norm(normals, axis=1)
     kept: FloatArray = triangles[size > 1e-9 * size.max()]
     return kept

@@ -18,7 +18,7 @@ from .meshes import about_depth
 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
 CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")
-POLE_BEYOND = 0.06
+POLE_MARGIN = 0.06
 """Length of the pole above and below the path of the bird [m]."""
 
 ARROW_LENGTH = 0.012
@@ -28,7 +28,7 @@ of the impulse."""
 REFERENCE_SECONDS = 0.001
 
 FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""Axes N and T of every contact; only N without friction."""
+"""Axes N and T of every contact; without friction, only N is used."""
 
 
 class WoodpeckerRecorder(SceneRecorder):
@@ -83,7 +83,7 @@ class WoodpeckerRecorder(SceneRecorder):
         return {"angles/sleeve": float(state.position[1]), "angles/bird": float(state.position[2])}
 
     def _summary(self) -> Entities:
-        low, high = self._lowest - POLE_BEYOND, self._highest + POLE_BEYOND
+        low, high = self._lowest - POLE_MARGIN, self._highest + POLE_MARGIN
         pole = rr.Cylinders3D(
             lengths=[high - low],
             radii=[toy.POLE_RADIUS],
@@ -105,7 +105,7 @@ def _bird_centre(position: FloatArray) -> FloatArray:
 
 
 def _contact_points(position: FloatArray) -> FloatArray:
-    """Return the contact points of beak, lower and upper edge of the sleeve on the pole [m], shape (3, 3)."""
+    """Return the contact points of the beak and of the sleeve's lower and upper edges on the pole [m], shape (3, 3)."""
     height, sleeve, bird = position
     beak = height + toy.SPRING_ARM * sleeve + (toy.BIRD_ARM - toy.BEAK_ARM) * bird + toy.BEAK_HEIGHT
     middle, edge = height + toy.SLEEVE_RADIUS * sleeve, toy.SLEEVE_HALF_HEIGHT

@@ -23,10 +23,10 @@ ROW = 26
 FAMILY_ROW, FAMILY_COLUMN = 36, 64
 """Size of the cell of a solver and a family [pixels]."""
 
-LONGEST_NAME = 300
-"""Room for the names of solvers [pixels]."""
+MAX_NAME_WIDTH = 300
+"""Largest width of the names of solvers [pixels]."""
 
-PALE, TEXT_TURNS = "#eef3f7", 0.55
+PALE, WHITE_TEXT_SHARE = "#eef3f7", 0.55
 """Colour of a zero share, and the share above which numbers are white."""
 
 
@@ -61,9 +61,9 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
     common = counted(tried["problem"][tried["common"]].nunique(), "problem")
     note = (
         f"large marks: shifted geometric mean over the {common} that all these solvers support, "
-        f"failures at {duration(limit)}; right: solved of the supported problems"
+        f"failures count as {duration(limit)}; right: solved and supported problems"
     )
-    return _of_run("Time to accuracy", note, panels, frames, tried)
+    return _run_chart("Time to accuracy", note, panels, frames, tried)
 
 
 def success_chart(frames: RunFrames) -> alt.VConcatChart:
@@ -83,9 +83,9 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
         cells = counts.assign(share=counts[column] / counts["n"])
         solvers = _rows(counts["solver"].unique(), named=not panels, grid=False)
         panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {who}")
-        panel.layer.append(_behind(cells.drop_duplicates("solver")).encode(y=solvers, text="all:N"))
+        panel.layer.append(_right_labels(cells.drop_duplicates("solver")).encode(y=solvers, text="all:N"))
         panels.append(panel)
-    return _of_run("Success", "problems solved, of those that the solver supports", panels, frames, tried)
+    return _run_chart("Success", "problems solved, of those that the solver supports", panels, frames, tried)
 
 
 def families_chart(frames: RunFrames) -> alt.VConcatChart:
@@ -105,11 +105,11 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
         width = max(WIDTH, FAMILY_COLUMN * len(names))
         solvers = _rows(tried["solver"].unique(), named=not panels, grid=False)
         panels.append(_heat_panel(cells, across, solvers, {"solved": -6, "mean": 7}, title, width))
-    note = "solved of the supported problems of a family (white: none); mean time over those that all solvers support"
-    return _of_run("Success by family", note, panels, frames, tried)
+    note = "solved and supported problems (white: none supported); mean time over those that all solvers support"
+    return _run_chart("Success by family", note, panels, frames, tried)
 
 
-def _of_run(
+def _run_chart(
     title: str, note: str, panels: list[alt.LayerChart], frames: RunFrames, tried: pd.DataFrame
 ) -> alt.VConcatChart:
     """Return adjacent panels below a note, the solvers that support no problem, and the state of the run."""
@@ -137,7 +137,7 @@ def _time_panel(
     layers = [
         tick.encode(x=across, y=rows, color=colour, tooltip=["solver", "problem", "milliseconds"]),
         mark.encode(x=across, y=rows, color=colour, shape=by_name(alt.Shape, "solver", named, "shape")),
-        _behind(mean).encode(y=rows, text="reached:N"),
+        _right_labels(mean).encode(y=rows, text="reached:N"),
     ]
     return _panel(layers, f"to a {frames.residual} residual of {exponent(accuracy)}")
 
@@ -148,7 +148,7 @@ def _heat_panel(
     """Return shares as coloured cells, with texts that are shifted down by a number of pixels."""
     base = alt.Chart(cells).encode(x=across, y=solvers)
     fill = alt.Color("share:Q", legend=None).scale(domain=[0.0, 1.0], range=[PALE, PALETTE[0]])
-    ink = alt.condition(alt.datum.share > TEXT_TURNS, alt.value("white"), alt.value("#222222"))
+    ink = alt.condition(alt.datum.share > WHITE_TEXT_SHARE, alt.value("white"), alt.value("#222222"))
     layers = [base.mark_rect(stroke="white", strokeWidth=2).encode(color=fill)]
     for text, shift in texts.items():
         layers.append(base.mark_text(fontSize=FONT_SIZE, dy=shift).encode(text=f"{text}:N", color=ink))
@@ -161,14 +161,14 @@ def _columns(field: str, names: Sequence[str], title: str | None, angle: int = 0
         orient="top",
         labelAngle=angle,
         labelAlign="left" if angle else "center",
-        labelLimit=LONGEST_NAME,
+        labelLimit=MAX_NAME_WIDTH,
         ticks=False,
         domain=False,
         grid=False,
     )
 
 
-def _behind(rows: pd.DataFrame) -> alt.Chart:
+def _right_labels(rows: pd.DataFrame) -> alt.Chart:
     """Return texts to the right of a panel."""
     text: alt.Chart = alt.Chart(rows).mark_text(align="left", fontSize=FONT_SIZE, color="#444444", x=WIDTH + 5)
     return text
@@ -182,5 +182,5 @@ def _panel(layers: list[alt.Chart], title: str, row: int = ROW, width: int = WID
 
 def _rows(solvers: Any, named: bool, grid: bool) -> alt.Y:
     """Return the rows of solvers in the order of the run, with or without their names and lines through them."""
-    axis = alt.Axis(labels=named, ticks=False, domain=False, labelLimit=LONGEST_NAME, labelPadding=8, grid=grid)
+    axis = alt.Axis(labels=named, ticks=False, domain=False, labelLimit=MAX_NAME_WIDTH, labelPadding=8, grid=grid)
     return alt.Y("solver:N", sort=list(solvers), title=None, axis=axis)

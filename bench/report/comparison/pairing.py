@@ -8,7 +8,7 @@ import pandas as pd
 
 from ...errors import BenchError
 from ...store.condition import (
-    BUSY,
+    MAX_BUSY_CORES,
     busy_cores,
     differences,
     machines_by_problem,
@@ -150,7 +150,7 @@ def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
         share, busy = float((run.rounds["excluded"] != "").mean()), busy_cores(run.info)
         if share > MOST_EXCLUDED:
             return f"other programs used the core in {100.0 * share:.0f} % of the rounds of {run.folder}"
-        if busy > BUSY:
+        if busy > MAX_BUSY_CORES:
             return f"other programs used {busy:.1f} cores while {run.folder} was measured"
     speed = float(after.rounds["probe_seconds"].median() / before.rounds["probe_seconds"].median())
     if max(speed, 1.0 / speed) > 1.0 + SAME_SPEED:

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from ...store.condition import basis, steadiness, warnings
+from ...store.condition import residual_note, steadiness, warnings
 from ...store.frames import RunFrames
 from ..accuracy import summary_table
 from ..cells import shown_summary
@@ -19,7 +19,7 @@ def run_html(frames: RunFrames) -> str:
         counts = f"{headline(info.plan, info.plan.problems[0])}, {counted(n_solvers, 'method')}"
     lines = [f"<h4>{escape(info.run_id)}: {counts}</h4>"]
     lines += [f"<p><strong>{escape(warning)}</strong></p>" for warning in warnings(frames)]
-    lines += [f"<p>{escape(sentence)}</p>" for sentence in (*basis(frames), steadiness(frames))]
+    lines += [f"<p>{escape(sentence)}</p>" for sentence in (*residual_note(frames), steadiness(frames))]
     if frames.is_study:
         lines.append(points_table(frames).to_html(index=False, border=0, escape=True, na_rep="–"))
     elif len(summary := summary_table(frames)):

@@ -261,13 +261,13 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     if ending:
         yield ending
     if not simulation.plan.stepper.shows_solves:
-        yield "impulses and forces at events are solved to 1e-09 or better, as judged", "green"
+        yield "the judge confirms that impulses and forces at events are solved to 1e-09 or better", "green"
         return
     yield from _hiding_line(simulation)
     tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
     tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
-        yield f"every step is solved to {tolerance}, as judged", "green"
+        yield f"the judge confirms that every step is solved to {tolerance}", "green"
         return
     residual = total["largest_residual"]
     worst = "infinite" if residual is None else f"{residual:.1e}"

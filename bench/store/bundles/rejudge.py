@@ -69,10 +69,10 @@ class Rejudged:
         """Summary in one line."""
         share = "all" if self.n_identical == self.n_residuals else str(self.n_identical)
         judged = (
-            f"{self.n_judged} of {self.n_cases} cases judged again: {self.n_residuals} residuals, {share} to the bit"
+            f"{self.n_judged} of {self.n_cases} cases judged again: {self.n_residuals} residuals, {share} bit-identical"
         )
         wrong = len(self.disagreements)
-        return f"{judged}; {f'{wrong} cases disagree' if wrong else 'nothing disagrees'}"
+        return f"{judged}; {f'{wrong} cases disagree' if wrong else 'no case disagrees'}"
 
 
 class _Disagreement(Exception):  # noqa: N818 - a finding, not an error of the program

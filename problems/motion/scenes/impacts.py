@@ -1,4 +1,4 @@
-"""Impacts: a ball that hits a plane obliquely, and Newton's cradle with all impacts at once."""
+"""Impacts: a ball that hits a plane obliquely, and Newton's cradle with simultaneous impacts."""
 
 from dataclasses import dataclass
 
@@ -107,7 +107,7 @@ class NewtonsCradle(ClosedFormScene):
         check_positive(self, "a cradle", "speed", "distance")
 
     def system(self) -> BallSystem:
-        """Return the balls, without gravity, friction and ground."""
+        """Return the balls, without gravity, friction or ground."""
         n = self.n_balls
         return ball_system(np.full(n, self.radius), np.full(n, self.mass), [], [Restitution(self.restitution)])
 

@@ -1,4 +1,4 @@
-"""A sphere and a block on an inclined or level plane, which roll, slide, stop or stay by Coulomb friction."""
+"""A sphere and a block on an inclined or level plane, which roll, slide, or come to rest by Coulomb friction."""
 
 from dataclasses import dataclass
 from math import cos, inf, sin, tan
@@ -18,7 +18,7 @@ from .scene import GROUND, OVERLAP, ClosedFormScene, check_positive
 class RollingSphere(ClosedFormScene):
     """A homogeneous sphere that descends from rest on a plane or in a groove.
 
-    The normals of the walls have the angle α to their plane of symmetry. The points of contact are at the distance
+    The normals of the walls make the angle α with their plane of symmetry. The points of contact are at the distance
     r sin α from the axis of rotation; on a plane sin α = 1.
     """
 
@@ -153,12 +153,12 @@ class BlockOnIncline(ClosedFormScene):
         )
 
     def potential_energy(self, position: FloatArray) -> float:
-        """Return the energy [J] of weight at q, shape (2,); 0 at the origin."""
+        """Return the potential energy of the weight at q [J], shape (2,); 0 at the origin."""
         return self.mass * self.gravity * float(cos(self.slope) * position[1] - sin(self.slope) * position[0])
 
     @property
     def holds(self) -> bool:
-        """Whether a block at rest stays: tan θ ≤ μ."""
+        """Whether a block at rest stays at rest: tan θ ≤ μ."""
         return tan(self.slope) <= self.friction
 
     def acceleration(self, direction: float) -> float:

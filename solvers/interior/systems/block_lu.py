@@ -65,7 +65,7 @@ class BlockLU:
         return float(_determinant_sign(self._width, nodes, factor_starts, self._factors))
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return the solution for a right side, shape (n · width,)."""
+        """Return the solution for a right-hand side, shape (n · width,)."""
         solution: FloatArray = _solve(self._width, *self._triangles, self._factors, *self._kept, self._order, right)
         return solution
 

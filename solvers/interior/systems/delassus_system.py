@@ -55,7 +55,7 @@ class DelassusSystem:
         return self._factors.determinant_sign()
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
-        """Return dr for a right side, both of shape (m, w)."""
+        """Return dr for a right-hand side, both of shape (m, w)."""
         given = self._lanes.sum_to_block(right)
         found, left = np.zeros_like(given), given
         for refinement in range(refinements + 1):

@@ -35,7 +35,7 @@ def test_shards_travel_and_become_one_run(
         assert run_command(["rejudge", f"{number}.bundle"]) == 0
     printed = capsys.readouterr().out
     assert "packed  1.bundle" in printed
-    assert "2 of 2 cases judged again: 4 residuals, all to the bit; nothing disagrees" in printed
+    assert "2 of 2 cases judged again: 4 residuals, all bit-identical; no case disagrees" in printed
     assert run_command(["merge", "1.bundle", "2.bundle", "--run-id", "whole", "--json"]) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out) == {"run": "results/whole", "is_finished": True, "missing": []}
@@ -84,7 +84,7 @@ def test_a_case_that_lies_is_named_and_the_exit_code_is_1(
         ("bundle nowhere", "is not a stored run"),
         ("rejudge nowhere.bundle", "there is no bundle nowhere.bundle"),
         ("merge nowhere.bundle", "there is no bundle nowhere.bundle"),
-        ("rejudge x --quiet --json", "exclude each other"),
+        ("rejudge x --quiet --json", "are mutually exclusive"),
         ("run --shard 3/2", "--shard must be i/n"),
         ("run --resume x --shard 1/2", "--shard is stored with the run"),
     ],

@@ -54,7 +54,7 @@ def test_a_run_holds_mujocos_solvers_to_the_model_of_the_step_and_can_be_rejudge
     assert measured["model_residual"].max() <= 1e-6 < 1e-3 < measured["residual"].min()
     assert run_command(["bundle", "results/mine", "--output", "mine.bundle"]) == 0
     assert run_command(["rejudge", "mine.bundle"]) == 0
-    assert "4 residuals, all to the bit" in capsys.readouterr().out
+    assert "4 residuals, all bit-identical" in capsys.readouterr().out
 
 
 def test_judged_steps_show_both_residuals(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -103,7 +103,7 @@ def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.Cap
         ("run --suite all --sample 0", "a sample must have at least one problem, got 0"),
         ("run --resume here --sample 3", "--sample is stored with the run"),
         ("report here.npz --problem funnel-30", "--problem applies to runs, but here.npz is a simulation"),
-        ("report here --problem funnel-30 --quiet", "--problem and --quiet exclude each other"),
+        ("report here --problem funnel-30 --quiet", "--problem and --quiet are mutually exclusive"),
     ],
 )
 def test_a_mistake_gets_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:

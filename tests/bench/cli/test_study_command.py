@@ -51,7 +51,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --solver SORprox --solver Jprox", "one solver"),
         ("funnel --solve-seconds 3", "--solve-seconds limits a study"),
         ("--study --resume nowhere.npz", "is not a study; omit --study"),
-        ("--study --quiet --json funnel", "exclude each other"),
+        ("--study --quiet --json funnel", "are mutually exclusive"),
     ],
 )
 def test_a_mistake_gets_one_sentence_and_leaves_no_file(line: str, words: str, mistake: Callable[[str], str]) -> None:

@@ -11,7 +11,7 @@ from ....arrays import FloatArray
 from .acceleration import AccelerationLaws, Modes
 
 MARGIN = 1e-13
-"""Depth below zero, as a fraction of the largest force or velocity, at which it counts as having changed sign."""
+"""Depth below zero, as a fraction of the largest force or velocity, at which a function counts as negative."""
 
 Kind = Literal["hit", "turn", "open", "slip", "stick"]
 StateFunction = Callable[[FloatArray, FloatArray], float]
@@ -34,29 +34,30 @@ class Trigger:
     function: StateFunction
     direction: float = 0.0
 
-    def ends_at_once(self, position: FloatArray, velocity: FloatArray) -> bool:
+    def is_due(self, position: FloatArray, velocity: FloatArray) -> bool:
         """Whether the event is due in the state in which its phase begins."""
         return self.function(position, velocity) <= 0.0
 
     def for_scipy(self) -> Any:
-        """Return the event function of ``solve_ivp`` that ends the integration, of t and of (q, u) in one array."""
+        """Return the event function for ``solve_ivp``, of t and (q, u) in one array; an event ends the phase."""
 
-        def event(time: float, both: FloatArray) -> float:
-            half = len(both) // 2
-            return self.function(both[:half], both[half:])
+        def event(time: float, state: FloatArray) -> float:
+            half = len(state) // 2
+            return self.function(state[:half], state[half:])
 
         event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
         return event
 
 
 @dataclass(frozen=True, eq=False)
-class Watch:
-    """Factory of the triggers of one phase.
+class TriggerFactory:
+    """Create the triggers of one phase.
 
     Attributes:
         laws: laws of the system at acceleration level.
         modes: modes of the phase.
-        armed: whether the gap of an open contact is watched, or else its gap velocity, shape (n_contacts,).
+        armed: whether the trigger of an open contact is that its gap closes; otherwise, that the gap begins to close,
+            shape (n_contacts,).
     """
 
     laws: AccelerationLaws

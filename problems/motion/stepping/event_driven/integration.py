@@ -43,7 +43,7 @@ from ...state import State
 from ..midpoint import ContactSolver
 from ..step import LawName, LawState
 from .acceleration import AccelerationLaws, Modes, least_change
-from .events import Trigger, Watch
+from .events import Trigger, TriggerFactory
 from .motion import AccumulationError, Event, Motion, MotionError, Phase
 
 ROUNDING = 1e-12
@@ -143,9 +143,9 @@ class Integration:
 
     def advance(self, until: float) -> None:
         """Integrate one phase, up to ``until`` or to the event that ends it."""
-        triggers = Watch(self.laws, self.modes, self.armed).triggers(self.position, self.velocity)
+        triggers = TriggerFactory(self.laws, self.modes, self.armed).triggers(self.position, self.velocity)
         for trigger in triggers:
-            if trigger.ends_at_once(self.position, self.velocity):
+            if trigger.is_due(self.position, self.velocity):
                 self._switch(trigger)
                 return
         from scipy.integrate import solve_ivp  # takes 0.2 s to import, and few scenes need it

@@ -73,7 +73,7 @@ def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_s
     assert f"{count} of 200 steps are not solved to 1e-10" in text
     assert f"the solver reports: iteration limit, {count} times" in text
     assert "every step is solved" not in text
-    assert "every step is solved to 1e-04, as judged" in printed(simulate(pour()))
+    assert "the judge confirms that every step is solved to 1e-04" in printed(simulate(pour()))
 
 
 def test_a_single_step_is_in_the_singular() -> None:

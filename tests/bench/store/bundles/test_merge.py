@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from proxbench.bench import Run, bundle, load, merge
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store.bundles.bundle import Bundle, bundle_of_run, write_bundle
-from proxbench.bench.store.condition import drift, hosts, mixtures, warnings
+from proxbench.bench.store.condition import drift, hosts, session_differences, warnings
 from proxbench.bench.store.records import CaseRecord
 from proxbench.problems import load as load_problem
 from stored_cases import solved_case
@@ -100,7 +100,7 @@ def test_a_missing_shard_is_said(parts: list[Path], tmp_path: Path) -> None:
 def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     assert hosts(whole) == {"one": 2, "two": 1}
-    assert mixtures(whole) == []
+    assert session_differences(whole) == []
     (said,) = [sentence for sentence in warnings(whole) if sentence.startswith("MACHINES")]
     assert "one: 2 problems, two: 1 problems" in said
     of_host = whole.rounds["session"].map(lambda number: whole.info.sessions[number].machine.host)
@@ -113,9 +113,9 @@ def test_other_versions_and_another_machine_for_one_problem_are_a_mixture(parts:
     first, second = whole.info.sessions
     newer = replace(second, machine=replace(second.machine, versions={**second.machine.versions, "numpy": "99"}))
     info = replace(whole.info, sessions=[first, newer])
-    assert [said.split()[0] for said in mixtures(dataclasses.replace(whole, info=info))] == ["numpy"]
+    assert [said.split()[0] for said in session_differences(dataclasses.replace(whole, info=info))] == ["numpy"]
     split = whole.rounds.assign(session=whole.rounds["number"] % 2)
-    assert mixtures(dataclasses.replace(whole, rounds=split)) == ["machine one, now two"]
+    assert session_differences(dataclasses.replace(whole, rounds=split)) == ["machine one, now two"]
 
 
 def test_solvers_of_one_problem_from_two_machines_are_not_put_together(honest: Bundle, tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_the_summary_counts_the_residuals_that_agree_to_the_bit() -> None:
     other = SOLUTION * (1.0 + 0.5 * ROUNDING * np.array([1.0, -1.0, -1.0]))
     for judged, share in ((SOLUTION, "all"), (other, "0")):
         sentence = rejudge_bundle(bundle_that_says(judged, SOLUTION)).sentence
-        assert sentence.startswith(f"1 of 1 cases judged again: 2 residuals, {share} to the bit;")
+        assert sentence.startswith(f"1 of 1 cases judged again: 2 residuals, {share} bit-identical;")
 
 
 @pytest.mark.parametrize("place", range(12))
@@ -126,5 +126,5 @@ def test_rounding_of_any_single_impulse_agrees(place: int) -> None:
 
 
 def test_the_summary_counts_the_cases_that_disagree() -> None:
-    assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION)).sentence.endswith("; nothing disagrees")
+    assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION)).sentence.endswith("; no case disagrees")
     assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION * (1.0 + 1e-6))).sentence.endswith("; 1 cases disagree")
