@@ -1,4 +1,4 @@
-"""The registry of solvers, including those of plugins, which creates them from names with options."""
+"""The registry of solvers, including those of plugins: it creates solvers from names with options."""
 
 import inspect
 import re
@@ -172,7 +172,7 @@ def _make_composite(plain: str, parts: list[Solver], options: Mapping[str, Any])
 
 
 def factory(name: str) -> Any:
-    """Return the class of a solver by its plain name.
+    """Return the class of a solver, or the factory that a plugin offers, by its plain name.
 
     Raises:
         SolverError: for an unknown name; the message suggests the nearest one.

@@ -11,7 +11,7 @@ from ..plugins.describing import solver_spec
 from ..plugins.files import check_plugins_unchanged, sources, use_plugin_files
 from ..plugins.problems import check_known, store_problems
 from ..plugins.solver_specs import SolverSpec
-from ..store.condition import differences, other_software
+from ..store.condition import differences, software_differences
 from ..store.conversion import content_of, record_of
 from ..store.outcome import FAULTS
 from ..store.records import RunRecord
@@ -88,7 +88,7 @@ def resume_measuring(
             f"{folder} was judged by version {record.judge} of the judge, but this is {JUDGE}; their residuals are "
             "not comparable; begin a new run."
         )
-    differing = differences if executor is None else other_software
+    differing = differences if executor is None else software_differences
     changed = differing(record.machine, this_machine())
     if changed and not mix:
         raise BenchError(

@@ -64,10 +64,10 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
 def shown_results(
     results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results as text: times that tie with the shortest have a mark, and the fastest ones are ``bold``.
+    """Return results as text: times that may be the fastest have a mark, and the fastest are ``bold``.
 
     The column *threads* is shown if a solver uses several. The column *by model* shows the residual by the model
-    of each solver, if that of one of them is not Coulomb's law.
+    of each solver, unless all solvers use Coulomb's law.
     """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}

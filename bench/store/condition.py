@@ -38,7 +38,7 @@ def busy_cores(run: RunRecord) -> float:
 
 
 def drift(frames: RunFrames) -> float:
-    """Return the ratio of the 90 % to the 10 % quantile of the probes around counted rounds; NaN without rounds.
+    """Return the ratio of the 90 % to the 10 % quantile of probe times around rounds not excluded; NaN without rounds.
 
     With several machines, the ratio is that of the least steady one.
     """
@@ -60,21 +60,21 @@ def excluded_points(frames: RunFrames) -> int:
 
 def differences(before: Machine, now: Machine) -> list[str]:
     """Return how two machines and their software differ, in words; empty if their times are comparable."""
-    return [*other_hardware(before, now, _COMPARED), *other_software(before, now)]
+    return [*hardware_differences(before, now, _COMPARED), *software_differences(before, now)]
 
 
-def other_hardware(before: Machine, now: Machine, fields: Mapping[str, str] = _HARDWARE) -> list[str]:
+def hardware_differences(before: Machine, now: Machine, fields: Mapping[str, str] = _HARDWARE) -> list[str]:
     """Return in words which of the given fields of two machines differ; ``fields`` maps them to names in sentences."""
     values = ((word, getattr(before, name), getattr(now, name)) for name, word in fields.items())
     return [f"{word} {_short(old)}, now {_short(new)}" for word, old, new in values if old != new]
 
 
-def other_software(before: Machine, now: Machine) -> list[str]:
+def software_differences(before: Machine, now: Machine) -> list[str]:
     """Return in words which versions, settings and sources on two machines differ."""
     known = [machine.versions | machine.settings for machine in (before, now)]
     values = [(name, *(one.get(name) or "none" for one in known)) for name in sorted(set().union(*known))]
     found = [f"{name} {old}, now {new}" for name, old, new in values if old != new]
-    return [*found, *other_hardware(before, now, {"source": "source"})]
+    return [*found, *hardware_differences(before, now, {"source": "source"})]
 
 
 def hosts(frames: RunFrames) -> dict[str, int]:
@@ -84,7 +84,7 @@ def hosts(frames: RunFrames) -> dict[str, int]:
 
 
 def session_differences(frames: RunFrames) -> list[str]:
-    """Describe how sessions differ whose times a report compares.
+    """Return the differences, in words, between the sessions of a run.
 
     All sessions must have the same versions and source, and those of one problem the same machine.
     """
@@ -92,8 +92,10 @@ def session_differences(frames: RunFrames) -> list[str]:
     groups, fields = [machines], _COMPARED
     if len(hosts(frames)) > 1:
         groups, fields = list(machines_by_problem(frames).values()), {**_COMPARED, "host": "machine"}
-    found = [words for group in groups for machine in group for words in other_hardware(group[0], machine, fields)]
-    found += [words for machine in machines for words in other_software(machines[0], machine)]
+    found = [
+        words for group in groups for machine in group for words in hardware_differences(group[0], machine, fields)
+    ]
+    found += [words for machine in machines for words in software_differences(machines[0], machine)]
     return list(dict.fromkeys(found))
 
 
@@ -134,7 +136,7 @@ def unfinished(frames: RunFrames) -> list[str]:
     planned = product(plan.problems, plan.solvers)
     missing = [f"{solver} on {name}" for name, solver in planned if (name, solver) not in known]
     more = f" and {len(missing) - MAX_MISSING} more" if len(missing) > MAX_MISSING else ""
-    named = f", without {', '.join(missing[:MAX_MISSING])}{more}" if known and missing else ""
+    named = f"; missing: {', '.join(missing[:MAX_MISSING])}{more}" if known and missing else ""
     partly = f", {begun} more in part" if begun else ""
     counts = f"{frames.n_finished} of {frames.n_planned} cases"
     return [f"UNFINISHED: {counts} are measured{partly}{named}; resume with: {_resume_command(frames)}"]

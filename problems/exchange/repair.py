@@ -1,4 +1,4 @@
-"""Repair of matrices in files, if they are not quite symmetric or semidefinite.
+"""Repair of matrices, read from files, that are not quite symmetric or semidefinite.
 
 Public files contain mass matrices with a single triangle, and matrices that lost their symmetry or their smallest
 eigenvalues to rounding. The reader chooses a remedy by name, and the provenance of the problem records it.
@@ -145,7 +145,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
         AsymmetricError: if the asymmetry is larger than the remedy allows.
     """
     off = asymmetry(matrix)
-    if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # the problem rejects such numbers
+    if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # ContactProblem rejects NaN and inf
         return matrix, {}
     misses = f"{name} is asymmetric by {off:.1e} of its largest entry"
     if how == "refuse" or (how == "mean" and not off <= MAX_ASYMMETRY):

@@ -7,8 +7,8 @@ Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of both 
 the sum of their duals, which needs variables that the factor form does not have. A bilateral law has K = R, and so
 ξ = 0 in the dual.
 
-The second is the dual of the first, with v the scaled velocity that the impulses cause and Λ the multipliers; it never
-assembles G. Both accept another c as an update of their data, without a new set-up.
+The factor form is the dual of the Delassus form, with v the scaled velocity that the impulses cause and Λ the
+multipliers; it never assembles G. Both accept another c as an update of their data, without a new set-up.
 
 Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
 motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The largest diagonal entry of
@@ -96,7 +96,7 @@ def unsupported_reason(problem: ContactProblem, form: Form) -> str | None:
         return "it has rolling friction, whose dual is not a second-order cone; use form='delassus'"
     if (problem.laws.fixed_bound > 0.0).any():
         law = int(np.argmax(problem.laws.fixed_bound > 0.0))
-        return f"friction law {law} has a fixed bound, whose dual is not a cone; use form='delassus'"
+        return f"friction law {law} has a fixed bound, so its set is not a cone; use form='delassus'"
     return None
 
 
@@ -196,7 +196,7 @@ _STATUSES = {
     clarabel.SolverStatus.AlmostSolved: ConicStatus.NEARLY,
     clarabel.SolverStatus.MaxIterations: ConicStatus.ITERATION_LIMIT,
     clarabel.SolverStatus.MaxTime: ConicStatus.TIME_LIMIT,
-    # the forms are dual to each other
+    # the forms are dual, so either infeasibility means an unbounded energy
     clarabel.SolverStatus.PrimalInfeasible: ConicStatus.UNBOUNDED,
     clarabel.SolverStatus.AlmostPrimalInfeasible: ConicStatus.UNBOUNDED,
     clarabel.SolverStatus.DualInfeasible: ConicStatus.UNBOUNDED,
@@ -228,7 +228,7 @@ def _solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatA
 def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
-    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, which is a constraint of its own only without such a cone. Friction with zero bound
+    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, which is therefore added only without such a cone. Friction with zero bound
     (a = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
     """
     layout = problem.layout

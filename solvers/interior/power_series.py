@@ -1,6 +1,6 @@
 """Power series of the central path: one factorisation, and one solution of the linear system per order.
 
-Along the path every equation is at most quadratic in the unknowns,
+Along the path every equation is at most quadratic in the unknowns (see ``cones``),
 
     p ∘ q = τ e,      s² = ‖û_T‖²,      û = Ĝr + ĉ + s e_N,
 
@@ -58,7 +58,11 @@ class Direction:
 
 @njit(cache=True, error_model="numpy")
 def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-untyped-def]
-    """Write −Σ p_j∘q_{k−j} and −Σ r_j û_{k−j} of cones, (m, w + 1), and the sum in s_k over 2s₀, (m,), k = order."""
+    """Write the sums over lower orders in the equations of order k, for each of m cones of w lanes.
+
+    ``heads`` receives −Σ p_j∘q_{k−j} and, in its last column, −Σ r_j û_{k−j} of normal laws, shape (m, w + 1).
+    ``lifts`` receives the sum in s_k over 2s₀, shape (m,).
+    """
     width = r.shape[2]
     for i in range(len(kind)):
         heads[i] = 0.0

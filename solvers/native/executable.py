@@ -219,8 +219,8 @@ class PreparedProgram:
         program.ensure_own()
         if program.prepared is not self._token:
             self._prepare()
-        if self._refused is not Status.SOLVED:
-            return refused_solution(n_rows, self._refused, self._message)
+        if self._prepare_status is not Status.SOLVED:
+            return refused_solution(n_rows, self._prepare_status, self._message)
         first = np.zeros(n_rows) if start is None else np.ascontiguousarray(start, dtype=np.float64)
         if first.shape != (n_rows,):
             raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")
@@ -250,7 +250,7 @@ class PreparedProgram:
         self._program.ensure_own()
         self._program.send(PREPARE, 0, self._content)
         code, _, self._message = read_prepared(self._program.source, self._program.receive((PREPARE,), 0))
-        self._refused = status_of(self._program.source, code)
+        self._prepare_status = status_of(self._program.source, code)
         self._program.prepared = self._token
 
 

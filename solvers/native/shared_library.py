@@ -34,7 +34,7 @@ GUARD = 64
 """Number of guard entries before and after the impulses, which a solver must not change."""
 
 MAX_COUNT = 2**62
-"""Largest iteration limit that the library receives; larger limits have no effect."""
+"""Largest iteration limit that the library receives; larger limits are reduced to it."""
 
 _GUARD_BYTES = np.full(GUARD, -1.25e-250).tobytes()
 
@@ -115,7 +115,7 @@ class PreparedLibrary:
         self._call, self._free = library.proxbench_solve, library.proxbench_free
         prepared, message = c_void_p(), c_char_p()
         arguments = byref(self._arrays.structure), solver.options.encode(), byref(prepared), byref(message)
-        self._refused = status_of(self._source, library.proxbench_prepare(*arguments))
+        self._prepare_status = status_of(self._source, library.proxbench_prepare(*arguments))
         self._handle, self._message = prepared, text_of(message.value)
         self._memory = np.empty(2 * GUARD + self._n_rows)
         self._memory[:GUARD] = self._memory[GUARD + self._n_rows :] = np.frombuffer(_GUARD_BYTES)
@@ -133,8 +133,8 @@ class PreparedLibrary:
         Raises:
             BrokenInterfaceError: if the library writes beyond the impulses, or returns an unknown status.
         """
-        if self._refused is not Status.SOLVED:
-            return refused_solution(self._n_rows, self._refused, self._message)
+        if self._prepare_status is not Status.SOLVED:
+            return refused_solution(self._n_rows, self._prepare_status, self._message)
         request, result = self._request, self._result
         request.tolerance, request.max_seconds = stop.tolerance, stop.max_seconds
         request.max_iterations = int(min(stop.max_iterations, MAX_COUNT))

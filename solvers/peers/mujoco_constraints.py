@@ -31,7 +31,7 @@ class MuJoCo(Method):
     is the convex model with compliance: the smaller R, the harder the contacts, and the slower the solvers.
 
     In a captured step they solve the program of the engine, with the A, R, b and cones that the problem holds, and
-    ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there means this program.
+    ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there refers to this program.
 
     Attributes:
         algorithm: ``"Newton"``, ``"CG"`` or ``"PGS"``.
@@ -78,7 +78,7 @@ class PreparedMuJoCo(PreparedRounds):
         self._stage = ConstraintStage(program_of(problem, options.impedance), options.algorithm)
 
     def begin(self, max_seconds: float) -> Call:
-        """Return the solver; Newton and CG start from the accelerations of given impulses, PGS from zero."""
+        """Return the call; Newton and CG start from the accelerations of given impulses, PGS from zero."""
         stage, own = self._stage, FIRST_TOLERANCE
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:

@@ -1,6 +1,6 @@
 """MuJoCo's constraint stage, filled with a convex program.
 
-A model is built that has the right number of coordinates and constraint rows: a slide joint of mass 1 for each
+The model has the required numbers of coordinates and constraint rows: a slide joint of mass 1 for each
 coordinate, an equality for each bilateral law, friction loss for each friction law with a fixed bound, and a sphere on
 a plane for each contact. Its kinematics are not used.
 """
@@ -66,7 +66,7 @@ class ConstraintStage:
         self._data.qacc_warmstart[:] = self._jacobian.T @ self._program.forces(impulses)
 
     def run(self, tolerance: float, iterations: int) -> None:
-        """Solve the program, and do nothing else, so that the time is that of MuJoCo's solver."""
+        """Solve the program and do nothing else, so that the time is that of MuJoCo's solver."""
         self._model.opt.tolerance, self._model.opt.iterations = tolerance, iterations
         self._mujoco.mj_fwdConstraint(self._model, self._data)
 

@@ -1,7 +1,7 @@
 """Gauss–Seidel sweeps over the assembled Delassus matrix, one kernel for each block width.
 
 For each block i a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the latest
-impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of [54, 55] law by law; it reads G
+impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of SORprox, law by law; it reads G
 once.
 
 The kernels index flat arrays with unsigned numbers: numba then needs neither strides nor tests for negative indices,
@@ -154,7 +154,7 @@ class DelassusIterates(DelassusState):
         self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:
-        """Set the step of each block to this fraction of its initial step, shape (n_blocks,)."""
+        """Set the step sizes of each block to this fraction of the initial ones, shape (n_blocks,)."""
         scaled = (self.step_sizes * fraction[:, None]).reshape(-1)
         self._arguments = (*self._delassus.arrays, scaled, *self._laws[1:], self.padded)
 

@@ -68,8 +68,8 @@ def _profile(shape: Round) -> FloatArray:
         half, radius = 0.5 * shape.length, shape.radius
         return np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]])
     half = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
-    polar = np.linspace(0.0, 0.5 * np.pi, N_MERIDIAN + 1)
-    upper = np.column_stack([shape.radius * np.cos(polar), half + shape.radius * np.sin(polar)])
+    latitude = np.linspace(0.0, 0.5 * np.pi, N_MERIDIAN + 1)
+    upper = np.column_stack([shape.radius * np.cos(latitude), half + shape.radius * np.sin(latitude)])
     lower = upper[::-1] * [1.0, -1.0]
     return np.concatenate([lower, upper[1:] if half == 0.0 else upper])
 
@@ -83,11 +83,13 @@ def _rings(profile: FloatArray) -> FloatArray:
 
 
 def _revolved(profile: FloatArray) -> FloatArray:
-    """Return the triangles of a surface of revolution, without those that vanish at its poles, shape (n, 3, 3)."""
+    """Return the triangles of a surface of revolution, without degenerate ones at its poles, shape (n, 3, 3)."""
     rings = _rings(profile)
     lower, upper = rings[:-1], rings[1:]
-    beside, above = np.roll(lower, -1, axis=1), np.roll(upper, -1, axis=1)
-    triangles = np.concatenate([np.stack([lower, beside, above], axis=2), np.stack([lower, above, upper], axis=2)])
+    lower_next, upper_next = np.roll(lower, -1, axis=1), np.roll(upper, -1, axis=1)
+    triangles = np.concatenate(
+        [np.stack([lower, lower_next, upper_next], axis=2), np.stack([lower, upper_next, upper], axis=2)]
+    )
     triangles = triangles.reshape(-1, 3, 3)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     size = np.linalg.norm(normals, axis=1)

@@ -38,7 +38,7 @@ class WoodpeckerRecorder(SceneRecorder):
 
     def _explanation(self) -> str:
         return (
-            "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows are the impulses of "
+            "A bird on a spring hops down a pole, held by a sleeve that jams and slips. Arrows show the impulses of "
             "beak and sleeve; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the "
             "square root of its impulse."
         )

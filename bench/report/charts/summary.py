@@ -39,7 +39,7 @@ def summary_charts(frames: RunFrames) -> dict[str, alt.VConcatChart]:
 
 
 def time_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return the time to the accuracies of the summary, one row per solver: each problem, and their mean.
+    """Return the chart of the times to the accuracies of the summary, one row per solver: each problem, and the mean.
 
     The mean is the shifted geometric mean over the problems that all solvers support, with failures at the time limit.
     """

@@ -11,8 +11,8 @@ from ...store.condition import (
     MAX_BUSY_CORES,
     busy_cores,
     differences,
+    hardware_differences,
     machines_by_problem,
-    other_hardware,
     require_comparable,
     warnings,
 )
@@ -79,7 +79,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
             "solvers and tolerances."
         )
     pairs = _machines_in_pairs(before, after, set(keys["problem"]))
-    hardware = list(dict.fromkeys(said for pair in pairs for said in other_hardware(*pair)))
+    hardware = list(dict.fromkeys(said for pair in pairs for said in hardware_differences(*pair)))
     changed = list(dict.fromkeys(said for pair in pairs for said in differences(*pair)))
     if software := [difference for difference in changed if difference not in hardware]:
         notes.append(f"not the same: {'; '.join(software)}")

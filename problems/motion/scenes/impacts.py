@@ -117,8 +117,8 @@ class NewtonsCradle(ClosedFormScene):
         return self.distance / self.speed
 
     @property
-    def speeds_after(self) -> tuple[float, float]:
-        """Speed of the first ball, v ((1 + e)/n − e), and of all others, v (1 + e)/n [m/s].
+    def velocities_after(self) -> tuple[float, float]:
+        """Velocity of the first ball along x, v ((1 + e)/n − e), and of all others, v (1 + e)/n [m/s].
 
         By Newton's impact law, the relative velocity after the impact is zero between balls that touched at rest, and
         e v between the first two. Momentum is conserved.
@@ -134,6 +134,6 @@ class NewtonsCradle(ClosedFormScene):
         centres[0, 0] = self.speed * before - self.distance - OVERLAP
         velocities[0, 0] = self.speed
         if time >= self.impact_time:
-            velocities[0, 0], velocities[1:, 0] = self.speeds_after
+            velocities[0, 0], velocities[1:, 0] = self.velocities_after
             centres += velocities * after
         return State(time, centres.ravel(), velocities.ravel())

@@ -29,7 +29,7 @@ class RollingSphere(ClosedFormScene):
 
     @property
     def lever(self) -> float:
-        """Distance of the points of contact from the axis of rotation over the radius, sin α."""
+        """Distance of the points of contact from the axis of rotation relative to the radius, sin α."""
         return 1.0
 
     @property

@@ -15,7 +15,7 @@ from proxbench.bench.measure.machine import SETTINGS, this_machine
 from proxbench.bench.report.charts.problems import problem_chart
 from proxbench.bench.report.charts.summary import time_chart
 from proxbench.bench.report.tables import print_tables, write_tables
-from proxbench.bench.store.condition import drift, other_software, steadiness, unfinished, warnings
+from proxbench.bench.store.condition import drift, software_differences, steadiness, unfinished, warnings
 from proxbench.bench.store.conversion import checksum
 from proxbench.bench.store.records import Session
 from rich.console import Console
@@ -63,7 +63,7 @@ def test_settings_that_change_times_are_stored_and_named(stored: Run, monkeypatc
     usual = this_machine()
     monkeypatch.setenv("PYTHONTRACEMALLOC", "10")
     tracing = this_machine()
-    assert other_software(usual, tracing) == ["PYTHONTRACEMALLOC none, now 10"]
+    assert software_differences(usual, tracing) == ["PYTHONTRACEMALLOC none, now 10"]
     session = Session(started="", machine=tracing)
     run = dataclasses.replace(stored, info=replace(stored.info, machine=usual, sessions=[session]))
     assert any(sentence.startswith("SETTINGS: measured with PYTHONTRACEMALLOC=10, ") for sentence in warnings(run))
@@ -75,8 +75,8 @@ def test_a_package_that_one_machine_lacks_differs_and_one_that_both_lack_does_no
     machine = this_machine()
     with_peer, unknown = (replace(machine, versions=machine.versions | {"pin": one}) for one in ("4.1.0", ""))
     without = replace(machine, versions={name: one for name, one in machine.versions.items() if name != "pin"})
-    assert other_software(without, with_peer) == ["pin none, now 4.1.0"]
-    assert other_software(without, unknown) == []
+    assert software_differences(without, with_peer) == ["pin none, now 4.1.0"]
+    assert software_differences(without, unknown) == []
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ class Trigger:
         return self.function(position, velocity) <= 0.0
 
     def for_scipy(self) -> Any:
-        """Return the event function for ``solve_ivp``, of t and (q, u) in one array; an event ends the phase."""
+        """Return the terminal event function for ``solve_ivp``, of t and of (q, u) in one array."""
 
         def event(time: float, state: FloatArray) -> float:
             half = len(state) // 2
