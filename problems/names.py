@@ -1,7 +1,7 @@
 """Names with options, such as ``SORprox(relaxation=1.5)``, of solvers, steppers and scenes.
 
 name     plain | plain(part, …, option=value, …)
-part     a name, possibly with options: Fallback(SORprox, NSGS(tolerance=1e-3))
+part     a name, possibly with options: Fallback(SORprox, NSGS(relaxation=0.5))
 value    a Python literal
 """
 
@@ -45,7 +45,7 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
         ProxbenchError: of class ``error``, if the text is not a name.
     """
     try:
-        return _name(ast.parse(text.strip(), mode="eval").body)
+        return _parse(ast.parse(text.strip(), mode="eval").body)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise error(
             f"cannot read {text!r:.200} as a {kind}; write a name, or a name with options: {example}."
@@ -67,12 +67,12 @@ def described(thing: Any) -> str:
     return str(Name(type(thing).__name__, values)) if values else type(thing).__name__
 
 
-def _name(node: ast.expr) -> Name:
+def _parse(node: ast.expr) -> Name:
     if isinstance(node, ast.Name):
         return Name(node.id)
     if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
-        raise ValueError("no name")
+        raise ValueError("it is not a name")
     if any(word.arg is None for word in node.keywords):
-        raise ValueError("no option")
+        raise ValueError("an option has no name")
     options = {str(word.arg): ast.literal_eval(word.value) for word in node.keywords}
-    return Name(node.func.id, options, tuple(map(_name, node.args)))
+    return Name(node.func.id, options, tuple(map(_parse, node.args)))

@@ -16,9 +16,9 @@ from rich.progress import (
 from rich.text import Text
 
 from ..measure.execution.events import (
-    CasePassFinished,
     Event,
     PointFinished,
+    ProblemPassFinished,
     ProblemStarted,
     ReferenceSimulated,
     RunStarted,
@@ -111,7 +111,7 @@ class RunProgress(ProgressBar):
             if self._started.points:
                 self._points_done += 1
                 self.count(min(self._points_done, self._started.points), self._started.points)
-        elif isinstance(event, CasePassFinished):
+        elif isinstance(event, ProblemPassFinished):
             if not self.disable:
                 self._table = _problem_table(self._started.run_dir, event.problem, self.console.width)
             self.count(self._started.points or event.done, self._started.points or event.total)

@@ -52,21 +52,21 @@ def record(
     for picture, suffix in ((still, STILL_SUFFIX), (film, FILM_SUFFIX)):
         if picture is not None:
             check_picture_path(picture, suffix, force)
-    file, made = output or Path(problem).with_suffix(".rrd"), None
+    file, recording = output or Path(problem).with_suffix(".rrd"), None
     if is_simulation:
         record_simulation(Path(problem), file, force)
     else:
         plan = make_plan([problem], solver, RunSettings.checked([tolerance]))
         stop = Stop(tolerance, max_iterations, solve_seconds)
-        made = record_solves(resolve_problem(plan.problems[0]), plan.solvers, stop, file, force)
+        recording = record_solves(resolve_problem(plan.problems[0]), plan.solvers, stop, file, force)
     if still is not None:
         write_still(file, still, STEP if is_simulation else ITERATION)
     if film is not None:
         write_film(file, film, TIME if is_simulation else ITERATION, frames)
     pictures = {name: str(path) for name, path in (("still", still), ("film", film)) if path is not None}
-    traces = () if made is None else made.traces
+    traces = () if recording is None else recording.traces
     if as_json:
-        solves = {} if made is None else {"solves": made.summary()}
+        solves = {} if recording is None else {"solves": recording.summary()}
         print_json({"file": str(file), **solves, **pictures})
     else:
         for trace in () if quiet else traces:

@@ -44,8 +44,8 @@ def measure(
     names = [trajectory.name for trajectory in plan.record.trajectories]
     solvers = [one.solver if isinstance(one, Method) else one for one in plan.solvers]
     scenes = [parse_scene(name)[0] for name in names]
-    with store.alone():
-        store.refuse_second()
+    with store.locked():
+        store.require_new()
         record = RunRecord(
             run_id=folder.name,
             plan=plan.record,
@@ -101,7 +101,7 @@ def resume_measuring(
     if not solvers:
         check_known(name for name in record.plan.problems if name not in record.carried)
         solvers = tuple(map(solver_spec, record.plan.solvers))
-    with store.alone():
+    with store.locked():
         cases, _ = store.read_cases()
         stored = {(case.problem, case.solver): case for case in cases if not (retry_failed and case.outcome in FAULTS)}
         _executor(solvers, store, record, on_event, executor, mix).execute(stored)

@@ -1,6 +1,6 @@
 """The problems of a run: find them, and store those that the package does not contain.
 
-The hard cases and the frozen library have the same numbers in every installation of the version. All other problems (of
+The hard cases and the frozen library have the same numbers in every installation of one version. All other problems (of
 plugins, of the caller, generated ones) are stored with the run, so that it can be resumed, judged again and shown
 without their source.
 """
@@ -44,8 +44,8 @@ def check_numbers(problem: ContactProblem) -> None:
     """Raise ``BenchError`` if a problem has the name of a built-in problem, but other numbers."""
     if is_held(problem.name) and load(problem.name).digest != problem.digest:
         raise BenchError(
-            f"the problem {problem.name!r} differs from the problem of that name in the library; rename it, as "
-            "problem.renamed(NAME) does."
+            f"the problem {problem.name!r} differs from the problem of that name in the library; rename it "
+            "with problem.renamed(NAME)."
         )
 
 

@@ -76,8 +76,7 @@ class SimulationPlan:
         tolerance: judged residual that each solve must reach.
         max_iterations: iteration limit of each solve.
         start: initial impulses of each solve: "warm", "cold" or "warm-then-cold", see ``starts``.
-        states: least number of states to keep of a longer simulation, at most twice as many; states at switching points
-            are kept in addition.
+        states: N; a simulation of more steps keeps N to 2 N states, and those at switching points in addition.
         step_seconds: wall time limit of a plugin's scene or solver for one step [s].
     """
 
@@ -107,7 +106,7 @@ class SimulationPlan:
 
     @property
     def stop(self) -> Stop:
-        """The stop criterion of each step; with a time limit, the motion would depend on the load of the machine."""
+        """The stopping criteria of each step; there is no time limit, so the motion does not depend on the load."""
         return Stop(self.tolerance, self.max_iterations, math.inf)
 
     @property
@@ -147,25 +146,26 @@ def make_simulation_plan(
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
         SolverError: for an unknown solver or option of it, with the nearest name.
-        BenchError: for an unknown start, or a duration, tolerance, number of iterations or of states out of range.
+        BenchError: for an unknown start, or a duration, tolerance, number of iterations or of states, or time limit
+            out of range.
     """
     seconds = REQUEST_SECONDS if step_seconds is None else step_seconds
     _check_seconds(seconds)
-    made = local_or_remote_scene(scene, options, seconds)
-    named = ("Extrapolated" if made.has_few_contacts else "Moreau") if stepper is None else stepper
-    taken = (make_stepper(named) if isinstance(named, str) else named).with_defaults_of(made)
-    default = _default(made, taken)
+    new_scene = local_or_remote_scene(scene, options, seconds)
+    named = ("Extrapolated" if new_scene.has_few_contacts else "Moreau") if stepper is None else stepper
+    new_stepper = (make_stepper(named) if isinstance(named, str) else named).with_defaults_of(new_scene)
+    default = _default(new_scene, new_stepper)
     chosen = default.solver if solver is None else solver
     if not isinstance(chosen, str):
         require_own_name(chosen)
     plan = SimulationPlan(
-        made,
-        taken,
-        made.duration if duration is None else duration,
+        new_scene,
+        new_stepper,
+        new_scene.duration if duration is None else duration,
         local_or_remote_solver(chosen, seconds) if isinstance(chosen, str) else chosen,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
-        default_start(taken) if start is None else start,
+        default_start(new_stepper) if start is None else start,
         STATES if states is None else states,
         seconds,
     )
@@ -207,8 +207,10 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
     stored = {**msgspec.structs.asdict(plan.record), **plan.scene.options}
     for name, value in _values(plan, given):
         if name not in stored or value != stored[name]:
-            holds = f"{name} {_word(stored[name])}" if name in stored else f"no {name}"
-            raise BenchError(f"{name} {_word(value)} contradicts {source}, which has {holds}; leave it out to resume.")
+            holds = f"{name} {_value_text(stored[name])}" if name in stored else f"no {name}"
+            raise BenchError(
+                f"{name} {_value_text(value)} contradicts {source}, which has {holds}; leave it out to resume."
+            )
 
 
 def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
@@ -229,7 +231,7 @@ def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, A
     return values
 
 
-def _word(value: object) -> str:
+def _value_text(value: object) -> str:
     return "off" if value is None else str(value)
 
 

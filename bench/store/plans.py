@@ -1,4 +1,4 @@
-"""The settings and the plan of a run, as the command line and Python set them and a run stores them."""
+"""The settings and the plan of a run, set on the command line or in Python, and stored with the run."""
 
 from collections.abc import Iterable
 from typing import Annotated, Literal, Self
@@ -28,7 +28,7 @@ class Limits(Struct, frozen=True):
 
     Attributes:
         solve_seconds: limit of one solve [s].
-        case_seconds: limit of everything in a case, in each pass [s].
+        case_seconds: limit of all work on a case in one pass [s].
         memory_bytes: memory that a case may use beyond that of the framework.
         max_iterations: limit of iterations of one solve.
 
@@ -54,7 +54,7 @@ class RunSettings(Record, frozen=True, kw_only=True):
         tolerances: the ladder, from coarse to fine; in a study, the errors for which tables give times.
         limits: limits of each case.
         passes: number of passes over all problems, with one or two rounds of each point.
-        seed: seed of the orders of problems and solvers in each pass, and of a sample.
+        seed: seed of the orders of problems and solvers in each pass, and of the choice of a sample of problems.
     """
 
     tolerances: Annotated[list[Tolerance], Meta(min_length=1)] = msgspec.field(default_factory=lambda: list(LADDER))
@@ -86,7 +86,7 @@ class RunSettings(Record, frozen=True, kw_only=True):
         if not 1 <= passes <= MAX_PASSES:
             raise BenchError(f"`passes` must be between 1 and {MAX_PASSES}, got {passes}.")
         if not 0 <= seed < 2**63:
-            raise BenchError(f"`seed` must not be negative, got {seed}.")
+            raise BenchError(f"`seed` must be at least 0 and less than 2**63, got {seed}.")
         return cls(tolerances=ladder, limits=limits or Limits(), passes=passes, seed=seed)
 
 
@@ -96,7 +96,7 @@ class MethodRecord(Record, frozen=True, kw_only=True):
     Attributes:
         name: name of both.
         values: the ladder, of steps [s] or tolerances.
-        tolerance: tolerance of the solver if the stepper varies.
+        tolerance: tolerance of the solver if ``values`` are those of the stepper.
         max_iterations: limit of iterations of one solve.
         start: start of each solve.
     """
@@ -127,7 +127,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the generated part of the reference, or the known end.
         scale: scale of differences from a known end.
-        way: longest path of a coordinate from the start to the known end [m]; None if unknown.
+        way: largest displacement of a coordinate from the start to the known end [m]; None if unknown.
 
     Raises:
         ValueError: if members of the reference have values of different names.

@@ -59,7 +59,7 @@ class Store:
         store = Store(folder)
         try:
             store._cases.mkdir(parents=True, exist_ok=True)
-            store.refuse_second()
+            store.require_new()
         except OSError as error:
             raise BenchError(f"cannot write {folder}: {error.strerror}; {ELSEWHERE}.") from None
         return store
@@ -75,15 +75,15 @@ class Store:
             raise BenchError(_no_run(folder))
         return Store(folder)
 
-    def refuse_second(self) -> None:
-        """Raise ``BenchError`` if the folder contains more than the empty folders of a new run."""
+    def require_new(self) -> None:
+        """Raise ``BenchError`` if the folder contains anything besides the folders of cases and problems."""
         own = (self._cases, self._problems)
         if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
             raise BenchError(f"{self.folder} exists already; continue it with `resume`, or choose another `run_id`.")
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Lock the run against other writers, and remove the temporary files of a killed one.
+    def locked(self) -> Iterator[None]:
+        """Lock the run against other writers, and remove the temporary files of one that was killed.
 
         The operating system releases the lock when the process ends.
 
@@ -185,7 +185,7 @@ class Store:
         put_file(path, content)
 
     def _case_file(self, case: CaseRecord) -> Path:
-        """Return the file of a case: readable, safe as a file name, and unique."""
+        """Return the path of a case; its name is readable, unique and safe as a file name."""
         problem, solver = (plain_name(printable(name)) for name in (case.problem, case.solver))
         return self._cases / f"{problem}--{solver}.json"
 
@@ -231,7 +231,7 @@ def plain_name(name: str) -> str:
     return f"{plain[:51]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
-def put_file(path: Path, content: bytes, remedy: str = f"make room, or {ELSEWHERE}") -> None:
+def put_file(path: Path, content: bytes, remedy: str = f"free some space, or {ELSEWHERE}") -> None:
     """Write a file as a whole or not at all, and create its folder if necessary.
 
     Raises:
@@ -249,7 +249,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
     """Return the record of a file.
 
     Raises:
-        BenchError: if it is damaged, too large, or of another format; the sentence ends with the remedy.
+        BenchError: if it is damaged, too large, or of another format; the message ends with the remedy.
     """
     try:
         if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
@@ -261,17 +261,19 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
 
 
 def refuse_links_out(place: Path, folder: Path) -> None:
-    """Refuse to write to a place in a folder if a link on the way to it, or below it, leads out of the folder.
+    """Check that no symbolic link leads out of a folder, on the path to a place in it or below that place.
 
-    A stored run may come from a stranger, whose links must not redirect what a report writes.
+    A stored run may come from an untrusted source, whose links must not redirect what a report writes.
 
     Raises:
         BenchError: if a link leads out of the folder.
     """
     inside = os.path.realpath(folder)
-    way = list(accumulate(place.relative_to(folder).parts, Path.joinpath, initial=folder))[1:]
+    above = list(accumulate(place.relative_to(folder).parts, Path.joinpath, initial=folder))[1:]
     below = [Path(top, name) for top, folders, files in os.walk(place) for name in (*folders, *files)]
-    for link in (*way, *below):
+    for link in (*above, *below):
         target = os.path.realpath(link)
         if os.path.islink(link) and not Path(target).is_relative_to(inside):
-            raise BenchError(f"{link} is a link out of {folder}, to {target}; remove it, or name another place.")
+            raise BenchError(
+                f"{link} is a symbolic link to {target}, outside {folder}; remove it, or name another file or folder."
+            )

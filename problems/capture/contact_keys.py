@@ -1,8 +1,8 @@
 """Persistent names of contacts across steps.
 
 Contacts of one pair of geometries are distinguished by a number, ``"floor | box #2"``. In the next step a contact
-keeps the number of the nearest contact of the pair, as seen from either geometry: the corner of a sliding box does not
-move on the box.
+keeps the number of the nearest contact of the pair, in the frame of either geometry: the corner of a sliding box does
+not move in the frame of the box.
 """
 
 from collections.abc import Sequence
@@ -34,10 +34,10 @@ def distinct_keys(
         old = before.get(key, [])
         gaps = np.linalg.norm(anchors[now][:, None] - known_anchors[old][None], axis=-1).min(axis=-1)
         for flat in np.argsort(gaps, axis=None, kind="stable"):
-            mine, theirs = np.unravel_index(flat, gaps.shape)
-            name = known[old[theirs]]
-            if not found[now[mine]] and name not in found:
-                found[now[mine]] = name
+            row, column = np.unravel_index(flat, gaps.shape)
+            name = known[old[column]]
+            if not found[now[row]] and name not in found:
+                found[now[row]] = name
         free = (name for number in range(len(now)) if (name := _numbered(key, number)) not in found)
         for index in now:
             found[index] = found[index] or next(free)

@@ -5,11 +5,11 @@ from ..contact.answer import Answer
 from ..contact.judge import judge
 from ..contact.problem import ContactProblem
 
-CONFIRMED = 1e-4
+MAX_RESIDUAL = 1e-4
 """Largest judged residual of stored impulses that count as a solution."""
 
-RESIDUAL = "stored_solution_residual"
-"""Entry of the provenance: the judged residual of the stored impulses."""
+RESIDUAL_KEY = "stored_solution_residual"
+"""Key in the provenance: the judged residual of the stored impulses."""
 
 
 def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:
@@ -17,8 +17,8 @@ def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> Conta
 
     Args:
         problem: the problem.
-        impulses: Λ [N s], shape (n_rows,). They become the known answer if their residual is at most ``CONFIRMED``.
+        impulses: Λ [N s], shape (n_rows,). They become the known answer if their residual is at most ``MAX_RESIDUAL``.
     """
     residual = judge(problem, impulses).residual
-    known = Answer(witness=impulses) if residual <= CONFIRMED else None
-    return problem.answered(known, **{RESIDUAL: residual})
+    known = Answer(witness=impulses) if residual <= MAX_RESIDUAL else None
+    return problem.answered(known, **{RESIDUAL_KEY: residual})

@@ -18,7 +18,7 @@ from .fclib.files import SUFFIXES as FCLIB_SUFFIXES
 from .fclib.files import is_fclib_name, read_fclib
 from .files.problem_file import SUFFIXES, read_problem
 from .repair import ASYMMETRY, Repair
-from .stored_solution import RESIDUAL
+from .stored_solution import RESIDUAL_KEY
 
 RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled G below this fraction of the largest one count as zero."""
@@ -75,7 +75,7 @@ def survey(path: Path) -> Survey:
     """
     problem = _read(path)
     laws, provenance = problem.laws, problem.provenance
-    rolling, residual = laws.friction_coefficient[laws.is_rolling], provenance.get(RESIDUAL)
+    rolling, residual = laws.friction_coefficient[laws.is_rolling], provenance.get(RESIDUAL_KEY)
     joints = laws.n_joint_rows
     return Survey(
         file=str(path),

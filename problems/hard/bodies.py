@@ -12,16 +12,16 @@ from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 
 GRAVITY = 9.81
-"""Acceleration of gravity [m/s²]."""
+"""Gravitational acceleration [m/s²]."""
 
 TIME_STEP = 1e-3
 """Time step [s]."""
 
 WEIGHT = GRAVITY * TIME_STEP
-"""Impulse that bears one kilogramme for one step [N s], and velocity after one step of free fall [m/s]."""
+"""Impulse that carries one kilogram for one step [N s], and velocity after one step of free fall [m/s]."""
 
 
-def bodies(
+def body_problem(
     directions: Any,
     inverse_mass: FloatArray,
     motion: FloatArray,
@@ -49,11 +49,12 @@ def bodies(
 def box_friction_impulses(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:
     """Solve −(GΛ + c) ∈ N_C(Λ) with C = {|Λ_i| ≤ b_i} for two rows, and return Λ.
 
-    Each row slips in one of two directions or sticks. G is positive definite, so one of the nine cases is the solution.
+    Each row slips in one of two directions or sticks. G is positive definite, so one of the nine cases gives the
+    solution.
 
     Args:
         delassus: G, shape (2, 2).
-        c: the velocity without both impulses, shape (2,).
+        c: the velocity without the two impulses, shape (2,).
         bound: b ≥ 0, shape (2,).
     """
     best, least = np.zeros(2), np.inf

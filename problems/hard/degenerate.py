@@ -4,7 +4,7 @@ import numpy as np
 
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, bodies
+from .bodies import WEIGHT, body_problem
 from .stacks import sliding_tower
 
 
@@ -47,7 +47,7 @@ def grazing(n: int) -> ContactProblem:
     motion = np.zeros(n)
     motion[-1] = -1.0
     answer = Answer(impulses=(np.ones(n),), velocity=np.zeros(n), sensitivity=float(n * n))
-    return bodies(directions, np.ones(n), motion, dim=1, answer=answer)
+    return body_problem(directions, np.ones(n), motion, dim=1, answer=answer)
 
 
 def touching() -> ContactProblem:

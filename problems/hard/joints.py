@@ -13,7 +13,7 @@ from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, bodies, box_friction_impulses
+from .bodies import WEIGHT, body_problem, box_friction_impulses
 
 
 def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
@@ -105,7 +105,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     velocity = directions.T @ (inverse_mass * (directions @ impulses) + motion)
     velocity[: n + 1] = 0.0
     answer = Answer(impulses=(impulses,), velocity=velocity, sensitivity=100.0 * n * n)
-    return bodies(directions, inverse_mass, motion, laws=laws, answer=answer)
+    return body_problem(directions, inverse_mass, motion, laws=laws, answer=answer)
 
 
 def immovable_joint() -> ContactProblem:
@@ -122,4 +122,4 @@ def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
 def _jointed(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
     """Return a problem with joints only, W dense or scipy sparse."""
     directions = sp.csc_array(given)
-    return bodies(directions, inverse_mass, motion, laws=Laws.joints(directions.shape[1]), answer=answer)
+    return body_problem(directions, inverse_mass, motion, laws=Laws.joints(directions.shape[1]), answer=answer)

@@ -17,7 +17,7 @@ from ..contact.answer import Answer
 from ..contact.laws import Laws
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError
-from .bodies import WEIGHT, bodies, box_friction_impulses
+from .bodies import WEIGHT, body_problem, box_friction_impulses
 
 RADIUS = 0.1
 """Radius of the spheres with rolling friction [m]."""
@@ -39,7 +39,7 @@ def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3
     impulses = np.column_stack([normal, cut[:, None] * wanted]).ravel()
     diagonal = np.tile([1.0, compliance, compliance], n)
     answer = Answer(impulses=(impulses,), velocity=diagonal * impulses + c.ravel())
-    return bodies(sp.eye_array(3 * n), diagonal, c.ravel(), friction, answer=answer)
+    return body_problem(sp.eye_array(3 * n), diagonal, c.ravel(), friction, answer=answer)
 
 
 def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactProblem:
@@ -122,7 +122,7 @@ def resisting_spheres(
     velocity = directions.T @ (inverse_mass * (directions @ known)) + directions.T @ motion
     answer = Answer(impulses=(known,), velocity=velocity)
     laws = Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes)
-    return bodies(directions, inverse_mass, motion, laws=laws, answer=answer)
+    return body_problem(directions, inverse_mass, motion, laws=laws, answer=answer)
 
 
 def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:

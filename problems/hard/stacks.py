@@ -5,7 +5,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, bodies
+from .bodies import WEIGHT, body_problem
 
 
 def stack(masses: FloatArray) -> ContactProblem:
@@ -17,7 +17,7 @@ def stack(masses: FloatArray) -> ContactProblem:
     n = len(masses)
     impulses = WEIGHT * np.cumsum(masses[::-1])[::-1]
     answer = Answer(impulses=(impulses,), velocity=np.zeros(n), sensitivity=float(max(n, 2)))
-    return bodies(np.eye(n) - np.eye(n, k=1), 1.0 / masses, np.full(n, -WEIGHT), dim=1, answer=answer)
+    return body_problem(np.eye(n) - np.eye(n, k=1), 1.0 / masses, np.full(n, -WEIGHT), dim=1, answer=answer)
 
 
 def top_heavy(n: int, ratio: float) -> FloatArray:
@@ -47,7 +47,7 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     velocity[1:3] = (1.0 - friction * WEIGHT) * direction
     coefficient = np.where(np.arange(n) == 0, friction, 2.0 * friction)
     answer = Answer(impulses=(impulses,), velocity=velocity, sensitivity=200.0 * n)
-    return bodies(directions, np.repeat(1.0 / masses, 3), motion, coefficient, answer=answer)
+    return body_problem(directions, np.repeat(1.0 / masses, 3), motion, coefficient, answer=answer)
 
 
 UNITS = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])

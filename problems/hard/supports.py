@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, bodies
+from .bodies import WEIGHT, body_problem
 
 
 def block_on_supports(n: int) -> ContactProblem:
@@ -22,7 +22,7 @@ def block_on_supports(n: int) -> ContactProblem:
     """
     directions, motion = np.vstack([np.ones(n), np.linspace(-0.5, 0.5, n)]), np.array([-WEIGHT, 0.0])
     answer = Answer(velocity=np.zeros(n), functionals=directions, values=np.array([WEIGHT, 0.0]))
-    return bodies(directions, np.array([1.0, 12.0]), motion, dim=1, answer=answer)
+    return body_problem(directions, np.array([1.0, 12.0]), motion, dim=1, answer=answer)
 
 
 def identical_contacts(n: int) -> ContactProblem:
@@ -44,7 +44,7 @@ def duplicated_slider(copies: int = 10, friction: float = 0.3) -> ContactProblem
         values=np.array([-friction * WEIGHT, 0.0, WEIGHT]),
         sensitivity=200.0 * copies * (1.0 + friction),
     )
-    return bodies(directions, np.ones(3), np.array([1.0, 0.0, -WEIGHT]), friction, answer=answer)
+    return body_problem(directions, np.ones(3), np.array([1.0, 0.0, -WEIGHT]), friction, answer=answer)
 
 
 def sliding_block(friction: float = 0.3, n: int = 4) -> ContactProblem:
@@ -61,7 +61,7 @@ def sliding_block(friction: float = 0.3, n: int = 4) -> ContactProblem:
         sensitivity=200.0 * n * (1.0 + friction),
     )
     motion = np.array([1.0, -WEIGHT, 0.0])
-    return bodies(directions, np.array([1.0, 1.0, 12.0]), motion, friction, dim=2, answer=answer)
+    return body_problem(directions, np.array([1.0, 1.0, 12.0]), motion, friction, dim=2, answer=answer)
 
 
 def sticking_box(speed: float = 1e-3, per_side: int = 2) -> ContactProblem:
@@ -80,7 +80,7 @@ def sticking_box(speed: float = 1e-3, per_side: int = 2) -> ContactProblem:
     motion = np.array([speed, 0.0, -WEIGHT, 0.0, 0.0, 0.0])
     values = np.array([-speed, 0.0, WEIGHT])
     answer = Answer(velocity=np.zeros(directions.shape[1]), functionals=directions[:3], values=values)
-    return bodies(directions, np.concatenate([np.ones(3), 1.0 / inertia]), motion, 0.5, answer=answer)
+    return body_problem(directions, np.concatenate([np.ones(3), 1.0 / inertia]), motion, 0.5, answer=answer)
 
 
 def resting_block(n: int, friction: float) -> ContactProblem:
@@ -93,4 +93,4 @@ def resting_block(n: int, friction: float) -> ContactProblem:
     directions[0, 1::2], directions[2, 1::2] = 1.0, 0.5
     motion = np.array([0.0, -WEIGHT, 0.0])
     answer = Answer(velocity=np.zeros(2 * n), functionals=directions, values=np.array([0.0, WEIGHT, 0.0]))
-    return bodies(directions, np.array([1.0, 1.0, 6.0]), motion, friction, dim=2, answer=answer)
+    return body_problem(directions, np.array([1.0, 1.0, 6.0]), motion, friction, dim=2, answer=answer)

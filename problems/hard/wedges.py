@@ -4,7 +4,7 @@ import numpy as np
 
 from ..contact.answer import Answer
 from ..contact.problem import ContactProblem
-from .bodies import WEIGHT, bodies
+from .bodies import WEIGHT, body_problem
 
 DISC = np.array([1.0, 1.0, 2.0])
 """Diagonal of M⁻¹ of a disc of 1 kg with its radius as the unit of length."""
@@ -21,7 +21,7 @@ def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
     sensitivity = 10.0 / min(sin, cos) ** 2
     if friction == 0.0:
         answer = Answer(impulses=(np.full(2, WEIGHT / (2.0 * sin)),), velocity=np.zeros(2), sensitivity=sensitivity)
-        return bodies(normals, np.ones(2), np.array([0.0, -WEIGHT]), dim=1, answer=answer)
+        return body_problem(normals, np.ones(2), np.array([0.0, -WEIGHT]), dim=1, answer=answer)
     directions = np.zeros((3, 4))
     directions[:2, 0::2] = normals
     directions[:2, 1::2] = np.array([[-sin, -sin], [cos, -cos]])
@@ -32,7 +32,7 @@ def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
         values=np.array([0.0, WEIGHT]),
         sensitivity=sensitivity * (1.0 + friction),
     )
-    return bodies(directions, DISC, np.array([0.0, -WEIGHT, 0.0]), friction, dim=2, answer=answer)
+    return body_problem(directions, DISC, np.array([0.0, -WEIGHT, 0.0]), friction, dim=2, answer=answer)
 
 
 def arch(n: int, friction: float) -> ContactProblem:
@@ -56,14 +56,14 @@ def arch(n: int, friction: float) -> ContactProblem:
     motion, inverse_mass = np.tile([0.0, -WEIGHT, 0.0], n), np.tile(DISC, n)
     if friction == 0.0:
         answer = Answer(impulses=(bearing,), velocity=np.zeros(n + 1), sensitivity=100.0 * n * n)
-        return bodies(free[:, 0::2], inverse_mass, motion, dim=1, answer=answer)
+        return body_problem(free[:, 0::2], inverse_mass, motion, dim=1, answer=answer)
     answer = Answer(
         velocity=np.zeros(2 * (n + 1)),
         functionals=free,
         values=-motion / inverse_mass,
         sensitivity=100.0 * n * n * (1.0 + friction),
     )
-    return bodies(free, inverse_mass, motion, friction, dim=2, answer=answer)
+    return body_problem(free, inverse_mass, motion, friction, dim=2, answer=answer)
 
 
 def chimney(friction: float) -> ContactProblem:
@@ -75,7 +75,7 @@ def chimney(friction: float) -> ContactProblem:
     directions = np.zeros((3, 4))
     directions[0, 0::2], directions[1, 1::2], directions[2, 1::2] = (1.0, -1.0), 1.0, (-1.0, 1.0)
     answer = Answer(functionals=directions[[0, 2]], values=np.zeros(2), witness=np.zeros(4))
-    return bodies(directions, DISC, np.array([0.0, -WEIGHT, 0.0]), friction, dim=2, answer=answer)
+    return body_problem(directions, DISC, np.array([0.0, -WEIGHT, 0.0]), friction, dim=2, answer=answer)
 
 
 def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
@@ -91,4 +91,4 @@ def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     acting, dim = (directions, 2) if friction else (directions[:, 0::2], 1)
     values, velocity = np.array([0.0, WEIGHT]), np.zeros(dim * n)
     answer = Answer(velocity=velocity, functionals=acting, values=values, sensitivity=n / angle)
-    return bodies(acting, np.ones(2), np.array([0.0, -WEIGHT]), friction, dim, answer=answer)
+    return body_problem(acting, np.ones(2), np.array([0.0, -WEIGHT]), friction, dim, answer=answer)

@@ -12,8 +12,8 @@ class Warm:
     """A solver with a warm start, which its name shows: ``Warm(SORprox)``.
 
     ``proxbench run`` solves the steps of a sequence that precede a problem with the solver itself, outside the measured
-    time, and starts each solve of the problem from the last solution. Under its own name a solver starts from zero. A
-    problem without a previous step is reported as unsupported. Outside ``proxbench run``, the two are the same.
+    time, and starts each solve of the problem from the last solution. Without ``Warm``, the solver starts from zero. A
+    problem without a previous step is reported as unsupported. Outside ``proxbench run``, ``Warm`` has no effect.
 
     Attributes:
         solver: the solver.

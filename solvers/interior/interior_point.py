@@ -106,7 +106,7 @@ class _Iterate:
         self._s = np.where(kind == cones.CONE, tangential_lengths(self._u), START)
 
     def _keep_inside(self) -> None:
-        self._scaled.lanes.agree(self._r)
+        self._scaled.lanes.equalise_normals(self._r)
         cones.keep_inside(self._kind, self._scaled.bounds(self._r), self._r, self._u, self._s)
 
     def step(self, progress: Progress) -> None:

@@ -1,12 +1,12 @@
 """Positions of the lanes of cones in the blocks of a problem.
 
 A block has the lanes N, T, R (``problems.contact.blocks``). Its first cone has N and T; a contact with rolling friction
-has a second cone, with R and a copy of N. A common impulse Λ_N splits the velocity into two parts,
+has a second cone, with R and a copy of N. The lanes r of impulses and û of velocities (``cones``) satisfy
 
     r_N of both = r_N of the block,      û_N¹ + û_N² = û_N of the block.
 
-Impulses are copied from blocks to cones, velocities are summed from cones to blocks, and D of a block is the sum of D
-of its cones. A Newton system does not contain the splitting.
+Impulses are copied from blocks to cones, velocities are summed from cones to blocks, and D of a block, its part of
+the matrix Ĝ + D of a Newton step, is the sum of D of its cones. The splitting of û_N does not appear in that system.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ class Lanes:
     """The lanes of m cones with w lanes each in n blocks: one cone per block, with its lanes padded by zeros.
 
     Attributes:
-        width: lanes of a cone, w, 3 or 4.
+        width: number of lanes of a cone, w, 3 or 4.
         block: block of each cone, first cones of all blocks in order, then second cones, shape (m,).
     """
 
@@ -37,7 +37,7 @@ class Lanes:
         lanes[:, : blocks.shape[1]] = blocks
         return lanes
 
-    def once_from_block(self, blocks: FloatArray) -> FloatArray:
+    def split_from_block(self, blocks: FloatArray) -> FloatArray:
         """Return velocities of cones, shape (m, w), from those of blocks; the first cone receives all of ξ_N."""
         return self.from_block(blocks)
 
@@ -53,7 +53,7 @@ class Lanes:
         """Return D of blocks, shape (n, width, width), from D of cones, shape (m, w, w)."""
         return np.ascontiguousarray(cones[:, : self._layout.width, : self._layout.width])
 
-    def agree(self, impulses: FloatArray) -> None:
+    def equalise_normals(self, impulses: FloatArray) -> None:
         """Set Λ_N of both cones of a block to the larger one, in place, shape (m, w)."""
 
 
@@ -71,15 +71,15 @@ class RollingLanes(Lanes):
         shares = layout.rolling_coefficient[self._rolls] > 0.0
         self._shared = self._rolls[shares]
         self._copies = n + np.flatnonzero(shares)
-        self._resting = np.flatnonzero(layout.rolling_law < 0)
+        self._without_rolling = np.flatnonzero(layout.rolling_law < 0)
 
     def from_block(self, blocks: FloatArray) -> FloatArray:
         """See ``Lanes``."""
-        lanes = self.once_from_block(blocks)
+        lanes = self.split_from_block(blocks)
         lanes[self._second, 0] = blocks[self._rolls, 0]
         return lanes
 
-    def once_from_block(self, blocks: FloatArray) -> FloatArray:
+    def split_from_block(self, blocks: FloatArray) -> FloatArray:
         """See ``Lanes``."""
         lanes = np.zeros((len(self.block), self.width))
         lanes[self._first, : self._sliding] = blocks[:, : self._sliding]
@@ -108,10 +108,10 @@ class RollingLanes(Lanes):
         blocks[self._shared, 0, 0] += cones[self._copies, 0, 0]
         blocks[self._shared, 0, own:] = cones[self._copies, 0, further]
         blocks[self._shared, own:, 0] = cones[self._copies, further, 0]
-        blocks[self._resting, own:, own:] = np.eye(self._rolling)
+        blocks[self._without_rolling, own:, own:] = np.eye(self._rolling)
         return blocks
 
-    def agree(self, impulses: FloatArray) -> None:
+    def equalise_normals(self, impulses: FloatArray) -> None:
         """See ``Lanes``."""
         larger = np.maximum(impulses[self._shared, 0], impulses[self._copies, 0])
         impulses[self._shared, 0] = impulses[self._copies, 0] = larger

@@ -49,7 +49,7 @@ class ScaledProblem:
         self.uses[self.kind == cones.IDLE] = False
         self.is_cone: Mask = self.kind == cones.CONE
         self._scale(problem, residual)
-        self.free_velocity = self.velocity_scale * self.lanes.once_from_block(layout.pad(problem.free_velocity))
+        self.free_velocity = self.velocity_scale * self.lanes.split_from_block(layout.pad(problem.free_velocity))
 
     @property
     def n_cones(self) -> int:
@@ -87,7 +87,7 @@ class ScaledProblem:
         scale = np.where(self.uses, self.impulse_scale, 1.0)
         r = np.where(self.uses, self.lanes.from_block(self.layout.pad(impulses)) / scale, 0.0)
         velocity = self._problem.relative_velocity(impulses)
-        u: FloatArray = self.velocity_scale * self.lanes.once_from_block(self.layout.pad(velocity))
+        u: FloatArray = self.velocity_scale * self.lanes.split_from_block(self.layout.pad(velocity))
         u[self.is_cone, 0] += tangential_lengths(u)[self.is_cone]
         return r, u
 

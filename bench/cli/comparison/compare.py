@@ -13,7 +13,7 @@ def compare(
     after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder or bundle of the run that may be slower.")],
     fail_on: Annotated[
         list[str] | None,
-        options.output(metavar="CONDITION", help='Exit with 1 on "time>10%" or "solved<"; repeatable.'),
+        options.output(metavar="CONDITION", help='Exit with code 1 if "time>10%" or "solved<" holds; repeatable.'),
     ] = None,
     markdown: Annotated[
         Path | None, options.output(metavar="FILE", help="Markdown file for a pull request; - prints it.")
@@ -37,20 +37,20 @@ def compare(
     options.refuse_two_prints(quiet, as_json)
     to_print = markdown is not None and str(markdown) == "-"
     if to_print and (quiet or as_json):
-        raise BenchError("--markdown - prints a page, but --json and --quiet do not; give one of them, or name a file.")
+        raise BenchError("--markdown - prints a page; use it without --json and --quiet, or name a file.")
     slowdowns = [slowdown for slowdown in read_conditions(fail_on or ()).values() if slowdown is not None]
     if markdown is not None and not to_print:
         refuse_taken([markdown], force=True)
-    made = runs.compare(before, after, min(slowdowns, default=SLOWDOWN))
-    failures = made.failures(fail_on or ())
+    comparison = runs.compare(before, after, min(slowdowns, default=SLOWDOWN))
+    failures = comparison.failures(fail_on or ())
     if markdown is not None and not to_print:
-        write_file(markdown, markdown_page(made, failures).encode())
+        write_file(markdown, markdown_page(comparison, failures).encode())
     if as_json:
-        print_json(document(made, failures))
+        print_json(document(comparison, failures))
     elif to_print:
-        print(markdown_page(made, failures), end="")
+        print(markdown_page(comparison, failures), end="")
     elif not quiet:
-        print_comparison(made, failures, Console(width=output_width()))
+        print_comparison(comparison, failures, Console(width=output_width()))
     if markdown is not None and not (to_print or as_json):
         print(f"page     {markdown}")
     return int(bool(failures))

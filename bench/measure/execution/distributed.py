@@ -16,7 +16,7 @@ from ...plugins.problems import predecessors_of_run, problem_of_run
 from ...plugins.solver_specs import SolverSpec
 from ...store.records import RunRecord, Session, with_sessions
 from ...store.store import Store
-from .events import CasePassFinished, OnEvent
+from .events import OnEvent, ProblemPassFinished
 from .problem_task import MeasuredProblem, ProblemTask, measure_problem
 from .run_executor import RunExecutor, Solvers, shuffled
 
@@ -53,7 +53,7 @@ class DistributedExecutor(RunExecutor):
                     if fault is None:
                         self._store_result(name, future.result())
                         n_done += 1
-                        self._on_event(CasePassFinished(name, n_done, len(plan.problems)))
+                        self._on_event(ProblemPassFinished(name, n_done, len(plan.problems)))
                     else:
                         self._lost[name] = fault
         finally:

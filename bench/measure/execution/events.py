@@ -30,7 +30,7 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class ReferenceSimulated:
-    """The reference of a trajectory is simulated before the measurements."""
+    """The reference of a trajectory has been simulated, before the measurements; it may have been stored already."""
 
     trajectory: TrajectoryRecord
 
@@ -46,7 +46,7 @@ class ProblemStarted:
 
 @dataclass(frozen=True)
 class PointFinished:
-    """A round of a point is measured and stored."""
+    """A round of a point has been measured; if it is the first one, the point is stored."""
 
     problem: str
     solver: str
@@ -65,14 +65,14 @@ class CaseFinished:
 
 
 @dataclass(frozen=True)
-class CasePassFinished:
-    """One problem has finished one of the planned passes."""
+class ProblemPassFinished:
+    """One pass over the cases of a problem is complete; a worker of a cluster completes all passes at once."""
 
     problem: str
     done: int
     total: int
 
 
-Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseFinished | CasePassFinished
+Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseFinished | ProblemPassFinished
 
 OnEvent = Callable[[Event], None]

@@ -23,7 +23,7 @@ from ..refutation import find_refuted
 from ..trajectories.case import TrajectoryCase
 from ..trajectories.methods import Method
 from ..trajectories.problems import trajectory_of
-from .events import CasePassFinished, OnEvent, PointFinished, ProblemStarted
+from .events import OnEvent, PointFinished, ProblemPassFinished, ProblemStarted
 from .run_executor import RunExecutor, Solvers, shuffled
 
 
@@ -48,7 +48,7 @@ class LocalExecutor(RunExecutor):
                     if not self._is_finished(name):
                         self._measure_pass(name, CasePass(session, number))
                     n_done += 1
-                    self._on_event(CasePassFinished(name, n_done, plan.passes * len(plan.problems)))
+                    self._on_event(ProblemPassFinished(name, n_done, plan.passes * len(plan.problems)))
         finally:
             self._core.release()
         self._session = replace(self._session, finished=_now())

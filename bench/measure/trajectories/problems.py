@@ -37,7 +37,7 @@ def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
 
 
 def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[TrajectoryRecord]:
-    """Simulate the reference, and yield the record after each part; the last one is complete.
+    """Simulate the reference, and yield the record after each member; the last one is complete.
 
     Args:
         record: the record with the known part of the reference.
@@ -47,13 +47,13 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
         BenchError: if the reference cannot be simulated.
     """
     known = {one.member for one in record.known}
-    left = [member for member in reference_members(record) if member not in known]
-    if left:
+    missing = [member for member in reference_members(record) if member not in known]
+    if missing:
         method = _reference(record)
         task = TrajectoryTask(trajectory_of(replace(record, known=[])), method, limits.case_seconds, most_solves=10**9)
         try:
             with RenewedWorker(task, limits.case_seconds, limits.memory_bytes) as worker:
-                for member in left:
+                for member in missing:
                     record = _with_member(record, method, worker, member)
                     yield record
         except Fault as fault:
@@ -82,15 +82,15 @@ def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker
     """Return the record with the result of one more member."""
     scale, way, failure = record.scale, record.way, ""
     if record.error == "end position":
-        about, _ = worker.ask("known")
-        values, start = dict(about["values"]), dict(about["start"])
+        ending, _ = worker.ask("known")
+        values, start = dict(ending["values"]), dict(ending["start"])
     if record.reference is not None:
         answer, _ = worker.ask("simulate", method.record.values[0], member)
         run = Simulated.read(answer, math.inf)
         values, failure = run.values, "" if run.status is Status.SOLVED else run.message
     if record.error == "end position" and not failure:
         way = max(abs(values[name] - start[name]) for name in values)
-        scale = max(float(about["length"]), way)
+        scale = max(float(ending["length"]), way)
     return replace(
         record, scale=scale, way=way, known=[*record.known, KnownRecord(member=member, values=values, failure=failure)]
     )

@@ -27,6 +27,8 @@ GLASS = (150, 170, 200, 45)
 """Colour of surfaces, nearly transparent."""
 
 DISC_FLATNESS = 0.35
+"""Thickness of a drawn disc, relative to its diameter."""
+
 ARROW_RADII = 3.0
 """Length of the arrow of a ball's weight over ``REFERENCE_SECONDS``, in radii. Lengths grow with the square root of the
 impulse."""
@@ -49,8 +51,8 @@ class BallRecorder(SceneRecorder):
         self._layers: list[IntArray] = []
         relative = np.repeat(system.radii / system.radii.max(), 3).reshape(-1, 3).astype(np.float32)
         self._scales = None if (relative == 1.0).all() else relative
-        weight: Any = scene.options.get("gravity")
-        gravity = float(weight) if isinstance(weight, int | float) else 0.0
+        option: Any = scene.options.get("gravity")
+        gravity = float(option) if isinstance(option, int | float) else 0.0
         self._reference = float(np.median(system.masses)) * (abs(gravity) or 9.81) * REFERENCE_SECONDS
 
     @property
@@ -60,9 +62,9 @@ class BallRecorder(SceneRecorder):
 
     def _explanation(self) -> str:
         return (
-            "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows on the "
-            "first ball of a contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with the "
-            "square root of its impulse."
+            "Left: balls, coloured by their height at the start. Right: the impulses of each step as arrows at the "
+            "first ball of each contact; **teal** contacts stick, **orange** ones slip. An arrow's length grows with "
+            "the square root of its impulse."
         )
 
     def _views(self) -> Sequence[rrb.Spatial3DView]:
@@ -100,8 +102,8 @@ class BallRecorder(SceneRecorder):
         centres = self._in_space(state)
         for index, members in enumerate(self._layers):
             scales = None if self._scales is None else self._scales[members]
-            turns = self._orientations[members]
-            poses = rr.InstancePoses3D(translations=centres[members], quaternions=turns, scales=scales)
+            quaternions = self._orientations[members]
+            poses = rr.InstancePoses3D(translations=centres[members], quaternions=quaternions, scales=scales)
             yield f"{BODIES}/{index}", poses
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
@@ -109,7 +111,7 @@ class BallRecorder(SceneRecorder):
         if contacts is None or states is None:
             return [(IMPULSES, NO_IMPULSES)]
         pieces = contacts.directions
-        assert isinstance(pieces, Pieces)  # as for all balls
+        assert isinstance(pieces, Pieces)  # true for all ball systems
         first = pieces.starts[:-1]
         axes = in_space(pieces.values[first][:, :, : system.dimension])
         vectors = np.einsum("cl,clx->cx", step.impulses.reshape(pieces.n_blocks, pieces.width), axes)
@@ -120,12 +122,12 @@ class BallRecorder(SceneRecorder):
         return [(IMPULSES, arrows(vectors[shown], points[shown], states[shown], lengths, self._reference))]
 
     def _spins(self, velocity: FloatArray) -> FloatArray:
-        """Return angular velocities in space [rad/s], shape (n, 3); in the plane (x, z) from x to z, thus about −y."""
+        """Return angular velocities in space [rad/s], shape (n, 3); discs turn from x to z, thus about −y."""
         twists = self._system.twists(velocity)[:, self._system.dimension :]
         if self._system.spins == 3:
             return twists
         spins = np.zeros((self._system.n_balls, 3))
-        spins[:, 1] = -twists.sum(axis=1)  # of one angle, or none
+        spins[:, 1] = -twists.sum(axis=1)  # the sum over one component, or none
         return spins
 
     def _in_space(self, state: State) -> FloatArray:

@@ -73,7 +73,7 @@ class PluginFile:
         """Return the module of the file, which runs at the first call after ``make_importable``.
 
         Raises:
-            PluginError: if it fails to import; the sentence names the line.
+            PluginError: if it fails to import; the message gives the line.
         """
         try:
             with redirect_stdout(sys.stderr):
@@ -81,7 +81,9 @@ class PluginFile:
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
-            raise PluginError(f"{self.source} fails to import{where(error, self.path)}: {first_line(error)}.") from None
+            raise PluginError(
+                f"{self.source} fails to import{_line_phrase(error, self.path)}: {first_line(error)}."
+            ) from None
 
     def offered(self, kind: Kind) -> dict[str, Callable[..., Any]]:
         """Return the classes or functions of one kind that it offers, by name.
@@ -97,9 +99,11 @@ class PluginFile:
         if not isinstance(offered, list | tuple) or not all(callable(one) for one in offered):
             raise PluginError(f"{self.source}: SOLVERS must be a list of solver classes, SOLVERS = [MySolver].")
         names = [getattr(one, "__name__", repr(one)) for one in offered]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
-            raise PluginError(f"{self.source}: SOLVERS offers the name {twice!r} twice; rename or remove one of them.")
+        duplicate = next((name for name in names if names.count(name) > 1), None)
+        if duplicate is not None:
+            raise PluginError(
+                f"{self.source}: SOLVERS offers the name {duplicate!r} twice; rename or remove one of them."
+            )
         return dict(zip(names, offered, strict=True))
 
     def _functions(self, variable: str, example: str) -> dict[str, Callable[..., Any]]:
@@ -144,16 +148,16 @@ _known: dict[str, PluginFile] = {}
 
 
 def make_importable(file: PluginFile) -> None:
-    """Let this process import the module of ``file``, and pickles that refer to it, without running it now."""
+    """Make the module of ``file`` importable in this process, also for pickles; it runs at its first import."""
     sys.modules.pop(file.module_name, None)
     _known[file.module_name] = file
     if _IMPORTER not in sys.meta_path:
         sys.meta_path.append(_IMPORTER)
 
 
-def where(error: BaseException, path: Path) -> str:
-    """Return ``" in line 12"`` for the deepest line of ``path`` that an exception passed through, or nothing."""
+def _line_phrase(error: BaseException, path: Path) -> str:
+    """Return ``" on line 12"`` for the deepest line of ``path`` that an exception passed through, or nothing."""
     if isinstance(error, SyntaxError) and error.filename == str(path):
-        return f" in line {error.lineno}"
+        return f" on line {error.lineno}"
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
-    return f" in line {lines[-1]}" if lines else ""
+    return f" on line {lines[-1]}" if lines else ""

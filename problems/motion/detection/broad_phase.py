@@ -29,8 +29,8 @@ class NearPairs:
 
     def __init__(self, radii: FloatArray) -> None:
         self._radii = radii
-        self._least = MIN_SKIN * float(radii.min(initial=np.inf))
-        self._skin, self._queries = self._least, 0
+        self._min_skin = MIN_SKIN * float(radii.min(initial=np.inf))
+        self._skin, self._queries = self._min_skin, 0
         self._found: tuple[FloatArray, IntArray] | None = None
 
     def at(self, centres: FloatArray) -> IntArray:
@@ -46,7 +46,7 @@ class NearPairs:
                 return self._found[1]
             if np.isfinite(moved):
                 wanted = 2.0 * QUERIES_PER_SEARCH * moved / self._queries
-                self._skin = min(max(wanted, self._least), MAX_SKIN / MIN_SKIN * self._least)
+                self._skin = min(max(wanted, self._min_skin), MAX_SKIN / MIN_SKIN * self._min_skin)
         self._queries = 0
         self._found = centres.copy(), overlapping_pairs(centres, self._radii + 0.5 * self._skin)
         return self._found[1]
@@ -66,13 +66,13 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     if n < 2:
         return np.zeros((0, 2), dtype=np.int64)
     number, extent_x, extent_y, n_cells = _cell_numbers(centres, 2.0 * radii.max())
-    order = _counted_order(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
+    order = _counting_sort(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
     found = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
     arguments = centres, radii, order, number, extent_x, extent_y
-    count = _pairs(*arguments, found)
+    count = _write_pairs(*arguments, found)
     if count > len(found):
         found = np.empty((count, 2), dtype=np.int64)
-        _pairs(*arguments, found)
+        _write_pairs(*arguments, found)
     pairs: IntArray = _sorted_pairs(found[:count], n)
     return pairs
 
@@ -85,20 +85,21 @@ CELLS_PER_BALL = 64
 def _farthest(centres, others):  # type: ignore[no-untyped-def]
     """Return the largest distance of a centre from its other position; NaN if one is NaN."""
     n, dim = centres.shape
-    farthest = 0.0
+    largest = 0.0
     for i in range(n):
         squared = 0.0
         for axis in range(dim):
             squared += (centres[i, axis] - others[i, axis]) ** 2
-        farthest = squared if squared > farthest or squared != squared else farthest
-    return np.sqrt(farthest)
+        largest = squared if squared > largest or squared != squared else largest
+    return np.sqrt(largest)
 
 
 @njit(cache=True)
 def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
     """Return the number of each ball's cell, and the numbers of cells along the first two axes and in total.
 
-    Margins are included. If a centre is not finite, it has no cell, and the cells cannot be counted.
+    The numbers of cells include a margin of one empty cell on each side. The total is infinite if a centre is not
+    finite, or if the cells are too many to be numbered.
     """
     n, dim = centres.shape
     cells = np.ones((n, 3), dtype=np.int64)
@@ -120,7 +121,7 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _counted_order(number, n_cells):  # type: ignore[no-untyped-def]
+def _counting_sort(number, n_cells):  # type: ignore[no-untyped-def]
     """Return the balls sorted by the number of their cell, stably."""
     begin = np.zeros(int(n_cells) + 1, dtype=np.int32)
     for i in range(len(number)):
@@ -135,7 +136,7 @@ def _counted_order(number, n_cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
+def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
     """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number.
 
     Each ball is tested against the rest of its own row of cells and the four later rows, so that each pair is tested
@@ -148,7 +149,7 @@ def _pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: i
         for axis in range(dim):
             places[a, axis] = centres[order[a], axis]
         places[a, 3] = radii[order[a]]
-    count, room = 0, len(pairs)
+    count, capacity = 0, len(pairs)
     for row in (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1)):
         begin = 0
         for a in range(n):
@@ -162,7 +163,7 @@ def _pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: i
                     break
                 dx, dy, dz, reach = x - places[b, 0], y - places[b, 1], z - places[b, 2], r + places[b, 3]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
-                    if count < room:
+                    if count < capacity:
                         i, j = order[a], order[b]
                         pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
                     count += 1
@@ -171,7 +172,7 @@ def _pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: i
 
 @njit(cache=True)
 def _sorted_pairs(pairs, n):  # type: ignore[no-untyped-def]
-    """Return pairs sorted by i, by counting, then j, by insertion: few pairs share a ball."""
+    """Return pairs sorted by i (counting sort), then by j (insertion sort, because few pairs share a ball)."""
     begin = np.zeros(n + 1, dtype=np.int64)
     for k in range(len(pairs)):
         begin[pairs[k, 0] + 1] += 1

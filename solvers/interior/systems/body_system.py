@@ -46,7 +46,7 @@ class BodySystem:
 
     def times(self, r: FloatArray) -> FloatArray:
         """Return Ĝ r for r, both of shape (m, w): m cones with w lanes each."""
-        return self._lanes.once_from_block(self._pull(self._push(self._lanes.to_block(r))))
+        return self._lanes.split_from_block(self._pull(self._push(self._lanes.to_block(r))))
 
     def factorise(self, coupled: FloatArray) -> bool:
         """Factorise for D of shape (m, w, w); return False if D or the sum is singular."""

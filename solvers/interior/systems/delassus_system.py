@@ -42,7 +42,7 @@ class DelassusSystem:
 
     def times(self, r: FloatArray) -> FloatArray:
         """Return Ĝ r for r, both of shape (m, w): m cones with w lanes each."""
-        return self._lanes.once_from_block(self._times(self._lanes.to_block(r)))
+        return self._lanes.split_from_block(self._times(self._lanes.to_block(r)))
 
     def factorise(self, coupled: FloatArray) -> bool:
         """Factorise for D of shape (m, w, w); return False if the matrix is singular."""

@@ -7,9 +7,9 @@ import pytest
 from proxbench.bench.cli.progress import RunProgress
 from proxbench.bench.measure.execution.events import (
     CaseFinished,
-    CasePassFinished,
     Event,
     PointFinished,
+    ProblemPassFinished,
     ProblemStarted,
     RunStarted,
 )
@@ -22,7 +22,7 @@ EVENTS: list[Event] = [
     ProblemStarted("hard[1]-" + 100 * "x"),
     PointFinished("hard[1]", "SORprox", 1e-2),
     CaseFinished("hard", "SORprox", "solved", 1, 2),
-    CasePassFinished("hard", 1, 2),
+    ProblemPassFinished("hard", 1, 2),
 ]
 
 
@@ -46,7 +46,7 @@ def test_a_terminal_shows_how_many_are_done_and_the_table_of_the_last_problem() 
     text = io.StringIO()
     with RunProgress(console=Console(file=text, force_terminal=True, width=120)) as shown:
         shown(RunStarted(REFERENCE, 8, 0))
-        shown(CasePassFinished("funnel-100", 1, 8))
+        shown(ProblemPassFinished("funnel-100", 1, 8))
     assert "1/8" in text.getvalue()
     assert "funnel-100 · 122 contacts" in text.getvalue()
     assert "SafeguardedSORprox" in text.getvalue()

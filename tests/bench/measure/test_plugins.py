@@ -125,10 +125,10 @@ OFFERED = "SOLVERS = [Mine]\n"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("x = (", "fails to import in line 1: SyntaxError"),
-        ("import numpy\n\n1 / 0\n", "fails to import in line 3: ZeroDivisionError: division by zero"),
-        ("import no_such_module", "fails to import in line 1: ModuleNotFoundError: No module named 'no_such_module'"),
-        ("raise SystemExit(3)", "fails to import in line 1: SystemExit: 3"),
+        ("x = (", "fails to import on line 1: SyntaxError"),
+        ("import numpy\n\n1 / 0\n", "fails to import on line 3: ZeroDivisionError: division by zero"),
+        ("import no_such_module", "fails to import on line 1: ModuleNotFoundError: No module named 'no_such_module'"),
+        ("raise SystemExit(3)", "fails to import on line 1: SystemExit: 3"),
         ("x = 1", "offers nothing; list its solver classes, SOLVERS = [MySolver]"),
         (CLASS + PREPARE, "offers nothing; list its solver classes, SOLVERS = [Mine]"),
         (CLASS + PREPARE + "SOLVERS = Mine\n", "SOLVERS must be a list of solver classes"),

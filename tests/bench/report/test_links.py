@@ -71,7 +71,7 @@ def test_links_out_of_a_run_are_refused_when_its_tables_are_printed_and_nothing_
     printed = capsys.readouterr()
     assert "funnel-30 · " in printed.out
     assert printed.err.count("\n") == 1
-    assert f"is a link out of {run}" in printed.err
+    assert f", outside {run};" in printed.err
     assert untouched(outside)
     assert content(run) == before
 
@@ -86,7 +86,7 @@ def test_links_out_are_refused_at_the_end_of_a_run_too(
     assert run_command(f"run --resume {folder} --no-progress {option}".split()) == 2
     printed = capsys.readouterr()
     assert "hard-tresca-joint · " in printed.out
-    assert f"{folder / place} is a link out of {folder}" in printed.err
+    assert f"{folder / place} is a symbolic link to {outside}, outside {folder};" in printed.err
     assert untouched(outside)
 
 
@@ -182,7 +182,7 @@ def test_a_file_that_is_a_link_elsewhere_is_refused_before_any_work(
     assert run_command(line.format(link=link, parent=link.parent).split()) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert f"{link} is a link out of {link.parent}" in printed.err
+    assert f"{link} is a symbolic link to {outside / 'mine'}, outside {link.parent};" in printed.err
     assert untouched(outside)
     assert list(link.parent.iterdir()) == [link]
 
@@ -196,7 +196,7 @@ def test_a_simulation_goes_on_in_no_file_that_a_link_leads_to(
     link.parent.mkdir()
     link.symlink_to(result)
     assert run_command(f"simulate --resume {link} --duration 0.02 --no-progress".split()) == 2
-    assert f"is a link out of {link.parent}, to {result}; remove it" in capsys.readouterr().err
+    assert f"is a symbolic link to {result}, outside {link.parent}; remove it" in capsys.readouterr().err
     assert result.read_bytes() == before
 
 

@@ -139,12 +139,12 @@ def test_an_existing_run_is_not_overwritten(store: Store, record: RunRecord) -> 
 
 def test_a_folder_in_which_a_run_was_killed_before_it_began_is_taken(store: Store) -> None:
     (store.folder / ".run.json-x.part").write_text("{")
-    with Store.create(store.folder).alone():
+    with Store.create(store.folder).locked():
         assert [entry.name for entry in store.folder.iterdir()] == ["cases"]
 
 
 def test_two_writers_are_kept_apart(store: Store) -> None:
-    with store.alone(), pytest.raises(BenchError, match="another process is writing"), store.alone():
+    with store.locked(), pytest.raises(BenchError, match="another process is writing"), store.locked():
         pass
 
 
@@ -156,7 +156,7 @@ def test_a_run_is_not_continued_through_a_link_out_of_it(store: Store, tmp_path:
     if place.exists():
         place.rmdir()
     place.symlink_to(elsewhere)
-    with pytest.raises(BenchError, match="is a link out of"), store.alone():
+    with pytest.raises(BenchError, match="is a symbolic link to"), store.locked():
         pass
 
 

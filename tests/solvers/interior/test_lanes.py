@@ -26,10 +26,10 @@ def test_impulses_of_blocks_come_back_from_their_cones(problem: ContactProblem) 
     used = problem.layout.pad(np.ones(problem.n_rows))
     blocks = used * random_arrays(problem)[0]
     assert np.array_equal(used * lanes.to_block(lanes.from_block(blocks)), blocks)
-    assert np.array_equal(used * lanes.sum_to_block(lanes.once_from_block(blocks)), blocks)
+    assert np.array_equal(used * lanes.sum_to_block(lanes.split_from_block(blocks)), blocks)
 
 
-@pytest.mark.parametrize(("impulses", "velocities"), [("from_block", "sum_to_block"), ("once_from_block", "to_block")])
+@pytest.mark.parametrize(("impulses", "velocities"), [("from_block", "sum_to_block"), ("split_from_block", "to_block")])
 def test_power_is_the_same_over_blocks_and_over_cones(problem: ContactProblem, impulses: str, velocities: str) -> None:
     lanes = lanes_of(problem.layout)
     used = problem.layout.pad(np.ones(problem.n_rows))

@@ -89,8 +89,8 @@ class SlidingBox(ClosedFormScene):
         friction_ratio = min(self.friction, tan(self.slope)) if self.speed == 0.0 else self.friction
         if 0.5 * friction_ratio * self.size[2] > self.reach:
             raise ProblemError(
-                f"a box of size {self.size} tips if friction of {friction_ratio:.4g} acts on its base; "
-                "reduce its friction or its height, or simulate a tipping_box."
+                f"a box of size {self.size} tips if friction of {friction_ratio:.4g} times the normal force acts on "
+                "its base; reduce its friction or its height, or simulate a tipping_box."
             )
 
     def system(self) -> RigidBodies:
@@ -151,7 +151,7 @@ class BoxOnIncline(SlidingBox):
 
 @dataclass(frozen=True)
 class ThrownBox(SlidingBox):
-    """A box thrown along level ground, which slides to a stop with the acceleration −μ g and does not lift.
+    """A box thrown along level ground, which slides to a stop with the acceleration −μ g and does not lift off.
 
     Attributes:
         speed: initial velocity along x [m/s].
@@ -217,7 +217,7 @@ class TippingBox:
 
     @property
     def lean(self) -> float:
-        """Angle [rad] past the vertical of the line from the lower edge to the centre; a positive one tips the box."""
+        """Angle [rad] past the vertical of the line from the lower edge to the centre, positive if the box tips."""
         return self.slope - float(np.arctan2(self.size[0], self.size[2]))
 
     @property

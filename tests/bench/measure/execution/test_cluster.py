@@ -12,7 +12,7 @@ import pytest
 from proxbench.bench import bundle, rejudge, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution.cluster import dask_executor
-from proxbench.bench.measure.execution.events import CasePassFinished, Event
+from proxbench.bench.measure.execution.events import Event, ProblemPassFinished
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems.exchange.catalog import suite_members
 
@@ -39,7 +39,7 @@ def test_two_workers_of_which_one_is_killed_measure_what_one_machine_does(tmp_pa
         victim = next(iter(cluster.workers.values())).pid
 
         def kill(event: Event) -> None:
-            if isinstance(event, CasePassFinished) and event.done >= 2 and not killed.is_set():
+            if isinstance(event, ProblemPassFinished) and event.done >= 2 and not killed.is_set():
                 killed.set()
                 os.kill(victim, signal.SIGKILL)
 

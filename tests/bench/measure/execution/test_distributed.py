@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from proxbench.bench import Run, bundle, rejudge, resume, run
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.execution import problem_task
-from proxbench.bench.measure.execution.events import CaseFinished, CasePassFinished, Event
+from proxbench.bench.measure.execution.events import CaseFinished, Event, ProblemPassFinished
 from proxbench.bench.store.condition import hosts, warnings
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import ContactProblem
@@ -63,7 +63,7 @@ def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine(workers: str, her
     assert made.points["outcome"].tolist() == here.points["outcome"].tolist()
     assert made.info.plan == here.info.plan
     assert [event.done for event in events if isinstance(event, CaseFinished)] == list(range(1, 7))
-    assert [event.done for event in events if isinstance(event, CasePassFinished)] == [1, 2, 3]
+    assert [event.done for event in events if isinstance(event, ProblemPassFinished)] == [1, 2, 3]
     assert rejudge(bundle(made, tmp_path / "it.bundle")).disagreements == []
 
 

@@ -10,9 +10,9 @@ from msgspec.structs import replace
 from proxbench.bench.measure.execution import local
 from proxbench.bench.measure.execution.events import (
     CaseFinished,
-    CasePassFinished,
     Event,
     PointFinished,
+    ProblemPassFinished,
     ProblemStarted,
     RunStarted,
 )
@@ -88,7 +88,7 @@ def test_each_pass_visits_each_problem_with_all_solvers(visited: list[Any], tmp_
 def test_progress_counts_cases_and_visits_up_to_their_totals(visited: list[Any], tmp_path: Path) -> None:
     _, events = execute(tmp_path / "run")
     assert events[0] == RunStarted(tmp_path / "run", total=4, done=0)
-    assert [(event.done, event.total) for event in of_kind(events, CasePassFinished)] == [
+    assert [(event.done, event.total) for event in of_kind(events, ProblemPassFinished)] == [
         (number, 4) for number in (1, 2, 3, 4)
     ]
     finished = of_kind(events, CaseFinished)
@@ -124,7 +124,7 @@ def test_what_is_finished_is_not_measured_again(visited: list[Any], tmp_path: Pa
     _, events = execute(tmp_path / "run", cases[1:], store.read_run())
     missing = (cases[0].problem, cases[0].solver)
     assert visited == [[missing], [missing]]
-    assert [(event.done, event.total) for event in of_kind(events, CasePassFinished)][-1] == (4, 4)
+    assert [(event.done, event.total) for event in of_kind(events, ProblemPassFinished)][-1] == (4, 4)
     assert [(one.problem, one.solver, one.done) for one in of_kind(events, CaseFinished)] == [(*missing, 4)]
     assert len(store.read_run().sessions) == 2
 
