@@ -46,7 +46,7 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test outside solvers, devices of Warp, captures, engines, writers and contacts of coal, each with its extra."""
+    """Test external solvers, devices of Warp, captures, engines, writers and contacts of coal, each with its extra."""
     session.install(".[test,peers,kamino,mujoco,engines,bodies,gpu]")
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")

@@ -55,7 +55,7 @@ PEERS = {
     "KaminoPADMM": "peers.kamino_padmm",
     "MuJoCo": "peers.mujoco_constraints",
 }
-"""Module of each outside solver, whose library is an optional dependency."""
+"""Module of each external solver, whose library is an optional dependency."""
 
 ON_DEVICES = {"WarpJORprox": "prox.warp_sorprox", "WarpColouredSORprox": "prox.warp_sorprox"}
 """Module of each solver that needs Warp, an optional dependency, and one of its devices."""
@@ -92,7 +92,7 @@ def parts() -> list[str]:
 
 
 def peers() -> list[str]:
-    """Return the names of outside solvers; ``create`` raises if the library of one is not installed."""
+    """Return the names of external solvers; ``create`` raises if the library of one is not installed."""
     return list(PEERS)
 
 

@@ -1,1 +1,1 @@
-"""Outside solvers, called unchanged; the extra ``peers`` installs their libraries."""
+"""External solvers, called unchanged; the extra ``peers`` installs their libraries."""

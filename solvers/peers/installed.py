@@ -1,4 +1,4 @@
-"""Check that the library of an outside solver is installed, without importing it."""
+"""Check that the library of an external solver is installed, without importing it."""
 
 from importlib import metadata
 from importlib.util import find_spec

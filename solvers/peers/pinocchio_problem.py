@@ -31,7 +31,7 @@ Answer = TypeVar("Answer")
 
 
 def pinocchio() -> Any:
-    """Import Pinocchio on first use; outside solvers run in child processes only."""
+    """Import Pinocchio on first use; external solvers run in child processes only."""
     return importlib.import_module("pinocchio")
 
 

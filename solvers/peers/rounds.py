@@ -1,8 +1,8 @@
-"""Solving in rounds: an outside solver continues where it stopped, and the judge's residual is checked in between.
+"""Solving in rounds: an external solver continues where it stopped, and the judge's residual is checked in between.
 
-Outside solvers have neither a time limit nor the judge's residual. They are called for a number of iterations that fits
-into the time left, as measured in earlier rounds. If a solver claims convergence and the judge's residual is too large,
-the next round has a tighter tolerance.
+External solvers have neither a time limit nor the judge's residual. They are called for a number of iterations that
+fits into the time left, as measured in earlier rounds. If a solver claims convergence and the judge's residual is too
+large, the next round has a tighter tolerance.
 """
 
 import time
@@ -44,7 +44,7 @@ Call = Callable[[FloatArray, float, int], Round]
 
 
 class PreparedRounds(ABC):
-    """An outside solver that is prepared for one problem and works in rounds.
+    """An external solver that is prepared for one problem and works in rounds.
 
     Attributes:
         problem: the problem.

@@ -1,4 +1,4 @@
-"""Time of problems of one to ten contacts by Robust, outside solvers and the C example, interleaved in one process.
+"""Time of problems of one to ten contacts by Robust, external solvers and the C example, interleaved in one process.
 
 ``python tests/speed/small_problem_table.py`` prints a table in Markdown: median microseconds of processor time to
 prepare and solve to 1e-8, from a problem that was made before, and the judged residual where it is larger. With

@@ -1,4 +1,4 @@
-"""Without its library an outside solver is refused with instructions to install it."""
+"""Without its library an external solver is refused with instructions to install it."""
 
 import re
 import subprocess
@@ -60,12 +60,12 @@ def test_a_run_with_a_missing_solver_is_refused_before_it_begins(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_outside_solvers_are_not_among_the_available_ones() -> None:
+def test_external_solvers_are_not_among_the_available_ones() -> None:
     assert not set(peers()) & set(available())
 
 
 @pytest.mark.slow
-def test_listing_outside_solvers_imports_no_library() -> None:
+def test_listing_external_solvers_imports_no_library() -> None:
     code = (
         "import sys; from proxbench.bench.cli.main import run_command; run_command(['list', 'solvers']); "
         "sys.exit(not {'pinocchio', 'mujoco', 'newton', 'warp'}.isdisjoint(sys.modules))"

@@ -106,10 +106,10 @@ def test_options_out_of_range_are_refused(name: str, words: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [BEST, "PinocchioPGS(relaxation=1.5)"])
-def test_outside_solvers_pass_the_conformance_tests(name: str) -> None:
+def test_external_solvers_pass_the_conformance_tests(name: str) -> None:
     assert all(subject["passed"] for subject in run_checks(name))
 
 
-def test_a_run_measures_outside_and_built_in_solvers(tmp_path: Path) -> None:
+def test_a_run_measures_external_and_built_in_solvers(tmp_path: Path) -> None:
     made = run("funnel-30", ["SORprox", BEST], results=tmp_path, tolerances=1e-4, passes=1, solve_seconds=5.0)
     assert (made.points["outcome"] == Outcome.SOLVED).all()

@@ -1,4 +1,4 @@
-"""The judge's residual, not the claim of an outside solver, ends a solve in rounds."""
+"""The judge's residual, not the claim of an external solver, ends a solve in rounds."""
 
 import time
 from collections.abc import Callable
