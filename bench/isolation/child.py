@@ -41,7 +41,7 @@ class MisbehaviourError(Exception):
     """A solver violated its contract; the message states how."""
 
 
-def refuse(fault: str | None) -> None:
+def raise_fault(fault: str | None) -> None:
     """Raise ``MisbehaviourError`` if there is a fault."""
     if fault:
         raise MisbehaviourError(fault)

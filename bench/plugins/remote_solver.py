@@ -20,7 +20,7 @@ from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Sta
 from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.contract import MAX_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ..errors import BenchError
-from ..isolation.child import MisbehaviourError, refuse
+from ..isolation.child import MisbehaviourError, raise_fault
 from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
 from ..store.outcome import LATE_PREPARING, Outcome, late_reason
 from .describing import solver_spec
@@ -216,14 +216,14 @@ class SolvingTask:
 
     def _supports(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         reason = solver.supports(problem)
-        refuse(reason_fault(reason))
+        raise_fault(reason_fault(reason))
         return {"refusal": reason or ""}, b""
 
     def _prepare(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         began = perf_counter()
         self._prepared = solver.prepare(problem)
         self._prepare_seconds = perf_counter() - began
-        refuse(prepared_fault(self._prepared))
+        raise_fault(prepared_fault(self._prepared))
         return {}, b""
 
     def _solve(
@@ -254,7 +254,7 @@ class SolvingTask:
         else:
             solution = Solution(np.zeros(problem.n_rows), Status.TIME_LIMIT, 0, LATE_PREPARING)
         late = late_reason(self._prepare_seconds + perf_counter() - began, stop.max_seconds) if has_one_limit else ""
-        refuse(solution_fault(problem, solution))
+        raise_fault(solution_fault(problem, solution))
         if problem.fresh().digest != digest:
             raise MisbehaviourError("it changed the numbers of the problem")
         if late and solution.status is Status.SOLVED:

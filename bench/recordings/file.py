@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 
 from ..errors import BenchError, UnwritableError
-from ..store.store import refuse_links_out
+from ..store.store import check_links_inside
 
 SUFFIX = ".rrd"
 
@@ -31,7 +31,7 @@ class RecordingFile:
         self.path = path
         self._force = force
         self._stream: rr.RecordingStream | None = None
-        refuse_bad_path(path, force)
+        check_recording_path(path, force)
         self._temporary = path.parent / f".{path.stem}-{uuid.uuid4().hex[:8]}.part"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -66,7 +66,7 @@ class RecordingFile:
                 self._stream.flush()
                 self._stream.disconnect()
             if kind is None and self._stream is not None:
-                refuse_bad_path(self.path, self._force)
+                check_recording_path(self.path, self._force)
                 os.replace(self._temporary, self.path)
         finally:
             self._temporary.unlink(missing_ok=True)
@@ -85,13 +85,13 @@ def write_curve(
     stream.send_columns(path, at, rr.Scalars.columns(scalars=values))
 
 
-def refuse_bad_path(path: Path, force: bool) -> None:
+def check_recording_path(path: Path, force: bool) -> None:
     """Raise ``BenchError`` if a recording cannot be written to ``path``.
 
     The path must end in ``.rrd``. An existing file needs ``force``, and the path must not be a link that leaves its
     folder.
     """
-    refuse_links_out(path, path.parent)
+    check_links_inside(path, path.parent)
     if path.suffix != SUFFIX:
         raise BenchError(f"cannot record into {path}: the name of a recording must end in {SUFFIX}.")
     if path.is_dir():

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import BenchError
-from ..report.layout.output_file import refuse_taken, write_file
+from ..report.layout.output_file import check_writable, write_file
 from .headless import headless_viewer
 from .title_bars import with_spatial_views_only, with_whole_curves, without_panels
 
@@ -31,7 +31,7 @@ def check_picture_path(path: Path, suffix: str, force: bool) -> None:
     """
     if path.suffix != suffix:
         raise BenchError(f"cannot draw {path}: its name must end in {suffix}.")
-    refuse_taken([path], force)
+    check_writable([path], force)
 
 
 def write_still(recording: Path, still: Path, timeline: str) -> None:

@@ -20,7 +20,7 @@ from ..plugins.solver_specs import SolverSpec
 from ..report.charts.palette import look, on_dark, rgb
 from ..store.bundles.bundle import open_run, output_folder
 from ..store.outcome import Outcome
-from ..store.store import plain_name, refuse_links_out
+from ..store.store import check_links_inside, plain_name
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .contact_points import Bodies, Places, find_places
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
@@ -156,7 +156,7 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     run = store.read_run()
     cases, _ = store.read_cases()
     came_through = {(case.problem, case.solver) for case in cases if case.outcome is Outcome.MEASURED}
-    refuse_links_out(folder / FOLDER, folder)
+    check_links_inside(folder / FOLDER, folder)
     stop = Stop(TOLERANCE, MAX_ITERATIONS, run.plan.limits.solve_seconds)
     made = []
     for name in run.plan.problems:

@@ -8,7 +8,7 @@ import pandas as pd
 from ...problems.representation import counted, html_table
 from ..errors import BenchError, UnwritableError
 from ..store.frames import JUDGED, RunFrames
-from ..store.store import refuse_links_out
+from ..store.store import check_links_inside
 from .accuracy import summary_table
 from .profiles import COMMON, baseline_of, check_view
 from .studies import points_table
@@ -69,7 +69,7 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
         raise BenchError(f"{frames.folder} has no speed-ups; leave `baseline` out.")
     against = baseline_of(frames, baseline) if has_profiles else ""
     for place in ("tables", "charts"):
-        refuse_links_out(folder / place, frames.output_folder)
+        check_links_inside(folder / place, frames.output_folder)
     try:
         tables = write_tables(frames, folder / "tables")
         if charts:

@@ -30,7 +30,7 @@ from ..plugins.files import check_plugins_unchanged, sources
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
 from ..store.records import PluginUse
-from ..store.store import refuse_links_out
+from ..store.store import check_links_inside
 from .history import Failure, Segment, check_segments
 from .kept_states import kept_arrays, restore_kept
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
@@ -109,7 +109,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
         "closed": np.array(states.closed, dtype=np.int64),
         "sticking": np.array(states.sticking, dtype=np.int64),
     }
-    refuse_links_out(path, path.parent)
+    check_links_inside(path, path.parent)
     try:
         with replacing(path) as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]

@@ -91,7 +91,7 @@ class Store:
             BenchError: if another process is writing to the run, or a link leads out of its folder.
         """
         for place in (self._cases, self._problems):
-            refuse_links_out(place, self.folder)
+            check_links_inside(place, self.folder)
         try:
             folder = os.open(self._cases, os.O_RDONLY)
         except OSError as error:
@@ -260,7 +260,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
     return unsealed(text, kind, path.name, remedy)
 
 
-def refuse_links_out(place: Path, folder: Path) -> None:
+def check_links_inside(place: Path, folder: Path) -> None:
     """Check that no symbolic link leads out of a folder, on the path to a place in it or below that place.
 
     A stored run may come from an untrusted source, whose links must not redirect what a report writes.

@@ -11,8 +11,8 @@ from proxbench.bench import resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.cli.options import spell_options
 from proxbench.bench.errors import BenchError, InterruptedRunError, InterruptedSimulationError
-from proxbench.bench.recordings.file import refuse_bad_path
-from proxbench.bench.report.layout.output_file import output_file, refuse_taken
+from proxbench.bench.recordings.file import check_recording_path
+from proxbench.bench.report.layout.output_file import check_writable, output_file
 from proxbench.problems import ProxbenchError
 
 BENCH = Path(proxbench.bench.__file__).parent
@@ -71,8 +71,8 @@ def interrupted_simulation(folder: Path) -> None:
         (lambda folder: output_file(taken(folder), "a", ".json", False), ["`resume`", "`force=True`"]),
         (lambda folder: output_file(folder / "a.txt", "a", ".json", False), ["`output` {folder}/a.txt"]),
         (lambda folder: output_file(taken(folder) / "b.json", "a", ".json", False), ["`output`"]),
-        (lambda folder: refuse_taken([taken(folder)], False), ["`force=True`"]),
-        (lambda folder: refuse_bad_path(taken(folder).rename(folder / "a.rrd"), False), ["`force=True`"]),
+        (lambda folder: check_writable([taken(folder)], False), ["`force=True`"]),
+        (lambda folder: check_recording_path(taken(folder).rename(folder / "a.rrd"), False), ["`force=True`"]),
     ],
 )
 def test_a_message_names_the_remedy(act: Callable[[Path], object], words: list[str], tmp_path: Path) -> None:

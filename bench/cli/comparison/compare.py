@@ -31,16 +31,16 @@ def compare(
     from ...errors import BenchError
     from ...report.comparison.comparison import SLOWDOWN, read_conditions
     from ...report.comparison.page import document, markdown_page, print_comparison
-    from ...report.layout.output_file import refuse_taken, write_file
+    from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import output_width, print_json
 
-    options.refuse_two_prints(quiet, as_json)
+    options.check_printing(quiet, as_json)
     to_print = markdown is not None and str(markdown) == "-"
     if to_print and (quiet or as_json):
         raise BenchError("--markdown - prints a page; use it without --json and --quiet, or name a file.")
     slowdowns = [slowdown for slowdown in read_conditions(fail_on or ()).values() if slowdown is not None]
     if markdown is not None and not to_print:
-        refuse_taken([markdown], force=True)
+        check_writable([markdown], force=True)
     comparison = runs.compare(before, after, min(slowdowns, default=SLOWDOWN))
     failures = comparison.failures(fail_on or ())
     if markdown is not None and not to_print:

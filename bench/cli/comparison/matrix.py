@@ -31,13 +31,13 @@ def matrix(
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
-    from ...report.layout.output_file import refuse_taken, write_file
+    from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import counted, csv_content, print_json
     from ...report.matrix import count_bad, matrix_page, matrix_table
     from ...store.outcome import Cell
     from ..progress import ProgressBar
 
-    options.refuse_two_prints(quiet, as_json)
+    options.check_printing(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
     if output is not None and not output.parent.is_dir():
@@ -47,7 +47,7 @@ def matrix(
         raise BenchError(
             f"cannot write {output}: the CSV file of the cells would replace the page; name a file that ends in .md."
         )
-    refuse_taken([path for path in (output, table) if path is not None], force=True)
+    check_writable([path for path in (output, table) if path is not None], force=True)
     chosen, methods = select(problem, suite, sample, sampling=sampling), list(solver or default_solvers())
     with ProgressBar(not progress or quiet or as_json) as shown:
         shown.count(0, len(chosen.problems) * len(methods))

@@ -122,7 +122,7 @@ def export_files(
     from ....problems.exchange.catalog import is_path
     from ....problems.exchange.fclib.conversion import contents_of
     from ...plugins.problems import resolve_problem
-    from ...report.layout.output_file import refuse_taken
+    from ...report.layout.output_file import check_writable
 
     problems = [resolve_problem(name) for name in names]
     write: Callable[[ContactProblem, Path], None] = save_problem
@@ -135,7 +135,7 @@ def export_files(
     stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file is arbitrary
     targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]
     _refuse_one_for_several(targets, list(names), is_file)
-    refuse_taken(targets, force)
+    check_writable(targets, force)
     for problem, target in zip(problems, targets, strict=True):
         write(problem, target)
     digests = {str(target): problem.digest for problem, target in zip(problems, targets, strict=True)}
@@ -201,7 +201,7 @@ def _import_targets(
         BenchError: if two files have the same target, or a target exists and ``force`` is not given.
         ProblemError: if a folder has no files of the format.
     """
-    from ...report.layout.output_file import refuse_taken
+    from ...report.layout.output_file import check_writable
 
     is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
     targets = {}
@@ -210,7 +210,7 @@ def _import_targets(
             place = file.relative_to(source) if source.is_dir() else Path(file.name)
             targets[file] = output if is_file else output / place.with_suffix(PROBLEM_SUFFIX)
     _refuse_one_for_several(list(targets.values()), [str(file) for file in targets], is_file)
-    refuse_taken(targets.values(), force)
+    check_writable(targets.values(), force)
     return targets
 
 

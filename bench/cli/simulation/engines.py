@@ -46,13 +46,13 @@ def engines(
 
     from ...errors import InterruptedWorkError
     from ...measure.trajectories.engines.run import compare_engines, read_comparison
-    from ...report.layout.output_file import refuse_taken, write_file
+    from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import counted, print_json
     from .engine_table import comparison_tables
 
     if output is not None:
         _require_suffix(output)
-        refuse_taken([output], force)
+        check_writable([output], force)
     shown = _print_run if progress and not as_json else lambda run: None
     earlier = None if resume is None else read_comparison(resume)
     comparison = compare_engines(scenes or (), engine or (), rounds, shown, earlier=earlier)

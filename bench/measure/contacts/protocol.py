@@ -25,7 +25,7 @@ from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_it
 from ....problems.exchange.files.problem_file import read_problem
 from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
-from ...isolation.child import MisbehaviourError, refuse
+from ...isolation.child import MisbehaviourError, raise_fault
 from ...isolation.process_state import ProcessState, exempt_from_collection, replaced_names
 from ...isolation.process_usage import ContextSwitches, used_processor_seconds
 from ...plugins.solver_specs import SolverSpec
@@ -87,7 +87,7 @@ class Measurement:
     def unsupported_reason(self) -> str:
         """Return why the solver does not support the problem; empty if it does."""
         reason = self.solver.supports(self.problem.fresh())
-        refuse(reason_fault(reason))
+        raise_fault(reason_fault(reason))
         self._check_threads()
         return reason or ""
 
@@ -98,8 +98,8 @@ class Measurement:
         count as untimed work between solves: with them a full collection takes 1 to 5 ms, without them 1 µs.
         """
         prepared = self.solver.prepare(self.problem.fresh())
-        refuse(prepared_fault(prepared))
-        refuse(type_fault(prepared.solve(stop)))
+        raise_fault(prepared_fault(prepared))
+        raise_fault(type_fault(prepared.solve(stop)))
         self._check_threads()
         self.before = self.before.after_imports()
         exempt_from_collection()
@@ -127,7 +127,7 @@ class Measurement:
 
         if shows_iterates(self.solver):
             solution = self.solver.prepare(problem).solve(stop, _read_only_copy(start), note)
-            refuse(type_fault(solution))
+            raise_fault(type_fault(solution))
             claimed = int(solution.iterations)
         self._check_threads()
         iterates = dict(sorted({**iterates, **dict(latest)}.items()))
@@ -187,7 +187,7 @@ class Measurement:
         Raises:
             MisbehaviourError: if global state has been replaced or changed.
         """
-        refuse(replaced_names(self.before))
+        raise_fault(replaced_names(self.before))
         self._check_unchanged()
 
     def _solve(self, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> TimedSolve:
@@ -219,23 +219,23 @@ class Measurement:
         finally:
             if collecting:
                 gc.enable()
-        refuse(solution_fault(problem, solution))
+        raise_fault(solution_fault(problem, solution))
         return TimedSolve(replace(solution, impulses=impulses), ready - began, done - ready, worked)
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
-        refuse("it changed the numbers of the problem" if problem.fresh().digest != self.problem.digest else None)
+        raise_fault("it changed the numbers of the problem" if problem.fresh().digest != self.problem.digest else None)
         self._check_threads()
         self._check_unchanged()
 
     def _check_threads(self) -> None:
         """Raise ``MisbehaviourError`` if threads of Python outlive a call."""
         left = _thread._count() - self.before.n_threads
-        refuse(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
+        raise_fault(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
 
     def _check_unchanged(self) -> None:
         changed = self.before.changed_for_timing()
-        refuse(f"it changed {changed[0]}, and did not restore it" if changed else None)
+        raise_fault(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
 
 @dataclass

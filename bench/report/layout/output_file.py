@@ -8,7 +8,7 @@ from pathlib import Path
 from ....problems.errors import error_text
 from ....problems.exchange.files.atomic_file import replacing
 from ...errors import BenchError, UnwritableError
-from ...store.store import refuse_links_out
+from ...store.store import check_links_inside
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
 """Suffixes of pictures and pages that are not accepted as part of a name."""
@@ -21,7 +21,7 @@ def write_file(file: Path, content: bytes) -> Path:
         BenchError: if it is a link out of its folder.
         UnwritableError: if it cannot be written.
     """
-    refuse_links_out(file, file.parent)
+    check_links_inside(file, file.parent)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as opened:
@@ -53,7 +53,7 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
         )
     is_file = output.suffix == suffix and not is_folder
     file = output if is_file else output / f"{stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}{suffix}"
-    refuse_links_out(file, file.parent)
+    check_links_inside(file, file.parent)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         exists = file.exists()
@@ -64,14 +64,14 @@ def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     return file
 
 
-def refuse_taken(files: Iterable[Path], force: bool) -> None:
+def check_writable(files: Iterable[Path], force: bool) -> None:
     """Check that files can be written later, without changing anything.
 
     Raises:
         BenchError: if one exists and ``force`` is not given, is a link out of its folder, or cannot be written.
     """
     for file in files:
-        refuse_links_out(file, file.parent)
+        check_links_inside(file, file.parent)
         try:
             if file.exists():
                 if not force:
@@ -103,13 +103,13 @@ def picture_files(path: Path) -> tuple[Path, Path]:
     return base.with_name(f"{base.name}.svg"), base.with_name(f"{base.name}.png")
 
 
-def refuse_pictures(path: Path, force: bool) -> None:
+def check_pictures_writable(path: Path, force: bool) -> None:
     """Check that a picture can be written at ``path``, without changing anything.
 
     Raises:
         BenchError: if it cannot, or if it exists and ``force`` is not given.
     """
-    refuse_taken(picture_files(path), force)
+    check_writable(picture_files(path), force)
 
 
 def drawn(

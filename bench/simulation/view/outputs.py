@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...report.layout.output_file import drawn, picture_files, refuse_pictures, refuse_taken
+from ...report.layout.output_file import check_pictures_writable, check_writable, drawn, picture_files
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ def choose_outputs(
     chosen = SimulationOutputs(chart or own.chart, recording or own.recording)
     if chosen.chart is not None:
         is_own = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
-        refuse_pictures(chosen.chart, force or is_own)
+        check_pictures_writable(chosen.chart, force or is_own)
     if chosen.recording is not None:
         is_own = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
-        from ...recordings.file import refuse_bad_path  # rerun takes a second to import
+        from ...recordings.file import check_recording_path  # rerun takes a second to import
 
-        refuse_bad_path(chosen.recording, force or is_own)
-        refuse_taken([chosen.recording], force or is_own)
+        check_recording_path(chosen.recording, force or is_own)
+        check_writable([chosen.recording], force or is_own)
     return chosen
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.report.layout.output_file import drawn, output_file, picture_files, refuse_pictures
+from proxbench.bench.report.layout.output_file import check_pictures_writable, drawn, output_file, picture_files
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems.exchange.files.atomic_file import replacing
@@ -68,7 +68,7 @@ def test_another_ending_is_part_of_the_name() -> None:
 @pytest.mark.parametrize("suffix", [".pdf", ".PDF", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".bmp"])
 def test_another_format_is_refused(suffix: str, tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=rf"charts are written as \.svg and \.png, not as \{suffix}; leave"):
-        refuse_pictures(tmp_path / f"a{suffix}", force=True)
+        check_pictures_writable(tmp_path / f"a{suffix}", force=True)
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "there/..", "/"])
@@ -81,8 +81,8 @@ def test_what_names_no_file_is_refused(name: str) -> None:
 def test_a_picture_that_exists_is_refused_unless_it_may_be_replaced(taken: str, tmp_path: Path) -> None:
     (tmp_path / taken).write_text("mine")
     with pytest.raises(BenchError, match=rf"{taken} exists already; .*force=True"):
-        refuse_pictures(tmp_path / "a", force=False)
-    refuse_pictures(tmp_path / "a", force=True)
+        check_pictures_writable(tmp_path / "a", force=False)
+    check_pictures_writable(tmp_path / "a", force=True)
     assert (tmp_path / taken).read_text() == "mine"
 
 
@@ -91,8 +91,8 @@ def test_what_cannot_be_written_is_refused_and_what_can_leaves_nothing(tmp_path:
     (tmp_path / "folder.svg").mkdir()
     for name in ("plain/a", "plain/deeper/a", "folder", "a" * 300):
         with pytest.raises(BenchError, match=r"cannot write .* choose another folder"):
-            refuse_pictures(tmp_path / name, force=True)
-    refuse_pictures(tmp_path / "new" / "deeper" / "a", force=False)
+            check_pictures_writable(tmp_path / name, force=True)
+    check_pictures_writable(tmp_path / "new" / "deeper" / "a", force=False)
     assert {path.name for path in tmp_path.iterdir()} == {"plain", "folder.svg"}
 
 
