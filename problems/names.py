@@ -1,5 +1,7 @@
 """Names with options, such as ``SORprox(relaxation=1.5)``, of solvers, steppers and scenes.
 
+Their grammar is
+
 name     plain | plain(part, …, option=value, …)
 part     a name, possibly with options: Fallback(SORprox, NSGS(relaxation=0.5))
 value    a Python literal
@@ -36,7 +38,7 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
     """Parse a name with options.
 
     Args:
-        text: the text.
+        text: the text to parse.
         kind: the kind of thing it names, for the error message: "solver".
         example: a name with options, for the error message.
         error: the class of the error.

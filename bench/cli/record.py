@@ -87,7 +87,7 @@ def _require_consistent_options(
             raise BenchError(f"{problem} is a stored simulation; leave out --solver, or simulate with that solver.")
         return
     if problem.endswith(".bundle") or (Path(problem) / "run.json").is_file():
-        raise BenchError(f"{problem} is a run; record iterations while they are measured, with: proxbench run --record")
+        raise BenchError(f"{problem} is a run; to record iterations during a run, use: proxbench run --record")
     for option, given in (("--solver", solver), ("--output", output)):
         if not given:
-            raise BenchError(f"recording solvers needs {option}; see proxbench record -h.")
+            raise BenchError(f"recording solvers requires {option}; see proxbench record -h.")

@@ -34,7 +34,7 @@ class _Default(NamedTuple):
 
 
 _MANY_CONTACTS = _Default("MomentumFallback", 1e-4, 20_000)
-"""The fastest solver to the usual accuracy on hundreds of contacts and more; few steps need many sweeps."""
+"""The fastest solver to the usual accuracy on hundreds of contacts or more, where few steps need many sweeps."""
 
 _FEW_CONTACTS = _Default("Fallback(SORprox, Robust)", 1e-10, 5000)
 """For few contacts, sweeps reach a finer tolerance without over-relaxation; ``Robust`` solves the other steps."""
@@ -101,7 +101,7 @@ class SimulationPlan:
 
     @property
     def until(self) -> float:
-        """Time of the end [s]."""
+        """End time [s]."""
         return self.scene.start.time + self.duration
 
     @property
@@ -140,8 +140,9 @@ def make_simulation_plan(
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
     Names of scene, stepper and solver may include options; ``options`` are additional options of the scene. See
-    ``SimulationPlan`` for the other arguments. By default, stepper and duration are those of the scene, and solver,
-    tolerance and iterations suit scene and stepper.
+    ``SimulationPlan`` for the other arguments. By default, the duration is that of the scene, the
+    stepper is ``Extrapolated`` for few contacts and ``Moreau`` otherwise, and solver, tolerance and iterations suit
+    scene and stepper.
 
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
@@ -214,7 +215,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
 
 
 def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return names and values that must equal the stored ones."""
+    """Return the names and values that must equal the stored ones."""
     values: list[tuple[str, Any]] = []
     if "scene" in given:
         name, options = parse_scene(given["scene"])

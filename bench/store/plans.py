@@ -94,11 +94,11 @@ class MethodRecord(Record, frozen=True, kw_only=True):
     """A stepper with a solver.
 
     Attributes:
-        name: name of both.
-        values: the ladder, of steps [s] or tolerances.
+        name: name of the combination.
+        values: the ladder: step sizes [s] or tolerances.
         tolerance: tolerance of the solver if ``values`` are those of the stepper.
         max_iterations: limit of iterations of one solve.
-        start: start of each solve.
+        start: initial impulses of each solve, by name.
     """
 
     name: str
@@ -122,11 +122,11 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     Attributes:
         name: the scene with its options.
         duration: simulated time [s].
-        members: seeds of the scene where aggregates are compared, else factors on steps or tolerances.
+        members: seeds of the scene if aggregates are compared, else factors of steps or tolerances.
         error: kind of the error.
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
-        known: the generated part of the reference, or the known end.
-        scale: scale of differences from a known end.
+        known: the simulated part of the reference, or the known end.
+        scale: scale by which differences from the known end are divided.
         way: largest displacement of a coordinate from the start to the known end [m]; None if unknown.
 
     Raises:

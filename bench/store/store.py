@@ -2,7 +2,7 @@
 
 RUN/run.json            plan, machine, and sessions with their probes and load
 RUN/cases/*.json        one case each, with a checksum
-RUN/problems/*.npz      the problems that the package does not hold, by their digests
+RUN/problems/*.npz      the problems that the package does not contain, by their digests
 """
 
 import fcntl
@@ -51,7 +51,7 @@ class Store:
 
     @staticmethod
     def create(folder: Path) -> "Store":
-        """Create the folder of a new run, or reuse one in which no run began.
+        """Create the folder of a new run, or reuse one in which no run has begun.
 
         Raises:
             BenchError: if it contains a run already, or cannot be written.
@@ -154,7 +154,7 @@ class Store:
             self._write(path, packed_problem(problem))
 
     def read_problem(self, digest: str) -> ContactProblem:
-        """Return a problem of the run by its digest, as this process wrote it or else from its file.
+        """Return a problem of the run by its digest, from memory if this process wrote it, else from its file.
 
         Raises:
             ProblemError: if its file is missing or damaged.
@@ -193,7 +193,7 @@ class Store:
         return self._problems / f"{digest}{SUFFIX}"
 
     def read_cases(self, problem: str | None = None) -> tuple[list[CaseRecord], list[str]]:
-        """Return all readable cases, or those of one problem, and one sentence for each damaged file."""
+        """Return all readable cases, or those of one problem, and one message for each damaged file."""
         cases, damaged = [], []
         for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:

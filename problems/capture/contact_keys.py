@@ -17,12 +17,12 @@ NO_ANCHORS = np.zeros((0, 2, 3))
 def distinct_keys(
     keys: Sequence[str], anchors: FloatArray, known: Sequence[str] = (), known_anchors: FloatArray = NO_ANCHORS
 ) -> tuple[str, ...]:
-    """Return the keys of a step, with a number unless the contact is the first of its pair.
+    """Return the keys of a step; a key has a number unless it is the first one of its pair.
 
     Args:
         keys: key of the pair of each contact.
         anchors: point of each contact in the frames of its two geometries [m], shape (len(keys), 2, 3).
-        known: distinct keys of the step before.
+        known: distinct keys of the previous step.
         known_anchors: their points.
     """
     found = [""] * len(keys)

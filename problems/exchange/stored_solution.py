@@ -1,4 +1,4 @@
-"""Impulses that a file stores as the solution: judged, and a known answer only if they pass."""
+"""Impulses that a file stores as the solution: they are judged, and become the known answer if they pass."""
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
@@ -6,7 +6,7 @@ from ..contact.judge import judge
 from ..contact.problem import ContactProblem
 
 MAX_RESIDUAL = 1e-4
-"""Largest judged residual of stored impulses that count as a solution."""
+"""Largest judged residual with which stored impulses count as a solution."""
 
 RESIDUAL_KEY = "stored_solution_residual"
 """Key in the provenance: the judged residual of the stored impulses."""

@@ -39,7 +39,7 @@ def body_problem(
         motion: u, shape (n_dofs,).
         friction: μ, one number or one for each contact.
         dim: rows per contact.
-        answer: the known part of its solution.
+        answer: the known part of the solution.
         laws: any laws, instead of ``friction`` and ``dim``.
     """
     given = directions, inverse_mass, directions.T @ motion, friction, dim

@@ -9,7 +9,7 @@ from ...store.plans import TrajectoryRecord
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The run has a plan and a folder.
+    """The run has started, with a plan and a folder.
 
     Attributes:
         run_dir: the folder.
@@ -37,7 +37,7 @@ class ReferenceSimulated:
 
 @dataclass(frozen=True)
 class ProblemStarted:
-    """The cases of one problem begin in pass ``number``, from 0."""
+    """Pass ``number``, counted from 0, over the cases of one problem has started."""
 
     problem: str
     number: int = 0
@@ -55,7 +55,7 @@ class PointFinished:
 
 @dataclass(frozen=True)
 class CaseFinished:
-    """One case is complete and stored."""
+    """One case has been completed and stored."""
 
     problem: str
     solver: str

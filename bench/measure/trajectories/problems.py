@@ -20,7 +20,7 @@ MIN_SEEDS = 2
 
 
 def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
-    """Return the problem of a study, with the members of the reference."""
+    """Return the problem of a study, with the known values of its reference."""
     known = {one.member: one.values for one in record.known if not one.failure}
     members = tuple(record.members)
     if record.error == "limit cycle":
@@ -65,14 +65,14 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
 
 
 def reference_members(record: TrajectoryRecord) -> list[float]:
-    """Return the members of the reference: averaged seeds, a single motion, or none."""
+    """Return the members of the reference: the seeds to average, one motion, or none for a known limit cycle."""
     if record.error == "limit cycle":
         return []
     return list(record.members) if record.error == "aggregates" else [1.0]
 
 
 def _reference(record: TrajectoryRecord) -> Method:
-    """Return the method of the reference; any method suffices if the scene knows its end."""
+    """Return the method of the reference; any method serves if the scene gives its final state in closed form."""
     if record.reference is None:
         return make_method("Moreau with SORprox", [1e-3])
     return stored_method(record.reference)

@@ -134,7 +134,7 @@ class BallRecorder(SceneRecorder):
         return in_space(self._system.centres(state.position))
 
     def _camera(self, centres: FloatArray) -> Camera:
-        """Return a view of the balls at the start, without those far below, and of the space into which they fall."""
+        """Return a view of the balls at the start, except the lowest ones, and of the space into which they fall."""
         low, high = np.quantile(centres, (0.05, 1.0), axis=0)
         if self._system.surfaces:
             low[2] = min(low[2], 0.0) - 0.3 * float(high[2] - min(low[2], 0.0))

@@ -35,13 +35,13 @@ def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> 
 
 
 def markdown_frame(shown: Any) -> str:
-    """Return a frame of texts as a Markdown table, with escaped cells."""
+    """Return a pandas frame of strings as a Markdown table, with escaped cells."""
     heads = [inline(column).replace("\n", " ") for column in shown.columns]
     return markdown_table(heads, shown.map(inline).itertuples(index=False))
 
 
 def latex_table(shown: Any) -> str:
-    """Return a frame of texts as a LaTeX table with the rules of ``booktabs``; texts between ``**`` become bold."""
+    """Return a pandas frame of strings as a LaTeX table with ``booktabs`` rules; text between ``**`` becomes bold."""
     heads = [str(column).replace("\n", " ") for column in shown.columns]
     styled = shown.set_axis(heads, axis="columns").style.hide(axis="index")
     made: str = styled.format(escape="latex").format_index(escape="latex", axis="columns").to_latex(hrules=True)
@@ -51,8 +51,8 @@ def latex_table(shown: Any) -> str:
 def csv_content(table: Any) -> bytes:
     """Return a pandas frame as CSV without cells that a spreadsheet would execute as formulas.
 
-    An apostrophe precedes a text that begins like a formula, so that spreadsheets show it as text. Texts that are
-    numbers, and all other values, do not change. Carriage returns become line feeds.
+    An apostrophe is put before a string that begins like a formula, so that spreadsheets show it as text. Strings that
+    are numbers, and all other values, do not change. Carriage returns become line feeds.
     """
     content: str = table.rename(columns=_inert).map(_inert).to_csv(index=False)
     return content.encode()
@@ -83,5 +83,5 @@ def json_records(table: Any) -> list[dict[str, Any]]:
 
 
 def unsolved_words(number: int, steps: int, tolerance: str) -> str:
-    """Return the number of unsolved steps in words, as in ``"1 of 20 steps is not solved to 1e-04"``."""
+    """Return a clause with the number of unsolved steps, as in ``"1 of 20 steps is not solved to 1e-04"``."""
     return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance}"

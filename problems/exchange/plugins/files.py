@@ -1,6 +1,6 @@
 """Plugins as single Python files, named on the command line instead of being installed.
 
-A file lists its offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
+A file lists what it offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
 ``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was read, so
 that editing the file does not change a run.
 """
@@ -130,7 +130,7 @@ class PluginFile:
 
 
 class _Importer(MetaPathFinder, Loader):
-    """Finds plugin files by their module names, also where pickle needs one in another process."""
+    """Find plugin files by their module names, also when pickle imports one in another process."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         return ModuleSpec(name, self, origin=str(_known[name].path)) if name in _known else None
@@ -156,7 +156,7 @@ def make_importable(file: PluginFile) -> None:
 
 
 def _line_phrase(error: BaseException, path: Path) -> str:
-    """Return ``" on line 12"`` for the deepest line of ``path`` that an exception passed through, or nothing."""
+    """Return ``" on line 12"`` for the deepest line of ``path`` that an exception passed through, or an empty text."""
     if isinstance(error, SyntaxError) and error.filename == str(path):
         return f" on line {error.lineno}"
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]

@@ -13,7 +13,7 @@ USUAL_PAIRS = 8
 """Initial capacity in pairs per ball; equal balls that do not interpenetrate have at most 6."""
 
 MIN_SKIN, MAX_SKIN = 0.05, 0.5
-"""Bounds of the skin, relative to the smallest radius. A larger skin contains more pairs, which each query visits."""
+"""Bounds of the skin, relative to the smallest radius. A larger skin yields more pairs, all of which a query visits."""
 
 QUERIES_PER_SEARCH = 3.0
 """Number of queries for which a search should remain valid. A step makes three: for contacts, and for overlaps before
@@ -24,7 +24,7 @@ class NearPairs:
     """Pairs of balls that may overlap. The search is repeated when balls have moved far enough to form new pairs.
 
     Pairs are near if their gap is less than the skin. The skin is ``QUERIES_PER_SEARCH`` times the distance by which
-    the fastest ball and another ball can approach each other between two queries.
+    the fastest ball and another ball can approach each other between two queries, within the bounds of the skin.
     """
 
     def __init__(self, radii: FloatArray) -> None:
@@ -78,12 +78,12 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
 
 
 CELLS_PER_BALL = 64
-"""Largest number of cells per ball for sorting by counting; balls that are far apart have more cells."""
+"""Largest number of cells per ball for which balls are sorted by counting; scattered balls occupy more cells."""
 
 
 @njit(cache=True)
 def _farthest(centres, others):  # type: ignore[no-untyped-def]
-    """Return the largest distance of a centre from its other position; NaN if one is NaN."""
+    """Return the largest distance between a centre and its counterpart in ``others``; NaN if a coordinate is NaN."""
     n, dim = centres.shape
     largest = 0.0
     for i in range(n):
@@ -139,8 +139,9 @@ def _counting_sort(number, n_cells):  # type: ignore[no-untyped-def]
 def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
     """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number.
 
-    Each ball is tested against the rest of its own row of cells and the four later rows, so that each pair is tested
-    once. Balls are visited by ascending cell number, so the start of a row only moves forward.
+    Each ball is tested against the rest of its own row of cells and the four adjacent rows of higher numbers,
+    so that each pair is tested once. Balls are visited by ascending cell number, so the start of a row only moves
+    forward.
     """
     n, dim = centres.shape
     places, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, for local memory access

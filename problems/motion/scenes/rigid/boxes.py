@@ -81,8 +81,8 @@ class SlidingBox(ClosedFormScene):
         """Raise ``ProblemError`` if a number is out of range, or the box would tip.
 
         Friction acts at the base, h/2 below the centre of a box of height h. It is μ N while the box slides, and
-        N tan θ while the box is at rest. Its moment shifts the resultant normal force N by μ h/2, or h/2 tan θ, from
-        the centre of the base. The box tips if this point lies outside its base.
+        N tan θ while the box is at rest. Its moment shifts the resultant normal force N by μ h/2, or (h/2) tan θ,
+        from the centre of the base. The box tips if this point lies outside its base.
         """
         _check_box(self.size, self.slope, self.overlap)
         check_positive(self, "a box", "mass")
@@ -182,7 +182,7 @@ class ThrownBox(SlidingBox):
 
 @dataclass(frozen=True)
 class TippingBox:
-    """A box at rest on an incline, which tips over its lower edge if width/height < tan θ, and stays otherwise.
+    """A box at rest on an incline, which tips over its lower edge if width/height < tan θ, and stays at rest otherwise.
 
     Attributes:
         slope: θ [rad].
@@ -227,7 +227,7 @@ class TippingBox:
 
     @property
     def angular_acceleration(self) -> float:
-        """Initial angular acceleration [rad/s²], m g R sin(lean)/J with J = 4/3 m R²; 0 if the box stays."""
+        """Initial angular acceleration [rad/s²], m g R sin(lean)/J with J = 4/3 m R² about the edge; 0 if it stays."""
         return 0.75 * self.gravity / self.arm * sin(self.lean) if self.tips else 0.0
 
     @property
