@@ -80,7 +80,7 @@ def test_a_deleted_case_gives_exit_code_1_and_is_named(
     assert run_command(["report", str(faultless), *options]) == 1
     printed = capsys.readouterr()
     shown = printed.err if {"--json", "--quiet"} & set(options) else printed.out
-    sentence = f"measured, without SORprox on funnel-30; resume with: proxbench run --resume {faultless}"
+    sentence = f"measured; missing: SORprox on funnel-30; resume with: proxbench run --resume {faultless}"
     assert sentence in " ".join(shown.split())
 
 
