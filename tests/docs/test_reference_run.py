@@ -32,4 +32,4 @@ def test_rows_in_the_readme_are_those_of_the_reference_run() -> None:
     measured = printed[begin + 2 : end]
     assert [row for row in rows if row not in measured] == []
     assert (len(rows), len(measured)) == (11, 15)
-    assert "Eleven of the fifteen rows of [the reference run](results/README.md)" in README
+    assert "Eleven of the fifteen rows for this problem in [the reference run](results/README.md)" in README
