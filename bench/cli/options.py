@@ -81,7 +81,7 @@ def require_exclusive(name: str, others: Iterable[str], given: Collection[str]) 
             )
 
 
-def check_printing(quiet: bool, as_json: bool) -> None:
+def check_output_options(quiet: bool, as_json: bool) -> None:
     """Raise ``BenchError`` if a command is called with both ``--quiet`` and ``--json``."""
     require_exclusive("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 

@@ -71,7 +71,7 @@ def run(
     from .progress import RunProgress
 
     _require_consistent_options(context)
-    options.check_printing(quiet, as_json)
+    options.check_output_options(quiet, as_json)
     with _executor(dask) as executor, RunProgress(not progress or quiet or as_json) as shown:
         if resume is not None:
             made = runs.resume(resume, retry_failed, on_event=shown, mix=mix, executor=executor)

@@ -51,7 +51,7 @@ def warm(
     from ...problems.compilation import COMPILATION, compiled_kernels
     from ..report.layout.text import print_json
 
-    options.check_printing(quiet, as_json)
+    options.check_output_options(quiet, as_json)
     begin = time.perf_counter()
     with compiled_kernels():
         _solve()

@@ -37,7 +37,7 @@ def matrix(
     from ...store.outcome import Cell
     from ..progress import ProgressBar
 
-    options.check_printing(quiet, as_json)
+    options.check_output_options(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
     if output is not None and not output.parent.is_dir():

@@ -47,7 +47,7 @@ def rejudge(
     from ...runs import rejudge as judge_again
     from ..progress import ProgressBar
 
-    options.check_printing(quiet, as_json)
+    options.check_output_options(quiet, as_json)
     with ProgressBar(not progress or quiet or as_json) as shown:
         found = judge_again(file, shown.count)
     if as_json:

@@ -134,7 +134,7 @@ def export_files(
     is_file = output.suffix == suffix and not output.is_dir()
     stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file is arbitrary
     targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]
-    _refuse_one_for_several(targets, list(names), is_file)
+    _check_targets(targets, list(names), is_file)
     check_writable(targets, force)
     for problem, target in zip(problems, targets, strict=True):
         write(problem, target)
@@ -209,12 +209,12 @@ def _import_targets(
         for file in files_of(source):
             place = file.relative_to(source) if source.is_dir() else Path(file.name)
             targets[file] = output if is_file else output / place.with_suffix(PROBLEM_SUFFIX)
-    _refuse_one_for_several(list(targets.values()), [str(file) for file in targets], is_file)
+    _check_targets(list(targets.values()), [str(file) for file in targets], is_file)
     check_writable(targets.values(), force)
     return targets
 
 
-def _refuse_one_for_several(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:
+def _check_targets(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:
     from ...errors import BenchError
 
     if is_file and len(sources) > 1:

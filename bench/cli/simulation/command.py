@@ -74,7 +74,7 @@ def simulate(
     from .show import Request, run_simulation
 
     _refuse_contradictions(context)
-    options.check_printing(quiet, as_json)
+    options.check_output_options(quiet, as_json)
     if study or (resume is not None and resume.is_dir()):
         return _run_study(context, quiet, as_json, progress)
     numbers = {name: context.params[name] for name in _NUMBERS if context.params[name] is not None}

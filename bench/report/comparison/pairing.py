@@ -79,8 +79,8 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
             "solvers and tolerances."
         )
     pairs = _machines_in_pairs(before, after, set(keys["problem"]))
-    hardware = list(dict.fromkeys(said for pair in pairs for said in hardware_differences(*pair)))
-    changed = list(dict.fromkeys(said for pair in pairs for said in differences(*pair)))
+    hardware = list(dict.fromkeys(words for pair in pairs for words in hardware_differences(*pair)))
+    changed = list(dict.fromkeys(words for pair in pairs for words in differences(*pair)))
     if software := [difference for difference in changed if difference not in hardware]:
         notes.append(f"not the same: {'; '.join(software)}")
     solvers = tuple(dict.fromkeys(keys["solver"]))

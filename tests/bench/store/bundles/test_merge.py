@@ -113,7 +113,7 @@ def test_other_versions_and_another_machine_for_one_problem_are_a_mixture(parts:
     first, second = whole.info.sessions
     newer = replace(second, machine=replace(second.machine, versions={**second.machine.versions, "numpy": "99"}))
     info = replace(whole.info, sessions=[first, newer])
-    assert [said.split()[0] for said in session_differences(dataclasses.replace(whole, info=info))] == ["numpy"]
+    assert [words.split()[0] for words in session_differences(dataclasses.replace(whole, info=info))] == ["numpy"]
     split = whole.rounds.assign(session=whole.rounds["number"] % 2)
     assert session_differences(dataclasses.replace(whole, rounds=split)) == ["machine one, now two"]
 
