@@ -274,11 +274,11 @@ def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
     given = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
     stuck, scale = _write_scales(*given, alpha, lengths, speeds)
-    largest = np.zeros(len(component))
+    largest, owns = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64)
     for law in range(len(sets)):
         own = component[slot[first_row[law]] // width]
-        largest[own] = max(largest[own], speeds[law])
+        owns[law], largest[own] = own, max(largest[own], speeds[law])
     for law in range(len(sets)):
-        own = largest[component[slot[first_row[law]] // width]]
+        own = largest[owns[law]]
         ratios[law] = scale / own if own > NEGLIGIBLE * scale else 1.0
     return stuck, scale

@@ -68,8 +68,8 @@ class BallContacts(DeferredPieces):
 
     def free_velocity(self, free_motion: FloatArray, velocity: FloatArray, restitution: FloatArray) -> FloatArray:
         """Return Wᵀ u_free + ε Wᵀ u [m/s], shape (n_blocks · width,), with ε of each row."""
-        product = np.empty(self.n_blocks * WIDTH)
-        _write_free_velocity(*self.balls, free_motion, velocity, restitution, product)
+        product = self.transposed_times(free_motion)
+        _add_rebound(*self.balls, velocity, restitution, product)
         return product
 
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray:
@@ -183,12 +183,13 @@ def _transposed_times(chunks, normals, radii, vector, product):  # type: ignore[
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_free_velocity(chunks, normals, radii, free, velocity, restitution, product):  # type: ignore[no-untyped-def]
+def _add_rebound(chunks, normals, radii, velocity, restitution, product):  # type: ignore[no-untyped-def]
+    """Add ε Wᵀ u."""
     for c in range(len(normals)):
-        ends = _contact_velocity(c, chunks, normals, radii, free)
-        begins = _contact_velocity(c, chunks, normals, radii, velocity)
-        for lane in range(3):
-            product[3 * c + lane] = ends[lane] + restitution[3 * c + lane] * begins[lane]
+        normal, first, second = _contact_velocity(c, chunks, normals, radii, velocity)
+        product[3 * c] += restitution[3 * c] * normal
+        product[3 * c + 1] += restitution[3 * c + 1] * first
+        product[3 * c + 2] += restitution[3 * c + 2] * second
 
 
 @njit(cache=True)

@@ -27,7 +27,7 @@ from ...errors import ProblemError
 from ..detection.broad_phase import NearPairs
 from ..detection.contact_keys import ContactKeys
 from .rigid.materials import MaterialPairs
-from .surfaces import Surface
+from .surfaces import Surface, Touching
 from .system import ActiveContacts, Overlaps, StepAssembly
 
 SPHERE_INERTIA = 0.4
@@ -189,9 +189,12 @@ class BallSystem:
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all overlaps, or None if none of them is deeper than ``tolerated`` [m]."""
-        found = self._touching(self.centres(position))
-        if not found.gap.min(initial=0.0) < -tolerated:
+        centres = self.centres(position)
+        touched, near = self._touched(centres), self._near_pairs.at(centres)
+        deepest = min((gaps.min(initial=0.0) for _, gaps, _ in touched), default=0.0)
+        if not deepest < -tolerated and not _is_deeper(near, centres, self.radii, tolerated):
             return None
+        found = _merged(near, centres, self.radii, touched)
         normals = BallNormals(found.chunks, found.normals, self.n_balls, self.dofs_per_ball)
         return Overlaps(found.gap, normals, self.inverse_mass)
 
@@ -219,12 +222,11 @@ class BallSystem:
 
     def _touching(self, centres: FloatArray) -> "TouchingBalls":
         """Return all overlaps of balls with balls and surfaces."""
-        none = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, self.dimension))
-        touched = [surface.touching(centres, self.radii) for surface in self.surfaces]
-        ends = np.cumsum([len(balls) for balls, _, _ in touched], dtype=np.int64)
-        ball, depth, inward = (np.concatenate(parts) for parts in zip(none, *touched, strict=True))
-        near = self._near_pairs.at(centres)
-        return TouchingBalls(*_merge(near, centres, self.radii, ends, ball, depth, inward))
+        return _merged(self._near_pairs.at(centres), centres, self.radii, self._touched(centres))
+
+    def _touched(self, centres: FloatArray) -> list[Touching]:
+        """Return the balls that touch each surface."""
+        return [surface.touching(centres, self.radii) for surface in self.surfaces]
 
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
@@ -259,6 +261,28 @@ class TouchingBalls(NamedTuple):
     normals: FloatArray
 
 
+def _merged(near: IntArray, centres: FloatArray, radii: FloatArray, touched: list[Touching]) -> TouchingBalls:
+    """Return the overlaps among near pairs of balls, and those of balls with each surface."""
+    none = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, centres.shape[1]))
+    ends = np.cumsum([len(balls) for balls, _, _ in touched], dtype=np.int64)
+    ball, depth, inward = (np.concatenate(parts) for parts in zip(none, *touched, strict=True))
+    return TouchingBalls(*_merge(near, centres, radii, ends, ball, depth, inward))
+
+
+@njit(cache=True)
+def _is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
+    """Return whether a pair overlaps by more than ``tolerated``."""
+    dim = centres.shape[1]
+    for k in range(len(near)):
+        i, j, squared = near[k, 0], near[k, 1], 0.0
+        for axis in range(dim):
+            across = centres[i, axis] - centres[j, axis]
+            squared += across * across
+        if squared < (radii[i] + radii[j]) ** 2 and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
+            return True
+    return False
+
+
 @njit(cache=True)
 def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-untyped-def]
     """Return keys, chunks, gaps and normals of all overlaps, ordered by first ball, then second ball or surface.
@@ -289,7 +313,6 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
         j, squared = near[k, 1], 0.0
         for axis in range(dim):
             across = centres[i, axis] - centres[j, axis]
-            normals[count, axis] = across
             squared += across * across
         reach = radii[i] + radii[j]
         if not squared < reach * reach:
@@ -299,7 +322,7 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
         chunks[2 * count], chunks[2 * count + 1] = i, j
         if distance > 0.0:
             for axis in range(dim):
-                normals[count, axis] /= distance
+                normals[count, axis] = (centres[i, axis] - centres[j, axis]) / distance
         else:
             normals[count, 0] = 1.0
         count += 1

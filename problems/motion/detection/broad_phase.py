@@ -12,25 +12,35 @@ from ...arrays import FloatArray, IntArray
 USUAL_PAIRS = 8
 """Initial capacity in pairs per ball; equal balls that do not interpenetrate have at most 6."""
 
-MIN_SKIN, MAX_SKIN = 0.05, 0.5
-"""Bounds of the skin, relative to the smallest radius. A larger skin yields more pairs, all of which a query visits."""
+MIN_SKIN, MAX_SKIN = 0.025, 0.75
+"""Bounds of the skin of a ball, relative to the smallest radius."""
 
-QUERIES_PER_SEARCH = 3.0
-"""Number of queries for which a search should remain valid. A step makes three: for contacts, and for overlaps before
-and after the projection."""
+MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
+"""Bounds of the number of queries for which a search should remain valid. A step makes up to three: for contacts, and
+for overlaps before and after the projection. More queries require wider skins and so more pairs, all of which each
+query visits."""
+
+WITHIN = 0.998
+"""Part of its skin by which a ball may move, so that rounding hides no pair."""
+
+SPEED_MARGIN = 1.1
+"""Increase of a ball's speed between two searches for which its skin allows."""
 
 
 class NearPairs:
     """Pairs of balls that may overlap. The search is repeated when balls have moved far enough to form new pairs.
 
-    Pairs are near if their gap is less than the skin. The skin is ``QUERIES_PER_SEARCH`` times the distance by which
-    the fastest ball and another ball can approach each other between two queries, within the bounds of the skin.
+    Each ball has a skin. Pairs are near if their gap is less than the sum of both skins, so a search remains valid
+    until a ball has moved farther than its own skin. Skins are proportional to the speeds of their balls since the last
+    search, within bounds: a few fast balls then add few pairs to those of many slow ones. They last for as many queries
+    as the upper bound allows the fastest ball, between ``MIN_QUERIES`` and ``MAX_QUERIES``.
     """
 
     def __init__(self, radii: FloatArray) -> None:
         self._radii = radii
-        self._min_skin = MIN_SKIN * float(radii.min(initial=np.inf))
-        self._skin, self._queries = self._min_skin, 0
+        smallest = float(radii.min(initial=np.inf))
+        self._bounds = MIN_SKIN * smallest, MAX_SKIN * smallest
+        self._skins, self._queries = np.full(len(radii), self._bounds[0]), 0
         self._found: tuple[FloatArray, IntArray] | None = None
 
     def at(self, centres: FloatArray) -> IntArray:
@@ -41,14 +51,11 @@ class NearPairs:
         """
         self._queries += 1
         if self._found is not None:
-            moved = float(_farthest(self._found[0], centres))
-            if moved <= 0.499 * self._skin:
+            if _are_within(self._skins, self._found[0], centres):
                 return self._found[1]
-            if np.isfinite(moved):
-                wanted = 2.0 * QUERIES_PER_SEARCH * moved / self._queries
-                self._skin = min(max(wanted, self._min_skin), MAX_SKIN / MIN_SKIN * self._min_skin)
+            self._skins = _skins(self._found[0], centres, self._queries, *self._bounds)
         self._queries = 0
-        self._found = centres.copy(), overlapping_pairs(centres, self._radii + 0.5 * self._skin)
+        self._found = centres.copy(), overlapping_pairs(centres, self._radii + self._skins)
         return self._found[1]
 
 
@@ -82,16 +89,36 @@ CELLS_PER_BALL = 64
 
 
 @njit(cache=True)
-def _farthest(centres, others):  # type: ignore[no-untyped-def]
-    """Return the largest distance between a centre and its counterpart in ``others``; NaN if a coordinate is NaN."""
+def _are_within(skins, centres, others):  # type: ignore[no-untyped-def]
+    """Return whether no ball is farther than its skin from its place in ``centres``; False if a coordinate is NaN."""
     n, dim = centres.shape
-    largest = 0.0
     for i in range(n):
         squared = 0.0
         for axis in range(dim):
             squared += (centres[i, axis] - others[i, axis]) ** 2
-        largest = squared if squared > largest or squared != squared else largest
-    return np.sqrt(largest)
+        if not squared <= (WITHIN * skins[i]) ** 2:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _skins(centres, others, queries, smallest, largest):  # type: ignore[no-untyped-def]
+    """Return the skins for balls that moved from ``centres`` to ``others`` within a number of queries."""
+    n, dim = centres.shape
+    skins, farthest = np.empty(n), 0.0
+    for i in range(n):
+        squared = 0.0
+        for axis in range(dim):
+            squared += (centres[i, axis] - others[i, axis]) ** 2
+        skins[i] = SPEED_MARGIN * np.sqrt(squared) / queries  # for one query
+        farthest = max(farthest, skins[i])
+    lasting = MIN_QUERIES
+    if MIN_QUERIES * farthest < largest:
+        lasting = MAX_QUERIES if MAX_QUERIES * farthest < largest else largest / farthest
+    for i in range(n):
+        wanted = lasting * skins[i]
+        skins[i] = smallest if not wanted > smallest else min(wanted, largest)
+    return skins
 
 
 @njit(cache=True)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...arrays import FloatArray
 from ...contact.matrices.factors import Factors
@@ -154,9 +154,11 @@ def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
 @njit(cache=True)
 def _copy_matching(old_keys, old_rows, keys, rows):  # type: ignore[no-untyped-def]
     """Copy the rows of keys that occur in both ascending lists."""
-    old = 0
-    for new in range(len(keys)):
-        while old < len(old_keys) and old_keys[old] < keys[new]:
-            old += 1
-        if old < len(old_keys) and old_keys[old] == keys[new]:
-            rows[new] = old_rows[old]
+    old, width = uint64(0), uint64(rows.shape[1])
+    for new in range(uint64(len(keys))):
+        key = keys[new]
+        while old < len(old_keys) and old_keys[old] < key:
+            old += uint64(1)
+        if old < len(old_keys) and old_keys[old] == key:
+            for lane in range(width):
+                rows[new, lane] = old_rows[old, lane]

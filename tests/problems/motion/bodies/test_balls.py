@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.balls import BallSystem
-from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
+from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment, Surface
 
 SURFACES_3D = [
     Plane((0.0, 0.0, 0.0), (0.2, 0.1, 1.0)),
@@ -100,6 +100,20 @@ def test_overlaps_are_the_gaps_and_normal_columns_of_a_step_at_the_same_place(
     assert np.array_equal(overlaps.gap, contacts.gap)
     columns = contacts.directions.to_csc().toarray()[:, :: contacts.width]
     assert np.array_equal(overlaps.normals.to_csc().toarray(), columns)
+
+
+@pytest.mark.parametrize("surfaces", [[], SURFACES_3D])
+def test_overlaps_are_reported_down_to_the_deepest_gap_exactly(surfaces: list[Surface]) -> None:
+    """With and without surfaces, the deepest gap itself is tolerated, and the next smaller number is not."""
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        system = BallSystem(rng.uniform(0.1, 0.2, 12), np.ones(12), surfaces, 3, friction=0.3)
+        position = rng.uniform(-0.5, 0.7, 36)
+        found = system.overlaps(position, 0.0)
+        if found is not None:
+            depth = -found.gap.min()
+            assert system.overlaps(position, depth) is None
+            assert system.overlaps(position, np.nextafter(depth, 0.0)) is not None
 
 
 def test_there_are_no_overlaps_where_none_is_deeper_than_tolerated() -> None:

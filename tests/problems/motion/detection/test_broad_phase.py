@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems.motion.detection.broad_phase import (
     CELLS_PER_BALL,
+    MAX_QUERIES,
     MAX_SKIN,
+    MIN_QUERIES,
     MIN_SKIN,
-    QUERIES_PER_SEARCH,
+    SPEED_MARGIN,
     NearPairs,
     _cell_numbers,
     overlapping_pairs,
@@ -100,21 +102,51 @@ def test_no_pair_is_missed_by_balls_that_move_after_a_search(step: float) -> Non
         centres = centres + step * MIN_SKIN * radii.min() * moves / np.linalg.norm(moves, axis=1, keepdims=True)
 
 
+@pytest.mark.parametrize("fast", [0.02, 0.3, 3.0])
+def test_no_pair_is_missed_by_balls_of_different_speeds(fast: float) -> None:
+    """A tenth of the balls cross the others, and all of them reverse their velocities from time to time."""
+    rng = np.random.default_rng(11)
+    radii, centres = rng.uniform(0.5, 1.0, 200), rng.uniform(0.0, 8.0, (200, 3))
+    near, velocities = NearPairs(radii), 1e-3 * rng.normal(size=(200, 3))
+    velocities[::10] *= 1e3 * fast
+    for look in range(60):
+        found = set(map(tuple, near.at(centres).tolist()))
+        assert found >= set(map(tuple, every_pair(centres, radii).tolist()))
+        if look % 20 == 19:
+            velocities *= -1.0
+        centres = centres + velocities
+
+
 def test_balls_that_do_not_move_are_searched_once() -> None:
     centres = np.random.default_rng(4).uniform(0.0, 8.0, (50, 3))
     near = NearPairs(np.ones(50))
-    along_x = 0.5 * MIN_SKIN * np.array([1.0, 0.0, 0.0])
+    along_x = MIN_SKIN * np.array([1.0, 0.0, 0.0])
     assert near.at(centres) is near.at(centres + 0.9 * along_x)
     assert near.at(centres) is not near.at(centres + 1.1 * along_x)
 
 
 @pytest.mark.parametrize(
-    ("speed", "queries"), [(0.5 * MAX_SKIN / QUERIES_PER_SEARCH, int(QUERIES_PER_SEARCH)), (0.02 * MIN_SKIN, 25)]
+    ("speed", "queries"),
+    [
+        (MAX_SKIN / MIN_QUERIES / SPEED_MARGIN, int(MIN_QUERIES)),
+        (MAX_SKIN / MAX_QUERIES / SPEED_MARGIN, int(MAX_QUERIES)),
+        (0.04 * MIN_SKIN, 25),
+    ],
 )
 def test_a_search_lasts_for_several_queries_of_balls_of_steady_speed(speed: float, queries: int) -> None:
-    """The skin becomes as wide as balls need, between its bounds; slow ones need no wider one than the least."""
+    """The skins become as wide as balls need, between their bounds; slow ones need no wider one than the least."""
     radii, centres = np.ones(50), np.random.default_rng(6).uniform(0.0, 8.0, (50, 3))
     near, step = NearPairs(radii), np.array([0.98 * speed, 0.0, 0.0])
     found = [near.at(centres + look * step) for look in range(80)]
     searches = [look for look in range(1, 80) if found[look] is not found[look - 1]]
     assert min(np.diff(searches)[1:]) >= queries - 1
+
+
+def test_one_fast_ball_leaves_the_skins_of_slow_ones_narrow() -> None:
+    """A ball that crosses a grid of others, none of which are near each other, adds only its own pairs."""
+    grid = 2.2 * np.argwhere(np.ones((5, 5, 5)))
+    centres = np.vstack([grid, [[-3.0, 4.4, 5.5]]])
+    near, step = NearPairs(np.ones(126)), np.zeros((126, 3))
+    step[-1, 0] = 0.2
+    counts = [len(near.at(centres + look * step)) for look in range(60)]
+    assert 0 < max(counts) <= 12
