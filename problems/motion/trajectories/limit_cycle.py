@@ -45,8 +45,8 @@ class KnownCycle:
         section_error: function that returns the largest relative error of a state one period after the section.
         source: publication of ``incidents``, for users.
         transient: number of periods after which a motion counts as being on the limit cycle.
-        is_of_scene: whether it was computed with the options of the scene; if not, only the order of incidents is
-            comparable.
+        matches_scene_options: whether it was computed with the options of the scene; if not, only the order of
+            incidents is comparable.
     """
 
     period: float
@@ -56,7 +56,7 @@ class KnownCycle:
     section_error: Callable[[State], float]
     source: str
     transient: int
-    is_of_scene: bool = True
+    matches_scene_options: bool = True
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class Cycles:
+class CycleSequence:
     """The periods of a motion.
 
     Attributes:
@@ -127,7 +127,7 @@ class Cycles:
         return self.mean_period(last) / self.known.period - 1.0, self.mean_descent(last) / self.known.descent - 1.0
 
 
-def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> Cycles:
+def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> CycleSequence:
     """Return the periods of a motion, found by its switching points.
 
     Args:
@@ -145,4 +145,4 @@ def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray,
         inside = [incident.time for incident in found[first:last] if incident.is_like(section)]
         if inside:
             complete.append(Cycle(known, tuple(found[first:last]), inside[0], at[inside[0]]))
-    return Cycles(known, complete, np.array(sections), np.array([at[time] for time in sections]))
+    return CycleSequence(known, complete, np.array(sections), np.array([at[time] for time in sections]))
