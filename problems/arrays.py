@@ -28,7 +28,7 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
-    """Return a contiguous read-only copy of ``values``.
+    """Return a contiguous read-only copy of ``values``; messages call it ``name``.
 
     Raises:
         ProblemError: if they are not real numbers.
@@ -45,28 +45,28 @@ def read_only(*arrays: NDArray[Any]) -> None:
 
 
 def compressed_arrays(label: str, matrix: Any) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a CSR or CSC matrix by name, with 64-bit indices; ``compressed_matrix`` reads them."""
+    """Return the arrays of a CSR or CSC matrix by name, with 64-bit indices; the inverse of ``compressed_matrix``."""
     indices = {f"{label}.{part}": getattr(matrix, part).astype(np.int64) for part in ("indices", "indptr")}
     return {f"{label}.data": matrix.data, **indices, f"{label}.shape": np.array(matrix.shape)}
 
 
 def compressed_matrix(kind: Any, content: Mapping[str, NDArray[Any]], label: str) -> Any:
-    """Return the matrix with these arrays, which may be among others.
+    """Return the matrix whose arrays ``compressed_arrays`` returned.
 
     Its indices are checked, because compiled code relies on them.
 
     Args:
         kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
-        content: arrays by name.
-        label: beginning of the names of the arrays of the matrix.
+        content: arrays by name, those of other matrices among them.
+        label: label of the matrix, with which its names begin.
 
     Raises:
         KeyError: if an array is missing.
-        ValueError: if an array does not fit.
+        ValueError: if the arrays do not form a valid matrix.
     """
     parts = tuple(content[f"{label}.{part}"] for part in ("data", "indices", "indptr"))
     if any(part.dtype.kind != kind_of_part for part, kind_of_part in zip(parts, "fii", strict=True)):
-        raise ValueError(f"{label} is no matrix of numbers")
+        raise ValueError(f"{label} is not a numeric matrix")
     matrix = kind(parts, shape=tuple(int(length) for length in content[f"{label}.shape"]))
     matrix.check_format(full_check=True)
     return matrix

@@ -40,10 +40,10 @@ def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
         lanes: Λ [N s], padded to shape (n_contacts, width), with or without rolling lanes. Infinite and NaN entries
             count as zero.
     """
-    held = np.where(np.isfinite(lanes), lanes, 0.0)
-    normal = held[:, 0]
+    finite = np.where(np.isfinite(lanes), lanes, 0.0)
+    normal = finite[:, 0]
     bound = layout.fixed_bound + layout.friction_coefficient * np.maximum(normal[layout.partner], 0.0)
-    tangent = np.sqrt((held[:, 1 : 1 + layout.sliding] ** 2).sum(axis=1))
+    tangent = np.sqrt((finite[:, 1 : 1 + layout.sliding] ** 2).sum(axis=1))
     states = np.where(tangent >= SLIP_SHARE * bound, ContactState.SLIP, ContactState.STICK)
     has_normal = layout.normal_law >= 0
     closed = normal > OPEN_SHARE * normal.max(initial=0.0)
@@ -58,8 +58,8 @@ def count_states(states: States) -> NDArray[np.int64]:
 
 def write_state_colours(stream: rr.RecordingStream, root: str) -> None:
     """Write the colours and names of contact states for the entities below ``root``."""
-    infos = [
+    annotations = [
         rr.AnnotationInfo(id=int(state), label=state.name.lower(), color=rgb(colour))
         for state, colour in STATE_COLOURS.items()
     ]
-    stream.log(root, rr.AnnotationContext(infos), static=True)
+    stream.log(root, rr.AnnotationContext(annotations), static=True)

@@ -1,4 +1,4 @@
-"""A viewer without a window, which draws pictures of a recording at chosen times."""
+"""A rerun viewer without a window, which draws pictures of a recording at chosen times."""
 
 import io
 import os
@@ -23,10 +23,10 @@ from ...problems.errors import error_text
 from ..errors import BenchError
 from .title_bars import TOP_BAR, Blueprint, clear_title_bars
 
-SECONDS = 60.0
-"""Time limit for each phase of drawing: starting, loading, settling [s]."""
+PHASE_SECONDS = 60.0
+"""Time limit of each phase of drawing: starting, loading, settling [s]."""
 
-PAUSE = 0.5
+POLL_SECONDS = 0.5
 """Time between two checks of the viewer [s]."""
 
 T = TypeVar("T")
@@ -85,15 +85,19 @@ def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], targe
     """Yield a viewer of a recording, with all data loaded, for pictures of ``size`` [pixels], and end it.
 
     Raises:
-        BenchError: if the viewer cannot draw the file ``target`` on this machine; the recording is kept.
+        BenchError: if the viewer is missing, or cannot draw the file ``target`` on this machine; the recording is kept.
     """
+    search_path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    program = shutil.which("rerun", path=search_path)
+    if program is None:
+        raise BenchError(f"{recording} is kept, but the program rerun is missing; reinstall rerun-sdk.")
     try:
-        with tempfile.TemporaryDirectory() as folder, _running_viewer(Path(folder), size) as client:
+        with tempfile.TemporaryDirectory() as folder, _running_viewer(program, Path(folder), size) as client:
             client.open(str(recording.absolute()))
             loaded = _wait_for(lambda: _timeline(client, timeline), "loading takes too long")
             yield HeadlessViewer(client, loaded, client.get_blueprint("recording").blueprint)
     except Exception as error:  # any exception of the viewer and its experimental interface
-        remedy = "it needs a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
+        remedy = "install a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
         if isinstance(error, TimeoutError):
             remedy = "repeat the command while fewer programs run"
         raise BenchError(
@@ -110,52 +114,47 @@ def _timeline(client: ViewerClient, name: str) -> Timeline | None:
 
 
 @contextmanager
-def _running_viewer(folder: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
+def _running_viewer(program: str, folder: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
     """Yield the client of a new viewer without a window, and end the viewer."""
-    program = shutil.which(
-        "rerun", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    )
-    if program is None:
-        raise BenchError("the program rerun is not installed")
     port = _free_port()
     window = f"{size[0]}x{size[1] + TOP_BAR}"
-    line = [program, "--headless", "--hide-welcome-screen", "--port", str(port), "--window-size", window]
-    quiet = {"RERUN_APP_ONLY": "true", "RUST_LOG": "error", "XDG_RUNTIME_DIR": str(folder)}
+    command = [program, "--headless", "--hide-welcome-screen", "--port", str(port), "--window-size", window]
+    environment = {"RERUN_APP_ONLY": "true", "RUST_LOG": "error", "XDG_RUNTIME_DIR": str(folder)}
     with (folder / "messages").open("w+b") as messages:
         process = subprocess.Popen(
-            line, env={**os.environ, **quiet}, stdout=messages, stderr=messages, start_new_session=True
+            command, env={**os.environ, **environment}, stdout=messages, stderr=messages, start_new_session=True
         )
         try:
 
-            def answering() -> ViewerClient | None:
+            def connect() -> ViewerClient | None:
                 if process.poll() is not None:
-                    raise BenchError(f"it ended with {process.returncode}")
-                with suppress(Exception):  # not yet
+                    raise BenchError(f"it exited with code {process.returncode}")
+                with suppress(Exception):  # the viewer does not answer yet
                     client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
                     client.get_state()
                     return client
                 return None
 
-            yield _wait_for(answering, "it does not start")
+            yield _wait_for(connect, "it does not start")
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
 
 
-def _wait_for(check: Callable[[], T | None], late: str) -> T:
+def _wait_for(check: Callable[[], T | None], timeout_message: str) -> T:
     """Poll until there is a result.
 
     Raises:
-        TimeoutError: if there is none in time, with the reason ``late``.
+        TimeoutError: if there is none in time, with the message ``timeout_message``.
     """
-    end = time.monotonic() + SECONDS
+    end = time.monotonic() + PHASE_SECONDS
     while time.monotonic() < end:
         found = check()
         if found is not None:
             return found
-        time.sleep(PAUSE)
-    raise TimeoutError(late)
+        time.sleep(POLL_SECONDS)
+    raise TimeoutError(timeout_message)
 
 
 def _free_port() -> int:

@@ -33,28 +33,32 @@ MAX_NAMED_SOLVERS = 4
 MAX_REASON_LENGTH = 160
 """Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""
 
+_NONE_BAD = "No solver makes a wrong claim, returns numbers that are not finite, crashes, hangs or misbehaves."
+
 _PAGE = """\
 # What each solver can solve
 
-{state}{counts}. A cell is solved if the judged residual is at most \
-{tolerance:g}. The command `{command}` writes this page; time limits depend on the machine.
+{state}{counts}. A cell is solved if the judged residual is at most {tolerance:g}, infeasible if the solver reports \
+that there is no solution, and relaxed if it solves its own model, but not Coulomb friction. The command `{command}` \
+writes this page; which cells reach the time limit depends on the machine.
 
 {summary}
 {grid}
-## What none of them solves
+## Problems that no solver solves
 
 {unsolved}
 
 ## Reasons
 
-Every outcome but solved and infeasible has a reason. Numbers in a reason are from the first such cell.
+Every outcome but solved and infeasible has a reason. Numbers in a reason are those of its first cell.
 
 {reasons}"""
 
 _FAMILIES = """\
 ## Solved problems by family
 
-Solved problems of those that the solver supports; – if it supports none. [{table}]({table}) has every cell.
+Number of problems that the solver solves, of those that it supports; – if it supports none. [{table}]({table}) has \
+every cell.
 
 {counts}"""
 
@@ -126,7 +130,7 @@ def _summary(found: pd.DataFrame) -> str:
         rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
     table = markdown_table(["solver", "solved", "other outcomes"], rows)
     is_bad = found["outcome"].isin(BAD_OUTCOMES).any() or not found["is_finite"].all()
-    return table if is_bad else f"{table}\nNo cell is wrong, not finite or at fault.\n"
+    return table if is_bad else f"{table}\n{_NONE_BAD}\n"
 
 
 def _family_counts(found: pd.DataFrame) -> str:
@@ -218,7 +222,7 @@ def _reasons(found: pd.DataFrame) -> str:
         for own in groups
     ]
     return (
-        markdown_table(["ended", "cells", "reason", "solvers"], rows)
+        markdown_table(["outcome", "cells", "reason", "solvers"], rows)
         if rows
         else "Every cell is solved or infeasible.\n"
     )

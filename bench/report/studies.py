@@ -26,15 +26,15 @@ _COSTS = (
     "reason",
 )
 
-STILL = 1e-6
-"""Path of a coordinate relative to the scale of errors below which it counts as constant."""
+MIN_MOTION = 1e-6
+"""Longest path of a coordinate, relative to the scale of errors, below which a motion counts as rest."""
 
-WORDS = {
+ERROR_MEANINGS = {
     "limit cycle": "error after one period of the limit cycle, over the range of each coordinate",
     "end position": "error of the last position, over the longest path of a coordinate",
     "aggregates": "relative deviation of means over the second half from those of the reference",
 }
-"""The meaning of errors, by their kind."""
+"""What an error is, by its kind."""
 
 
 def points_table(frames: RunFrames) -> pd.DataFrame:
@@ -51,18 +51,18 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def headline(plan: PlanRecord, problem: str) -> str:
-    """Return one line about a trajectory: its duration, the start of steps, and the meaning of errors."""
+    """Return one line about a trajectory: its duration, the initial impulses of steps, and the meaning of errors."""
     trajectory, starts = plan.trajectory(problem), ", ".join(dict.fromkeys(one.start for one in plan.methods))
-    return f"{trajectory.name} · {trajectory.duration:g} s · {starts} starts · {WORDS[trajectory.error]}"
+    return f"{trajectory.name} · {trajectory.duration:g} s · {starts} starts · {ERROR_MEANINGS[trajectory.error]}"
 
 
 def motion_warning(trajectory: TrajectoryRecord) -> str:
-    """Return a warning if all coordinates are constant up to the known end, else an empty text."""
-    if trajectory.way is None or trajectory.way > STILL * trajectory.scale:
+    """Return a warning if no coordinate of the reference changes, otherwise an empty text."""
+    if trajectory.way is None or trajectory.way > MIN_MOTION * trajectory.scale:
         return ""
     return (
         f"nothing in {trajectory.name} moves in {trajectory.duration:g} s, so errors have no scale; "
-        "choose a longer duration, or options with which it moves."
+        "choose a longer duration, or other options of the scene."
     )
 
 
@@ -70,21 +70,21 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
     """Print the points of a problem, the standard errors of its reference, and the reasons of failed members."""
     table = points_table(frames)
     table = table[table["problem"] == trajectory.name]
-    of_one = trajectory.error != "aggregates"
+    is_single_motion = trajectory.error != "aggregates"
     rows = []
     for (solver, value), point in table.groupby(["solver", "tolerance"], sort=False):
         first = point.iloc[0]
         row = {"solver": solver, "at": f"{value:.2g}"}
         for quantity in table["quantity"].dropna().unique():
             found = point[point["quantity"] == quantity]
-            row[str(quantity).replace(" ", "\n")] = _error(found.iloc[0], of_one) if len(found) else "–"
-        if of_one:
+            row[str(quantity).replace(" ", "\n")] = _error_text(found.iloc[0], is_single_motion) if len(found) else "–"
+        if is_single_motion:
             row |= {"from": f"{first['low']:.1e}", "to": f"{first['high']:.1e}"}
         counts = {head: first[name] for head, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))}
         mark = EXCLUDED_MARK if first["is_excluded"] == 1 else ""
         row |= {"wall [s]": f"{first['total_seconds']:.3g}{mark}", "CPU [s]": f"{first['processor_seconds']:.3g}"}
-        row["solves"] = _count(first["iterations"])
-        rows.append(row | {head: _count(count) if count else "–" for head, count in counts.items()})
+        row["solves"] = _count_text(first["iterations"])
+        rows.append(row | {head: _count_text(count) if count else "–" for head, count in counts.items()})
     if rows:
         print_table(
             console,
@@ -94,25 +94,25 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
     warning = motion_warning(trajectory)
     if warning:
         console.print(Text(wrap_note(warning, console.width), style="bold yellow"))
-    for quantity, (mean, spread) in spreads(trajectory).items():
+    for quantity, (mean, spread) in reference_statistics(trajectory).items():
         unit = UNITS.get(quantity, "")
-        text = f"reference  {quantity} {mean:.5g} {unit}, standard error over seeds {spread:.1e} of it"
+        text = f"reference  {quantity} {mean:.5g} {unit}, relative standard error over seeds {spread:.1e}"
         console.print(Text(text, style="dim"))
     for failed in table[table["reason"] != ""].drop_duplicates(["solver", "reason"]).to_dict("records"):
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 
-def spreads(trajectory: TrajectoryRecord) -> dict[str, tuple[float, float]]:
-    """Return mean and relative standard error of every aggregate of the reference; empty without aggregates."""
+def reference_statistics(trajectory: TrajectoryRecord) -> dict[str, tuple[float, float]]:
+    """Return the mean and the relative standard error of each aggregate of the reference; empty without aggregates."""
     if trajectory.error != "aggregates":
         return {}
     return Aggregates({one.member: one.values for one in trajectory.known if not one.failure}).spreads()
 
 
-def _count(value: float) -> str:
+def _count_text(value: float) -> str:
     return f"{value:.0f}" if np.isfinite(value) else "–"
 
 
-def _error(row: "pd.Series[float]", of_one: bool) -> str:
-    return f"{row['error']:.1e}" if of_one else f"{row['error']:.1e} ± {row['high'] - row['error']:.0e}"
+def _error_text(row: "pd.Series[float]", is_single_motion: bool) -> str:
+    return f"{row['error']:.1e}" if is_single_motion else f"{row['error']:.1e} ± {row['high'] - row['error']:.0e}"

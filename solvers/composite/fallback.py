@@ -1,8 +1,8 @@
 """Fallback: several solvers in sequence, until one solves the problem.
 
-A problem can be hard for one method or start, and easy for another: the impulses of the last time step may lead to a
-plateau that a start at zero avoids, and one relaxation may oscillate about a solution that another reaches. The first
-part starts from the given impulses, then all parts start from zero.
+A problem can be hard for one method or start, and easy for another. The impulses of the last time step may lead to a
+plateau that a start at zero avoids. One relaxation may oscillate about a solution that another reaches. The first part
+starts from the given impulses, then all parts start from zero.
 """
 
 from collections.abc import Iterator
@@ -33,11 +33,11 @@ from .sequence import SolverRun, SolverSequence
 from .sweeping import FAST_MOMENTUM, FAST_RELAXATION
 
 WARM_ITERATIONS = 500
-"""In flow both starts are equally good; in a pile at rest the impulses of the last step either are nearly the solution,
-or do not lead to it."""
+"""Default of ``warm_iterations``. In flow both starts are equally good; in a pile at rest the impulses of the last step
+either are nearly the solution, or do not lead to it."""
 
 ITERATIONS = 2000
-"""Sufficient for sweeps on most problems that they solve."""
+"""Default of ``iterations``, sufficient for sweeps on most problems that they solve."""
 
 MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
 """Relaxation and momentum of the parts of ``MomentumFallback``. Momentum that follows the measured rate is fastest on
@@ -83,8 +83,8 @@ class Fallback(Method):
     def name(self) -> str:
         """Class name with the names of the parts and the options that differ from the defaults."""
         options = (("warm_iterations", WARM_ITERATIONS), ("iterations", ITERATIONS))
-        words = [f"{key}={getattr(self, key)}" for key, default in options if getattr(self, key) != default]
-        return f"{type(self).__name__}({', '.join([*(part.name for part in self.parts), *words])})"
+        changed = [f"{key}={getattr(self, key)}" for key, default in options if getattr(self, key) != default]
+        return f"{type(self).__name__}({', '.join([*(part.name for part in self.parts), *changed])})"
 
     @property
     def model(self) -> Model:
@@ -132,7 +132,7 @@ class PreparedFallback:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts all parts."""
-        observe = observe if observe is None or self.fallback.has_iterates else None
+        observe = observe if self.fallback.has_iterates else None
         clock = Clock(stop.max_seconds)
         sequence = SolverSequence(self.problem, self._residual(), self.prepared, stop, observe, clock)
         for run in self._runs(sequence, start):
@@ -161,7 +161,7 @@ class PreparedFallback:
 
 @dataclass(frozen=True, init=False)
 class MomentumFallback(Fallback):
-    """A preset of ``Fallback``: SORprox with measured momentum, then with 0.97, 0.985 and 0.985, then ``Robust``.
+    """A preset of ``Fallback``: SORprox with the momentum "measured", 0.97, 0.985 and 0.985, then ``Robust``.
 
     Sweeps are over the factors; ``Robust`` is the only part for problems without them. This is the default of
     ``proxbench simulate`` for scenes with many contacts.

@@ -35,15 +35,15 @@ class SolverSequence:
     Attributes:
         problem: the problem.
         residual: its residual.
-        prepared: prepared solvers by name, to which later runs add theirs.
+        prepared: prepared solvers by name, extended by ``prepare``.
         stop: the limits of the whole sequence.
         observe: receives the iterates of all runs, numbered consecutively.
         clock: clock of the whole sequence.
         iterations: number of iterations so far.
         history: the name and outcome of each run.
-        best_impulses: the best Λ so far [N s], shape (n_rows,).
+        best_impulses: the best Λ so far [N s], shape (n_rows,); None before the first run.
         best_residual: residual of ``best_impulses``, computed as the judge computes it.
-        latest: the Λ of the last run [N s], shape (n_rows,).
+        latest: the Λ of the last run [N s], shape (n_rows,); None before the first run.
         status: status of the last run, or ``Status.TIME_LIMIT`` if any run ended with it.
     """
 

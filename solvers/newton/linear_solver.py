@@ -6,7 +6,8 @@ mass ratios:
     (D J D + damping · I) y = D right,      δ = D y,      D = diag(1/√α).
 
 A factorisation cannot be interrupted, and on twenty thousand densely packed contacts it takes a minute. Its time is
-therefore predicted from earlier ones; a matrix of z entries that took t seconds predicts for z' entries
+therefore predicted from an earlier one. If a matrix with z entries took t seconds, one with z' entries is expected to
+take at most
 
     t' = SLACK · t · max(1, z'/z)³.
 
@@ -38,7 +39,7 @@ SLACK = 2.0
 EXPONENT = 3.0
 """Growth of the time with the entries: 1.5 for a dense matrix and for planar grids, 2 and more for spatial ones."""
 
-FIRST_PART = 500
+FIRST_PART_ROWS = 500
 """Number of rows of the first part that is factorised to measure the time."""
 
 SMALL_ENTRIES, SMALL_SECONDS = 10_000, 5e-3
@@ -54,10 +55,10 @@ class LinearSolver:
 
     def __init__(self, clock: Clock, work: Work) -> None:
         self._clock, self._work, self.lacks_time = clock, work, False
-        self._rows, self._entries, self._seconds = FIRST_PART // 2, SMALL_ENTRIES, SMALL_SECONDS
+        self._rows, self._entries, self._seconds = FIRST_PART_ROWS // 2, SMALL_ENTRIES, SMALL_SECONDS
 
     def solve(self, system: LinearSystem, scale: FloatArray, damping: float) -> FloatArray | None:
-        """Return δ [N s] over the active rows, or None if the system is singular or might miss the deadline.
+        """Return δ [N s], shape (n_active,), or None if the system is singular or might miss the deadline.
 
         ``scale`` is 1/√α of these rows, shape (n_active,); ``damping`` is the weight of δ relative to α.
         """
@@ -92,7 +93,7 @@ class LinearSolver:
 
     def _meets_deadline(self, matrix: sp.csr_array) -> bool:
         """Whether a factorisation is expected to meet the deadline; factorises parts first if that is uncertain."""
-        from scipy.sparse.csgraph import reverse_cuthill_mckee  # import takes 0.1 s, which is not measured
+        from scipy.sparse.csgraph import reverse_cuthill_mckee  # imported here because import takes 0.1 s
 
         order = None
         while self._predict(matrix.nnz) > self._clock.remaining:
@@ -123,7 +124,7 @@ class LinearSolver:
 
 def factorise(matrix: sp.csr_array) -> "SuperLU | None":
     """Return the triangular factors of a square matrix, or None if it is exactly singular."""
-    from scipy.sparse.linalg import splu  # import takes 0.1 s
+    from scipy.sparse.linalg import splu  # imported here because import takes 0.1 s
 
     try:
         return splu(

@@ -15,7 +15,7 @@ from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.problems.motion.scenes.resting import Stack
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.trajectories.limit_cycle import Cycles, find_cycles
+from proxbench.problems.motion.trajectories.limit_cycle import CycleSequence, find_cycles
 from proxbench.solvers import Status, Stop, create
 
 FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
@@ -29,7 +29,7 @@ FEW_MEGABYTES = 40 * 2**20
 """What a simulation may add to memory: its rows, and what numba and the allocator keep."""
 
 
-def periods_of(simulation: Simulation) -> Cycles:
+def periods_of(simulation: Simulation) -> CycleSequence:
     known = simulation.plan.scene.limit_cycle
     assert known is not None
     return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])

@@ -1,7 +1,7 @@
 """``proxbench matrix``: solve every problem with every solver once, and give the reason for each failure.
 
-The matrix shows whether a method can solve a problem, not how fast. Each cell is one untimed solve, in a child process
-for plugins. Every result is judged.
+The matrix shows whether a method can solve a problem, not how fast. Each cell is one untimed solve in a child process.
+Every result is judged.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,15 +20,15 @@ from ...store.outcome import Cell, Outcome, claim_reason, point_outcome, verdict
 from ..plan import DEFAULT_SOLVERS
 from ..selection import problem_name
 
-PREPARING_SECONDS = 60.0
-"""Wall time limit to prepare a cell of a built-in solver, in addition to its solve [s]."""
+PREPARATION_SECONDS = 60.0
+"""Wall time by which a cell of a built-in solver may exceed the time limit of its solve, for preparation [s]."""
 
 
 def default_solvers() -> list[str]:
     """Return the default solvers of a run, then all other registered ones."""
     listed = list(DEFAULT_SOLVERS)
-    plain = {name.partition("(")[0] for name in listed}
-    return [*listed, *(name for name in available() if name not in plain)]
+    base_names = {name.partition("(")[0] for name in listed}
+    return [*listed, *(name for name in available() if name not in base_names)]
 
 
 def measure_matrix(
@@ -41,7 +41,7 @@ def measure_matrix(
     """Solve every problem with every solver once.
 
     Args:
-        problems: names of problems, or problems. Missing problems are generated.
+        problems: problems or their names; missing problems are generated.
         solvers: solvers, or their names with options.
         stop: tolerance and limits of one solve; a solver that is not built in is killed a second after its time limit.
         memory_bytes: memory limit of a solver.
@@ -54,14 +54,14 @@ def measure_matrix(
         ProxbenchError: for an unknown problem or solver.
     """
     generate_missing(one for one in problems if isinstance(one, str))
-    taken = {problem_name(one): resolve_problem(one) for one in problems}
-    made = [solver_spec(solver) for solver in solvers]
+    resolved = {problem_name(one): resolve_problem(one) for one in problems}
+    specs = [solver_spec(solver) for solver in solvers]
     cells = []
-    for solver in made:
-        # built-in solvers stop by their own clock, which excludes compiling and preparing
+    for solver in specs:
+        # built-in solvers stop by their own clock, which excludes compilation and preparation
         limit = np.inf if solver.is_built_in else stop.max_seconds
-        with RemoteSolver(solver, PREPARING_SECONDS, memory_bytes, limit) as remote:
-            for name, problem in taken.items():
+        with RemoteSolver(solver, PREPARATION_SECONDS, memory_bytes, limit) as remote:
+            for name, problem in resolved.items():
                 cells.append(_cell(remote, name, problem, stop))
                 on_cell(cells[-1])
     return cells
@@ -69,9 +69,9 @@ def measure_matrix(
 
 def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) -> Cell:
     try:
-        refusal = solver.supports(problem)
-        if refusal:
-            return Cell(name, solver.name, Outcome.UNSUPPORTED, reason=refusal)
+        unsupported_reason = solver.supports(problem)
+        if unsupported_reason:
+            return Cell(name, solver.name, Outcome.UNSUPPORTED, reason=unsupported_reason)
         solution = solver.prepare(problem).solve(stop)
     except FailedSolveError as fault:
         return Cell(name, solver.name, fault.outcome, reason=fault.reason)

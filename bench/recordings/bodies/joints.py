@@ -1,4 +1,4 @@
-"""Joints in recordings: their points, axes and rods, and the forces that they exert."""
+"""Joints in recordings: their points, axes and rods, and the impulses that they exert."""
 
 import numpy as np
 import rerun as rr
@@ -12,15 +12,15 @@ from ...report.charts.palette import PALETTE, rgb
 from ..simulation import Entities
 
 JOINTS = "scene/joints"
-PLAIN, RUBBING, DRIVEN = (236, 240, 245), rgb(PALETTE[1]), rgb(PALETTE[6])
+PLAIN_COLOUR, FRICTION_COLOUR, MOTOR_COLOUR = (236, 240, 245), rgb(PALETTE[1]), rgb(PALETTE[6])
 """Colours of joints: without friction, with friction, and with a motor."""
 
-AXIS, POINT, LINE = 0.3, 0.1, 0.03
+AXIS_HALF_LENGTH, POINT_RADIUS, LINE_RADIUS = 0.3, 0.1, 0.03
 """Half-length of an axis, radius of a point, and radius of a line, relative to the smallest bounding radius."""
 
 
 def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entities:
-    """Yield the points of joints, and the axes, rods and ropes.
+    """Yield the points, axes, rods and ropes of joints as entities of a recording.
 
     Args:
         joints: the joints.
@@ -30,7 +30,7 @@ def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entit
     points, point_colours, lines, line_colours = [], [], [], []
     for joint in joints.joints:
         (first, _), (second, rotation) = joint_points(joint, poses)
-        colour = DRIVEN if joint.motor_bound else RUBBING if joint.friction else PLAIN
+        colour = MOTOR_COLOUR if joint.motor_bound else FRICTION_COLOUR if joint.friction else PLAIN_COLOUR
         points.append(first)
         point_colours.append(colour)
         if joint.kind in ("distance", "rope"):
@@ -40,13 +40,13 @@ def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entit
             line_colours.append(colour)
         if joint.kind in ("revolute", "prismatic"):
             axis = rotation @ (np.array(joint.axis) / np.linalg.norm(joint.axis))
-            low, high = -AXIS * radius, AXIS * radius
+            low, high = -AXIS_HALF_LENGTH * radius, AXIS_HALF_LENGTH * radius
             if joint.kind == "prismatic" and joint.limits is not None:
                 low, high = joint.limits
             lines.append([second + low * axis, second + high * axis])
             line_colours.append(colour)
-    yield f"{JOINTS}/points", rr.Points3D(points, colors=point_colours, radii=[POINT * radius])
-    yield f"{JOINTS}/lines", rr.LineStrips3D(lines, colors=line_colours, radii=[LINE * radius])
+    yield f"{JOINTS}/points", rr.Points3D(points, colors=point_colours, radii=[POINT_RADIUS * radius])
+    yield f"{JOINTS}/lines", rr.LineStrips3D(lines, colors=line_colours, radii=[LINE_RADIUS * radius])
 
 
 def joint_points(joint: Joint, poses: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
@@ -60,7 +60,7 @@ def joint_points(joint: Joint, poses: FloatArray) -> list[tuple[FloatArray, Floa
 
 
 def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArray:
-    """Return the impulses of joints and their limits on their first bodies [N s], shape (n_joints, 3).
+    """Return the impulse that each joint, with its limits, exerts on its first body [N s], shape (n_joints, 3).
 
     Args:
         joints: the joints.
@@ -70,7 +70,7 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     contacts, n_joints = step.contacts, len(joints.joints)
     assert contacts is not None
     directions = contacts.directions
-    assert isinstance(directions, sp.csc_array)  # as for all joints
+    assert isinstance(directions, sp.csc_array)  # always so in systems with joints
     numbers = contacts.keys - first_key
     owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))

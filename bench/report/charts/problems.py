@@ -18,7 +18,7 @@ from ...store.outcome import Outcome
 from ...store.store import plain_name
 from ..endings import case_endings
 from ..layout.text import counted
-from ..studies import headline, motion_warning, spreads
+from ..studies import headline, motion_warning, reference_statistics
 from .drawing import (
     SEPARATE_LEGENDS,
     TIME_AXIS,
@@ -114,7 +114,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     shown = {name: np.maximum(points[own], least) for name, own in (("residual", "error"), ("low", "low"))}
     shown["high"] = np.maximum(points["high"], MIN_RESIDUAL)
     points = points.assign(wall=points["total_seconds"], **shown)
-    floors = {quantity: floor for quantity, (_, floor) in spreads(trajectory).items() if floor > 0.0}
+    floors = {quantity: floor for quantity, (_, floor) in reference_statistics(trajectory).items() if floor > 0.0}
     rows: list[alt.HConcatChart] = []
     for quantity in points["quantity"].unique():
         own = points[points["quantity"] == quantity]

@@ -8,26 +8,26 @@ from ...store.records import RunRecord
 
 MEBIBYTE = 2**20
 
-NEXT = " \\\n  "
-"""Separator of the lines of a command."""
+LINE_BREAK = " \\\n  "
+"""A continued line of a shell command."""
 
 
-def run_command(run: RunRecord) -> str:
-    """Return the command that repeats a run; files, folders and plugins must be at the same places."""
+def repeat_command(run: RunRecord) -> str:
+    """Return the command that repeats a run, if files, folders and plugins are where they were."""
     plan = run.plan
     selection = [option("suite", plan.suite)] if plan.suite else [option("problem", name) for name in plan.problems]
     if plan.shard:
         selection.append(option("shard", plan.shard))
-    elif plan.suite and 0 < len(plan.problems) < _size(plan.suite):
+    elif plan.suite and 0 < len(plan.problems) < _suite_size(plan.suite):
         selection.append(option("sample", len(plan.problems)))
     solvers = [option("solver", name) for name in plan.solvers]
-    return NEXT.join(["proxbench run", *selection, *solvers, protocol_options(run)])
+    return LINE_BREAK.join(["proxbench run", *selection, *solvers, protocol_options(run)])
 
 
 def protocol_options(run: RunRecord) -> str:
     """Return the options of a run except for its problems and solvers.
 
-    ``proxbench run`` repeats a case with options for its problem and its solver, and these.
+    To repeat a case, add them to ``proxbench run`` with its problem and its solver.
     """
     plan, limits = run.plan, run.plan.limits
     options = {
@@ -42,7 +42,7 @@ def protocol_options(run: RunRecord) -> str:
         " ".join(option(name, value) for name, value in options.items()),
         *(option("plugin", file) for file in dict.fromkeys(use.file for use in run.plugins if use.file)),
     ]
-    return NEXT.join(lines)
+    return LINE_BREAK.join(lines)
 
 
 def option(name: str, value: object) -> str:
@@ -52,7 +52,7 @@ def option(name: str, value: object) -> str:
     return f'--{name} "{text}"' if in_double_quotes else f"--{name} {shlex.quote(text)}"
 
 
-def _size(suite: str) -> int:
+def _suite_size(suite: str) -> int:
     """Return the number of problems of a named suite; 0 for a folder."""
     try:
         return len(suite_members(suite))

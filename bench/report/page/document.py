@@ -28,7 +28,7 @@ from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
 from ..endings import CASE, attempted_points, case_endings
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
-from .commands import option, protocol_options, run_command
+from .commands import option, protocol_options, repeat_command
 
 MAX_TEXT = 4000
 """Number of characters at the end of the output of a failed case that a page shows; the case file contains all."""
@@ -103,7 +103,7 @@ def _about(frames: RunFrames) -> dict[str, Any]:
         "root": "" if frames.residual == JUDGED else "../",
         "limit": info.plan.limits.solve_seconds,
         "shift": SHIFT_SECONDS,
-        "command": run_command(info),
+        "command": repeat_command(info),
         "protocol": protocol_options(info),
         "sentences": sentences,
         "finished": frames.n_finished,

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ....problems.motion.trajectories.limit_cycle import Cycle, Cycles, Incident, find_cycles
+from ....problems.motion.trajectories.limit_cycle import Cycle, CycleSequence, Incident, find_cycles
 from ...report.layout.text import counted
 from ..trajectory import Simulation
 
@@ -72,7 +72,7 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     which = f"{_periods(last, motion.count)}, from section to section: {section} to the next {section}"
     yield f"period   {motion.mean_period(last):.12f} s  ({which})", ""
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
-    if known.is_of_scene:
+    if known.matches_scene_options:
         period, descent = motion.relative_deviations(last)
         off = f"relative errors {period:+.1e} and {descent:+.1e}"
         yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {off}", "bold"
@@ -84,7 +84,7 @@ def _periods(last: int, count: int) -> str:
     return f"mean of the last {last} of {count}" if last > 1 else one
 
 
-def _motion(simulation: Simulation) -> Cycles | None:
+def _motion(simulation: Simulation) -> CycleSequence | None:
     """Return the periods; None for scenes without a known limit cycle, or without located switching points."""
     known = simulation.plan.scene.limit_cycle
     if known is None or not simulation.plan.stepper.locates_switches:

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from .round_bodies import PLANE, SEGMENT, RoundShapes, dot, write
+from .round_bodies import PLANE, SEGMENT, RoundShapes, dot, write_contact
 
 RIM_POINTS = 8
 """Number of points of each rim that are fixed in the body."""
@@ -75,7 +75,7 @@ def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numb
             gap = dot(point - origin, normal)
             if gap < margin:
                 feature = end * (RIM_POINTS + 1) + number
-                count = write(keys, numbers, count, feature, point - gap * normal, normal, 1.0, gap)
+                count = write_contact(keys, numbers, count, feature, point - gap * normal, normal, 1.0, gap)
     return count
 
 
@@ -101,5 +101,5 @@ def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, ke
         height, normal = beyond_side, outward
         foot = ball - height * normal
     if height - ball_radius < margin:
-        count = write(keys, numbers, count, 0, foot, normal, sign, height - ball_radius)
+        count = write_contact(keys, numbers, count, 0, foot, normal, sign, height - ball_radius)
     return count

@@ -1,8 +1,15 @@
 """Contacts of spheres and capsules with half-spaces, with each other, and with polyhedra, boxes among them.
 
 Spheres and capsules are the points within a radius of a segment; that of a sphere has length 0. In each contact,
-a part of one body (an end of a segment, an edge or a corner) touches the other body. A part can only touch where its
-body does, so each reported gap is an upper bound, and a contact keeps its feature as long as that part is close.
+a part of one body (an end of a segment, an edge or a corner) touches the other body. Its number is the feature of the
+contact, which therefore persists from step to step. The distance between two bodies is at most that of their parts, so
+each reported gap is an upper bound:
+
+    0, 1                     ends of the segment of the sphere or capsule; of two, the first body
+    2, 3                     ends of the second segment, of two spheres or capsules
+    CROSSING                 points between the ends of two segments
+    2 + k                    edge k of a polyhedron, then its corners
+    2 + n_edges + n_corners  where a segment enters the polyhedron; the next number, where it leaves
 """
 
 from typing import NamedTuple
@@ -19,15 +26,15 @@ PLANE, POLYHEDRON, SEGMENT, CYLINDER = range(4)
 PARALLEL = 1e-6
 """Sine of the angle below which two lines count as parallel and contacts are at their ends."""
 
-ALIKE = 1e-9
-"""Relative difference below which distances count as equal, with respect to the size of a body."""
+DISTANCE_TOLERANCE = 1e-9
+"""Difference below which distances count as equal, relative to the size of a body."""
 
 CROSSING = 4
 """Feature of two capsules that touch between their ends."""
 
 
 class RoundShapes(NamedTuple):
-    """Numbers of all shapes, for kernels.
+    """The dimensions of all shapes as arrays, for kernels.
 
     Attributes:
         kind: PLANE, POLYHEDRON, SEGMENT or CYLINDER, shape (n,).
@@ -53,13 +60,13 @@ def find_round(
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
-    room = ROOM * max(len(pairs), 1)
+    capacity = ROOM * max(len(pairs), 1)
     while True:
-        keys, numbers = np.empty((room, 3), dtype=np.int64), np.empty((room, 7))
+        keys, numbers = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
         count = _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers)
-        if count <= room:
+        if count <= capacity:
             return keys[:count], numbers[:count]
-        room = count
+        capacity = count
 
 
 @njit(cache=True)
@@ -69,8 +76,8 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def write(keys, numbers, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
-    """Write a contact where there is room for it; return the number of contacts.
+def write_contact(keys, numbers, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
+    """Write a contact if the arrays have room for it; return the number of contacts, this one included.
 
     Args:
         keys: (first, second, feature) of contacts, filled here with the feature.
@@ -117,15 +124,15 @@ def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # 
                 height = dot(ends[end] - centres[j], normal)
                 if height - radius < margin:
                     foot = ends[end] - height * normal
-                    count = write(keys, numbers, count, end, foot, normal, sign, height - radius)
+                    count = write_contact(keys, numbers, count, end, foot, normal, sign, height - radius)
         elif shapes.kind[j] == SEGMENT:
             others = ends_of(centres[j], rotations[j], shapes.half[j])
             bodies = ends, half, radius, others, shapes.half[j], shapes.radius[j]
-            count = _segments(*bodies, margin, keys, numbers, count)
+            count = _write_segment_contacts(*bodies, margin, keys, numbers, count)
         else:
             for end in range(2):
                 ends[end] = np.dot(rotations[j].T, ends[end] - centres[j])
-            count = _on_polyhedron(packed, j, ends, half, radius, sign, margin, keys, numbers, count)
+            count = _write_polyhedron_contacts(packed, j, ends, half, radius, sign, margin, keys, numbers, count)
             for c in range(begin, min(count, len(keys))):  # from the axes of the polyhedron to those of the world
                 numbers[c, :3] = np.dot(rotations[j], numbers[c, :3]) + centres[j]
                 numbers[c, 3:6] = np.dot(rotations[j], numbers[c, 3:6])
@@ -164,7 +171,7 @@ def is_between(fraction, half):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_balls(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
+def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
     """Write the contact of two balls, x of the first body, if they are close; ``fallback`` points from y to x."""
     normal = x - y
     distance = np.sqrt(dot(normal, normal))
@@ -174,14 +181,14 @@ def _write_balls(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin
         normal /= distance
     else:
         normal[:] = fallback
-    return write(keys, numbers, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
+    return write_contact(keys, numbers, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
 
 
 @njit(cache=True)
-def _segments(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
 
-    Two ends are in contact if each is the point nearest to the other; otherwise the nearer part is in contact.
+    Two ends are in contact if each is the point of its segment that is nearest to the other.
     """
     fallback = np.cross(p[1] - p[0], q[1] - q[0])
     length = np.sqrt(dot(fallback, fallback))
@@ -193,32 +200,32 @@ def _segments(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # 
         t = nearest_on_segment(p[end], q[0], q[1])
         other = q[0] + t * (q[1] - q[0])
         if is_between(t, half_q) or nearest_on_segment(other, p[0], p[1]) == end:
-            count = _write_balls(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
+            count = _write_ball_contact(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
     for end in range(2 if half_q > 0.0 else 1):
         s = nearest_on_segment(q[end], p[0], p[1])
         if is_between(s, half_p):
             other = p[0] + s * (p[1] - p[0])
-            count = _write_balls(keys, numbers, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
+            count = _write_ball_contact(keys, numbers, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
     if half_p == 0.0:
         return count
     if half_q > 0.0:
         s, t = nearest_inside(p[0], p[1], q[0], q[1])
         if s >= 0.0:
             x, y = p[0] + s * (p[1] - p[0]), q[0] + t * (q[1] - q[0])
-            count = _write_balls(keys, numbers, count, CROSSING, x, r_p, y, r_q, fallback, margin)
+            count = _write_ball_contact(keys, numbers, count, CROSSING, x, r_p, y, r_q, fallback, margin)
     return count
 
 
 @njit(cache=True)
 def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no-untyped-def]
-    """Return the distance of a point from a polyhedron in its axes [m], negative inside.
+    """Return the distance between a point and a polyhedron [m], negative inside.
 
     Args:
         packed: polyhedra.
         body: index of the polyhedron.
-        point: in body axes [m].
-        foot: filled with the nearest point of the surface.
-        normal: filled with the outward unit vector.
+        point: point in body axes [m], shape (3,).
+        foot: filled with the nearest point of the surface [m], shape (3,).
+        normal: filled with the outward unit normal, shape (3,).
     """
     highest, best, squared = -np.inf, 0, np.inf
     for face in range(packed.face_start[body], packed.face_start[body + 1]):
@@ -270,7 +277,7 @@ def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _on_polyhedron(packed, body, ends, half, radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the polyhedron."""
     corners, edges = packed.vertex_start[body], packed.edge_start[body]
     n_corners, n_edges = packed.vertex_start[body + 1] - corners, packed.edge_start[body + 1] - edges
@@ -281,13 +288,13 @@ def _on_polyhedron(packed, body, ends, half, radius, sign, margin, keys, numbers
             point = ends[0] + (finish if end else begin) * (ends[1] - ends[0])
             height = _height(packed, body, lowest, point)
             feature = 2 + n_edges + n_corners + end
-            count = write(keys, numbers, count, feature, point - height * normal, normal, sign, height - radius)
+            count = write_contact(keys, numbers, count, feature, point - height * normal, normal, sign, height - radius)
         return count
     foot, normal = np.empty(3), np.empty(3)
     for end in range(2 if half > 0.0 else 1):
         distance = nearest_on_polyhedron(packed, body, ends[end], foot, normal)
         if distance - radius < margin:
-            count = write(keys, numbers, count, end, foot, normal, sign, distance - radius)
+            count = write_contact(keys, numbers, count, end, foot, normal, sign, distance - radius)
     if half == 0.0:
         return count
     for k in range(n_edges + n_corners):
@@ -307,14 +314,18 @@ def _on_polyhedron(packed, body, ends, half, radius, sign, margin, keys, numbers
         if distance - radius >= margin or distance == 0.0:
             continue
         nearest = nearest_on_polyhedron(packed, body, point, foot, normal)
-        if nearest >= distance - ALIKE * (radius + half):  # otherwise the edge or corner faces away from the segment
-            count = write(keys, numbers, count, 2 + k, touched, apart / distance, sign, distance - radius)
+        # otherwise the edge or corner faces away from the segment
+        if nearest >= distance - DISTANCE_TOLERANCE * (radius + half):
+            count = write_contact(keys, numbers, count, 2 + k, touched, apart / distance, sign, distance - radius)
     return count
 
 
 @njit(cache=True)
 def _part_inside(packed, body, ends):  # type: ignore[no-untyped-def]
-    """Return where a segment enters and leaves a polyhedron, and the face with the shortest exit."""
+    """Return the fractions at which a segment enters and leaves a polyhedron, and the face with the shortest exit.
+
+    Outside, the first fraction is not below the second.
+    """
     begin, finish, lowest, highest = 0.0, 1.0, 0, -np.inf
     for face in range(packed.face_start[body], packed.face_start[body + 1]):
         first, last = _height(packed, body, face, ends[0]), _height(packed, body, face, ends[1])

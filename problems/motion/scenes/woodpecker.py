@@ -180,7 +180,7 @@ def _build(name: str, options: Mapping[str, Any]) -> Scene:
         coordinates={"sleeve angle [rad]": 1, "bird angle [rad]": 2, "sleeve height [m]": 0},
         has_few_contacts=True,
         contact_names=CONTACT_NAMES,
-        limit_cycle=replace(LIMIT_CYCLE, is_of_scene=is_default),
+        limit_cycle=replace(LIMIT_CYCLE, matches_scene_options=is_default),
         view="woodpecker",
     )
 

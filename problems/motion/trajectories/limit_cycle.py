@@ -1,4 +1,4 @@
-"""The known limit cycle of a scene, and comparison of the periods of a motion with it."""
+"""The known limit cycle of a scene, and the comparison of a motion with it, period by period."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ class Incident:
     after: str
 
     def is_like(self, other: "Incident") -> bool:
-        """Whether it is the same switch at another time."""
+        """Whether both are the same switch, apart from their times."""
         return replace(self, time=0.0) == replace(other, time=0.0)
 
 
@@ -39,13 +39,14 @@ class KnownCycle:
 
     Attributes:
         period: its duration [s].
-        descent: decrease of the first coordinate in one period.
-        incidents: its switching points, with times after the section.
-        section: index of the incident that is the section.
-        section_error: largest relative error as a function of the state one period after the section.
+        descent: decrease of the first coordinate, a height, in one period [m].
+        incidents: its switching points, with times relative to the Poincaré section [s].
+        section: index of the incident at which a motion crosses the Poincaré section.
+        section_error: function that returns the largest relative error of a state one period after the section.
         source: publication of ``incidents``, for users.
         transient: number of periods after which a motion counts as being on the limit cycle.
-        is_of_scene: whether it belongs to the options of the scene; if not, only the order of incidents is comparable.
+        matches_scene_options: whether it was computed with the options of the scene; if not, only the order of
+            incidents is comparable.
     """
 
     period: float
@@ -55,7 +56,7 @@ class KnownCycle:
     section_error: Callable[[State], float]
     source: str
     transient: int
-    is_of_scene: bool = True
+    matches_scene_options: bool = True
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class Cycle:
     Attributes:
         known: the limit cycle.
         incidents: in order of time.
-        section: time of the section in it [s].
-        height: first coordinate in the section.
+        section: time at which it crosses the section [s].
+        height: first coordinate at that time [m].
     """
 
     known: KnownCycle
@@ -88,14 +89,14 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class Cycles:
+class CycleSequence:
     """The periods of a motion.
 
     Attributes:
         known: the limit cycle.
         cycles: complete periods, in order.
-        sections: times of all sections [s].
-        heights: first coordinate in them.
+        sections: times at which the motion crosses the section [s], shape (n,).
+        heights: first coordinate at these times [m], shape (n,).
     """
 
     known: KnownCycle
@@ -114,26 +115,26 @@ class Cycles:
         return sum(cycle.is_published for cycle in self.cycles)
 
     def mean_period(self, last: int) -> float:
-        """Return the mean of the last periods [s]."""
+        """Return the mean duration of the ``last`` last periods [s]."""
         return float(np.diff(self.sections[-last - 1 :]).mean())
 
     def mean_descent(self, last: int) -> float:
-        """Return the mean descent of the last periods."""
+        """Return the mean descent in the ``last`` last periods [m]."""
         return float(-np.diff(self.heights[-last - 1 :]).mean())
 
     def relative_deviations(self, last: int) -> tuple[float, float]:
-        """Return the relative deviations of the means of the last periods from the known period and descent."""
+        """Return the relative deviations of both means over the ``last`` last periods from the known values."""
         return self.mean_period(last) / self.known.period - 1.0, self.mean_descent(last) / self.known.descent - 1.0
 
 
-def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> Cycles:
-    """Return the periods of a motion.
+def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> CycleSequence:
+    """Return the periods of a motion, found by its switching points.
 
     Args:
         known: the limit cycle of its scene.
         found: its switching points in order of time.
         times: times of some of its states [s], including those at switching points, shape (n,).
-        heights: first coordinate at these times, shape (n,).
+        heights: first coordinate at these times [m], shape (n,).
     """
     begins = [index for index, incident in enumerate(found) if incident.is_like(known.incidents[0])]
     section = known.incidents[known.section]
@@ -144,4 +145,4 @@ def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray,
         inside = [incident.time for incident in found[first:last] if incident.is_like(section)]
         if inside:
             complete.append(Cycle(known, tuple(found[first:last]), inside[0], at[inside[0]]))
-    return Cycles(known, complete, np.array(sections), np.array([at[time] for time in sections]))
+    return CycleSequence(known, complete, np.array(sections), np.array([at[time] for time in sections]))

@@ -2,12 +2,12 @@
 
 The contacts of a colour share no movable body, and are swept in the batches of ``sweeps.batches.pieces``. A sweep is a
 sequence of stages: the momentum of v, and one stage for each colour. The tasks of a stage (pieces of v, or batches)
-write different numbers and read none that another task of the stage writes. A stage begins when the last one is
+write different numbers and read none that another task of the stage writes. A stage begins when the previous one is
 complete.
 
-Each task is done by the thread that claims it first. Which thread that is has no influence on its arithmetic, and sums
-over tasks are taken in the order of the tasks, so that any number of threads gives the same bits. Each thread begins
-with its own share of a stage, whose data are then in the cache of its core. A late thread does not delay the others.
+The thread that claims a task first does it. The arithmetic of a task does not depend on the thread, and sums over tasks
+are taken in the order of the tasks, so that the result is identical for any number of threads. Each thread begins with
+its own share of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late thread.
 """
 
 from dataclasses import dataclass
@@ -28,11 +28,12 @@ from .colouring import colour_contacts, order_by_colour
 from .pairs import in_pairs
 from .team import Team
 
-PIECE = 512
+PIECE_LENGTH = 512
 """Length of the pieces of v that tasks extrapolate, 4 kB."""
 
-MIN_SHARE = 250
-"""Contacts of a mean colour for each thread, about 8 µs, below which threads lose more by waiting than they save."""
+MIN_CONTACTS_PER_THREAD = 250
+"""Minimum number of contacts per colour and thread, which take about 8 µs; with fewer, waiting costs more time than
+another thread saves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +43,10 @@ class ColouredSweep:
     Attributes:
         layout: the padded blocks.
         pieces: W̃ in pairs of pieces, of width 3.
-        batches: axes of a chunk, bodies of the batches and their records; see ``batch_arguments``.
-        first_batch: first batch of each colour, and the number of batches.
+        batches: the constant arguments of a sweep; see ``batch_arguments``.
+        first_batch: first batch of each colour, then the number of batches, shape (n_colours + 1,).
         slots: position of each entry of padded Λ in the order of the batches.
-        threads: number of threads, less than granted if the colours are small.
+        threads: number of threads, fewer than requested if the colours are small.
     """
 
     layout: BlockLayout
@@ -59,7 +60,8 @@ class ColouredSweep:
     def over(problem: ContactProblem, sizes: FloatArray, threads: int) -> "ColouredSweep":
         """Return the sweep of a problem with factors whose contacts touch at most two bodies each.
 
-        The step sizes [kg] are those of ``step_size``, shape (n_blocks, 2).
+        ``sizes`` are the step sizes [kg] of ``step_sizes``, shape (n_blocks, 2); ``threads`` is the largest number of
+        threads.
         """
         layout, pieces = problem.layout, in_pairs(problem.factor_pieces())
         places, first_batch = order_by_colour(colour_contacts(pieces), LANES)
@@ -70,8 +72,8 @@ class ColouredSweep:
         batches = Batches(places, int(first_batch[-1]))
         arguments = batch_arguments(pieces, batches, free.reshape(-1), laws, coupling)
         slots = slots_in_batches(places).reshape(-1, 3)[:, : layout.width].reshape(-1)
-        share = layout.n_blocks // (MIN_SHARE * max(len(first_batch) - 1, 1))
-        return ColouredSweep(layout, pieces, arguments, first_batch, slots, max(1, min(threads, share)))
+        useful = layout.n_blocks // (MIN_CONTACTS_PER_THREAD * max(len(first_batch) - 1, 1))
+        return ColouredSweep(layout, pieces, arguments, first_batch, slots, max(1, min(threads, useful)))
 
     @property
     def n_colours(self) -> int:
@@ -96,7 +98,7 @@ class ColouredIterates(MomentumState):
         self._before = self._scaled.copy()
         self._held, self._change, self._velocity = np.zeros((3, 3 * n_lanes))
         self._held[sweep.slots] = padded[:, : sweep.layout.width].reshape(-1)
-        n_pieces = -(-len(self._scaled) // PIECE) if momentum > 0.0 else 0
+        n_pieces = -(-len(self._scaled) // PIECE_LENGTH) if momentum > 0.0 else 0
         self._stages = np.concatenate([[0], n_pieces + sweep.first_batch])
         n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ of each batch comes last
         self._claims, self._done = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
@@ -143,8 +145,9 @@ def _run_window(  # type: ignore[no-untyped-def]
     """Do the share of one thread in ``count`` sweeps and ξ; return β of the sweep after these.
 
     Λ, v, the last change of Λ, v before the last sweep and ξ are in ``arrays``. There were ``past`` sweeps and windows
-    before. ``momenta`` are bound and delay of ``MomentumState``, and β of the coming sweep. ``claims`` counts how often
-    each task was claimed, ``done`` the completed tasks of the window.
+    before. ``momenta`` are bound and delay of ``MomentumState``, and β of the coming sweep. ``turns`` holds the part of
+    each batch in the product that is positive if the iterates turn back (``iteration.momentum``), for even and odd
+    sweeps. ``claims`` counts how often each task was claimed, and ``done`` the completed tasks of the window.
     """
     sweeps, windows = past
     held, scaled, change, before, velocity = arrays
@@ -163,7 +166,7 @@ def _run_window(  # type: ignore[no-untyped-def]
                     if claims[task] != sweep or not swap_if_equal(claims, task, sweep, sweep + 1):
                         continue
                     if stage == 0:
-                        _extrapolate(scaled, before, present, PIECE * task)
+                        _extrapolate(scaled, before, present, PIECE_LENGTH * task)
                     else:
                         batch = task - stages[1]
                         _gather(axes, bodies, batch, scaled, own)
@@ -198,7 +201,7 @@ def _run_window(  # type: ignore[no-untyped-def]
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def _extrapolate(scaled, before, present, begin):  # type: ignore[no-untyped-def]
     """Move a piece of v along its last change."""
-    for k in range(uint64(begin), uint64(min(begin + PIECE, len(scaled)))):
+    for k in range(uint64(begin), uint64(min(begin + PIECE_LENGTH, len(scaled)))):
         v = scaled[k]
         scaled[k] = v + present * (v - before[k])
         before[k] = v
@@ -218,7 +221,7 @@ def _gather(axes, bodies, batch, scaled, own):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-def]
-    """Copy v back, except for the idle chunk, which is last, stays zero, and which all threads read."""
+    """Copy v back, except for the idle chunk: it is last and stays zero, and all threads read it."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length
     for lane in range(lanes):

@@ -99,9 +99,13 @@ def test_a_picture_that_cannot_be_written_is_refused_before_any_work(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", ["false", None])
+@pytest.mark.parametrize(("program", "remedy"), [("false", "mesa-vulkan-drivers"), (None, "reinstall rerun-sdk")])
 def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
-    program: str | None, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    program: str | None,
+    remedy: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found = shutil.which(program) if program else None
     monkeypatch.setattr(headless.shutil, "which", lambda name, path: found)
@@ -109,7 +113,7 @@ def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
     assert run_command(line.split()) == 2
     printed = capsys.readouterr()
     assert printed.err.count("\n") == 1
-    assert "mesa-vulkan-drivers" in printed.err
+    assert remedy in printed.err
     assert f"{tmp_path}/a.rrd is kept" in printed.err
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
 
@@ -118,7 +122,7 @@ def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
 def test_a_viewer_that_is_too_slow_asks_for_no_driver(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(headless, "SECONDS", 0.0)
+    monkeypatch.setattr(headless, "PHASE_SECONDS", 0.0)
     line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png"
     assert run_command(line.split()) == 2
     printed = capsys.readouterr().err

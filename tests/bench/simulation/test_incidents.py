@@ -8,10 +8,10 @@ from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.problems.motion.scenes.woodpecker import INCIDENTS, PERIOD
-from proxbench.problems.motion.trajectories.limit_cycle import Cycles, find_cycles
+from proxbench.problems.motion.trajectories.limit_cycle import CycleSequence, find_cycles
 
 
-def periods(simulation: Simulation) -> Cycles:
+def periods(simulation: Simulation) -> CycleSequence:
     known = simulation.plan.scene.limit_cycle
     assert known is not None
     return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])

@@ -27,7 +27,7 @@ class Machine:
         self._cost = seconds_per_entry_squared
         monkeypatch.setattr("proxbench.solvers.iteration.stopping.time", SimpleNamespace(perf_counter=self.read))
         monkeypatch.setattr(linear_solver, "factorise", self.factorise)
-        monkeypatch.setattr(linear_solver, "FIRST_PART", 50)
+        monkeypatch.setattr(linear_solver, "FIRST_PART_ROWS", 50)
         monkeypatch.setattr(linear_solver, "SMALL_ENTRIES", 500)
 
     def read(self) -> float:

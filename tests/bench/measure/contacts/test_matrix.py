@@ -111,7 +111,7 @@ def test_a_long_reason_is_shortened_to_its_ends() -> None:
 
 def test_a_page_names_bad_outcomes_only_where_there_are_any() -> None:
     solved = Cell("hard-groove", "S", Outcome.SOLVED)
-    assert "No cell is wrong, not finite or at fault." in matrix_page([solved], 1e-8, "")
+    assert "No solver makes a wrong claim" in matrix_page([solved], 1e-8, "")
     wrong = Cell("hard-groove", "S", Outcome.WRONG, 1.0, reason="the judge finds 1")
     page = matrix_page([solved, wrong, replace(wrong, problem="hard-squeezed", is_finite=False)], 1e-8, "")
     assert "| `S` | 1 | 2 wrong, 1 not finite |" in page

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from proxbench.bench.recordings.bodies.force_arrows import MAX_RATIO, RADII
-from proxbench.bench.recordings.bodies.joints import DRIVEN, PLAIN, RUBBING, joint_shapes
+from proxbench.bench.recordings.bodies.joints import FRICTION_COLOUR, MOTOR_COLOUR, PLAIN_COLOUR, joint_shapes
 from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
 from proxbench.problems.motion.scenes.registry import make_scene
@@ -51,7 +51,7 @@ def test_colours_tell_joints_with_friction_and_motors_apart() -> None:
         Joint("revolute", 0, friction=1.0),
         Joint("prismatic", 0, motor_speed=1.0, motor_bound=2.0),
     )
-    assert colours(drawn["scene/joints/points"]) == [PLAIN, RUBBING, DRIVEN]
+    assert colours(drawn["scene/joints/points"]) == [PLAIN_COLOUR, FRICTION_COLOUR, MOTOR_COLOUR]
 
 
 def test_a_rope_is_a_line_between_its_points() -> None:

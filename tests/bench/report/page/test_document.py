@@ -17,7 +17,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.report.accuracy import attempts
 from proxbench.bench.report.charts.profiles import write_profiles
 from proxbench.bench.report.page.assembly import page, write_page
-from proxbench.bench.report.page.commands import option, run_command
+from proxbench.bench.report.page.commands import option, repeat_command
 from proxbench.bench.report.page.document import page_document
 from proxbench.bench.report.profiles import baseline_of
 from proxbench.bench.runs import Run
@@ -178,7 +178,7 @@ def test_the_page_refers_to_nothing_outside(quick: str) -> None:
 @pytest.mark.slow
 def test_the_command_of_a_run_names_all_that_it_measured() -> None:
     info = load(REFERENCE).info
-    words = shlex.split(run_command(info).replace("\\\n", ""))
+    words = shlex.split(repeat_command(info).replace("\\\n", ""))
     given = [value for name, value in pairwise(words) if name == "--solver"]
     assert given == info.plan.solvers
     assert words[:4] == ["proxbench", "run", "--suite", "quick"]

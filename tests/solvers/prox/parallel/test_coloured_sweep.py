@@ -30,7 +30,7 @@ def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[
 @pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100"])
 def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, monkeypatch: pytest.MonkeyPatch) -> None:
     used = []
-    monkeypatch.setattr(coloured_sweep, "MIN_SHARE", 1)  # threads for small problems too
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)  # threads for small problems too
     run = Team.run
 
     def counted(team: Team, threads: int, *arguments: Any) -> Any:
@@ -56,7 +56,7 @@ def test_threads_that_never_come_change_no_bit(absent: int, monkeypatch: pytest.
     """The tasks of a thread that has not begun are done by those that have."""
     problem, threads = load("funnel-300"), 3
     alone = swept(problem, 1, 0.65)
-    monkeypatch.setattr(coloured_sweep, "MIN_SHARE", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
     monkeypatch.setattr(Team, "run", lambda self, _, kernel, *rest: kernel(absent, threads, *rest))
     assert swept(problem, threads, 0.65) == alone
 
