@@ -1,13 +1,13 @@
-"""A pytest plugin with one test for each conformance check and each marked solver.
+"""A pytest plugin that runs each conformance check on each marked solver as a separate test.
 
 Name this module in ``pytest_plugins`` of a ``conftest.py``, or load it with ``-p``, and mark a test with solvers or
 their names. The test runs once for each solver and each check::
 
     @pytest.mark.proxbench(MySolver(), "MySolver(relaxation=0.5)")
-    def test_it_keeps_its_promises(proxbench_check):
+    def test_conformance(proxbench_check):
         proxbench_check()
 
-A check that does not apply to a solver is skipped with the reason; a failed check reports a sentence.
+A check that does not apply to a solver is skipped, with the reason.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ def proxbench_check(request: pytest.FixtureRequest) -> Callable[[], None]:
     """Return one check of one solver as a function without arguments."""
     given, check = request.param
 
-    def hold() -> None:
+    def run_check() -> None:
         try:
             check.run(create(given) if isinstance(given, str) else given)
         except NotApplicable as reason:
@@ -53,4 +53,4 @@ def proxbench_check(request: pytest.FixtureRequest) -> Callable[[], None]:
         except Violation as violation:
             pytest.fail(str(violation), pytrace=False)
 
-    return hold
+    return run_check

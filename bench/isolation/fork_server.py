@@ -1,6 +1,6 @@
 """The fork server of supervisors and cases: it loads libraries once, so that a case starts within milliseconds.
 
-It has no file, no address and no client other than the process that started it, and ends with that process.
+It has no file and no address. Its only client is the process that started it, and it ends with that process.
 """
 
 import atexit
@@ -17,7 +17,7 @@ from importlib import import_module
 
 from .child import Assignment
 from .pipe import is_readable, read_message, write_message
-from .process_tree import send
+from .process_tree import send_signal
 from .supervisor import ENDING, NUMBER, keep
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
@@ -26,26 +26,28 @@ _REQUEST = b"F"
 """Message with which a client sends the open files of a request."""
 
 _LOAD_KERNELS = b"K"
-"""Message with which a client requests that the server loads all cached kernels, and the answer when it has."""
+"""Message that requests the loading of all cached kernels; the server returns it when they are loaded."""
 
 _N_DESCRIPTORS = 3
 """Number of open files in a request: the pipe of the case, the orders of its supervisor, and its output file."""
 
 _END_SECONDS = 5.0
+"""Time for the server to end before it is killed [s]."""
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "RAYON")}
 """Environment that limits every numerical library to one thread."""
 
 KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMAP")}
-"""Environment in which a process keeps freed memory, instead of requesting the same pages again."""
+"""Environment in which a process keeps freed memory and need not request the same pages again."""
 
 START_SECONDS = 900.0
 """Wall time limit for loading libraries, compiling kernels that are not cached, and forking [s].
 
-Compilation takes minutes on a slow core. A server that ends is noticed at once.
+Compilation takes minutes on a slow core. The end of a server is noticed at once.
 """
 
-_ATTEMPTS = 3
+_MAX_ATTEMPTS = 3
+"""Largest number of servers that are started for one supervisor."""
 
 
 @dataclass
@@ -56,7 +58,7 @@ class SupervisorLink:
         pipe: socket for requests to the case and its answers.
         orders: socket for orders, and for the report about the end of the case.
         process: process id of the supervisor.
-        is_gone: whether it is known to have ended.
+        is_gone: whether the supervisor is known to have ended.
     """
 
     pipe: socket.socket
@@ -70,7 +72,7 @@ class SupervisorLink:
         with contextlib.suppress(OSError):
             self.orders.send(order)
 
-    def ending(self, seconds: float) -> tuple[int | None, bool]:
+    def wait_for_end(self, seconds: float) -> tuple[int | None, bool]:
         """Wait up to ``seconds`` until the supervisor has ended.
 
         Returns:
@@ -88,7 +90,7 @@ class SupervisorLink:
     def kill(self) -> None:
         """Kill the supervisor, unless it has ended."""
         if not self.is_gone:
-            send(signal.SIGKILL, [self.process])
+            send_signal(signal.SIGKILL, [self.process])
 
     def close(self) -> None:
         """Close the connection."""
@@ -96,11 +98,15 @@ class SupervisorLink:
         self.orders.close()
 
 
-class _Server:
-    """The client of the fork server."""
+class _ServerClient:
+    """The connection of a process to its fork server.
+
+    Attributes:
+        owner: id of the process that started the server.
+    """
 
     def __init__(self) -> None:
-        self.client = os.getpid()
+        self.owner = os.getpid()
         self._socket, theirs = socket.socketpair()
         code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve({theirs.fileno()})"
         with theirs:
@@ -139,14 +145,14 @@ class _Server:
     def end(self) -> None:
         """End the server."""
         self._socket.close()
-        if self.client == os.getpid():
+        if self.owner == os.getpid():
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(_END_SECONDS)
             self._process.kill()
             self._process.wait()
 
 
-_server: _Server | None = None
+_server: _ServerClient | None = None
 
 _lock = threading.Lock()
 
@@ -164,21 +170,21 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
     global _server
     content = pickle.dumps(assignment)
     with _lock:
-        for _ in range(_ATTEMPTS):
-            if _server is None or _server.client != os.getpid():
-                _server = _Server()
+        for _ in range(_MAX_ATTEMPTS):
+            if _server is None or _server.owner != os.getpid():
+                _server = _ServerClient()
             link = _server.fork(content, output)
             if link is not None:
                 return link
             _server.end()
             _server = None
-    raise OSError("the fork server ends immediately")
+    raise OSError(f"the fork server ended {_MAX_ATTEMPTS} times before it started a process; see standard error")
 
 
 def load_kernels() -> None:
     """Load all cached kernels of the framework in the server, if it runs, so that later cases have them in memory."""
     with _lock:
-        if _server is not None and _server.client == os.getpid():
+        if _server is not None and _server.owner == os.getpid():
             _server.load_kernels()
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import psutil
 
-_PASSES = 100
-"""Largest number of attempts to stop processes that start others, before they are killed."""
+_MAX_PASSES = 100
+"""Largest number of attempts to stop all processes, while they start others, before they are killed."""
 
 _ALL_THREADS = 2
 """Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
@@ -27,7 +27,7 @@ def adopt_orphans() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let the system kill this process when its parent ends, on Linux; elsewhere do nothing."""
+    """Let the system kill this process when its parent ends, on Linux; exit if ``parent`` has already ended."""
     _prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
@@ -89,7 +89,7 @@ def processor_seconds(process: int) -> float:
 
 
 def describe_exit(status: int) -> str:
-    """Return a sentence about how a process ended, from its wait status."""
+    """Return a clause that tells how a process ended, from its wait status."""
     if os.WIFEXITED(status):
         return f"its process ended with exit code {os.WEXITSTATUS(status)}"
     try:
@@ -98,15 +98,15 @@ def describe_exit(status: int) -> str:
         return f"its process was killed by signal {os.WTERMSIG(status)}"
 
 
-def send(number: signal.Signals, processes: Iterable[int]) -> None:
-    """Send a signal to those processes that are alive."""
+def send_signal(number: signal.Signals, processes: Iterable[int]) -> None:
+    """Send a signal to those of ``processes`` that are alive."""
     for process in processes:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.kill(process, number)
 
 
 def kill_all(case: int, status: int) -> int:
-    """Kill all descendants of this process until none is left.
+    """Kill all descendants of this process, and wait until none is left.
 
     Args:
         case: process id of the case.
@@ -116,14 +116,14 @@ def kill_all(case: int, status: int) -> int:
         The wait status of ``case``.
     """
     stopped: set[int] = set()
-    for _ in range(_PASSES):  # stopped processes cannot start others
+    for _ in range(_MAX_PASSES):  # stopped processes cannot start others
         left = set(descendants(os.getpid())) - stopped
         if not left:
             break
-        send(signal.SIGSTOP, left)
+        send_signal(signal.SIGSTOP, left)
         stopped |= left
     while True:
-        send(signal.SIGKILL, descendants(os.getpid()))
+        send_signal(signal.SIGKILL, descendants(os.getpid()))
         try:
             ended, its_status = os.waitpid(-1, 0)
         except ChildProcessError:

@@ -18,7 +18,7 @@ from multiprocessing.connection import wait
 from types import FrameType
 
 from .child import Assignment, run_case
-from .process_tree import adopt_orphans, descendants, kill_all, send
+from .process_tree import adopt_orphans, descendants, kill_all, send_signal
 
 STOP, GO_ON, END = b"S", b"G", b"E"
 """Orders: stop, continue or end the case. The case also ends when the connection is closed."""
@@ -113,9 +113,9 @@ def _watched(case: int, orders: int, wakeup: int) -> int:
         for order in _received(orders):
             if order == STOP[0]:
                 stopped = [case, *descendants(case)]
-                send(signal.SIGSTOP, stopped)
+                send_signal(signal.SIGSTOP, stopped)
             elif order == GO_ON[0]:
-                send(signal.SIGCONT, stopped)
+                send_signal(signal.SIGCONT, stopped)
             else:
                 return kill_all(case, signal.SIGKILL)
 

@@ -32,7 +32,7 @@ from ..store.outcome import FAULTS, Outcome
 from .child import Assignment
 from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
-from .process_tree import descendants, describe_exit, processor_seconds, running, send, writers
+from .process_tree import descendants, describe_exit, processor_seconds, running, send_signal, writers
 from .supervisor import END, GO_ON, STOP
 
 REQUEST_SECONDS = 60.0
@@ -178,7 +178,7 @@ class Worker:
     def close(self) -> None:
         """End the process and all processes that it started."""
         self.dismiss()
-        if self._supervisor.ending(END_SECONDS)[0] is None:
+        if self._supervisor.wait_for_end(END_SECONDS)[0] is None:
             self._supervisor.kill()
             self._end_what_it_left()
         self._supervisor.close()
@@ -188,7 +188,7 @@ class Worker:
         """Kill the processes that a killed or stopped supervisor has left; they print to the output of the case."""
         deadline = time.monotonic() + END_SECONDS
         while (left := writers(self._output)) and time.monotonic() < deadline:
-            send(signal.SIGKILL, left)
+            send_signal(signal.SIGKILL, left)
             time.sleep(1e-3)
 
     def _let_go(self) -> None:
@@ -198,7 +198,7 @@ class Worker:
     def _timeout(self) -> Fault:
         """End a case at its time limit, and return its fault: a timeout, or out of memory if its memory is full."""
         self.dismiss()
-        _, has_filled_memory = self._supervisor.ending(END_SECONDS)
+        _, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if has_filled_memory:
             reason = f"it used all its {self._megabytes} MiB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
@@ -206,7 +206,7 @@ class Worker:
 
     def _death(self) -> Fault:
         """Return the fault of a case that exited or was killed by another program."""
-        status, has_filled_memory = self._supervisor.ending(END_SECONDS)
+        status, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
         reason = "its process ended together with its supervisor" if status is None else describe_exit(status)

@@ -25,7 +25,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
 from ...solvers.contract import MAX_ITERATIONS
 from ..isolation.worker import Fault, no_answer
-from ..store.fields import LARGEST, Count
+from ..store.fields import MAX_NUMBER, Count
 from ..store.outcome import Outcome
 from ..store.records import Excluded, Round
 from .points import quartiles
@@ -43,7 +43,7 @@ PARALLEL_SECONDS = 1e-3
 """Processor time of each core by which a round may exceed its wall time [s]."""
 
 
-Seconds = Annotated[float, Meta(ge=0.0, lt=LARGEST)]
+Seconds = Annotated[float, Meta(ge=0.0, lt=MAX_NUMBER)]
 """A time [s]."""
 
 

@@ -44,7 +44,7 @@ def describe_balls(balls: BallSystem) -> BallsRecord:
 
 
 def _plain(surface: S, kind: type[S]) -> S:
-    """Return a surface with plain numbers; a subclass in the plugin is replaced by its base class."""
+    """Return a surface with plain numbers; a subclass of the plugin is replaced by its base class."""
     values: dict[str, Any] = {one.name: np.asarray(getattr(surface, one.name)).tolist() for one in fields(kind)}
     return kind(**values)
 
@@ -55,7 +55,7 @@ def ball_arrays(scene: Scene) -> Arrays:
 
 
 def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: int) -> BallSystem:
-    """Return the balls, without the forces that act on them.
+    """Return the balls of a record, without the forces that act on them.
 
     Raises:
         KeyError, ValueError, ProblemError: if the balls do not fit a scene with ``n_coordinates`` and ``n_dofs``.
@@ -79,8 +79,8 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
 def _check_surfaces(record: BallsRecord) -> None:
     """Raise ``ValueError`` if a surface has no extent, a wrong dimension, or numbers that are not finite."""
     for plane in record.planes:
-        is_of_scene = len(plane.point) == len(plane.normal) == record.dimension
-        if not is_of_scene or not any(plane.normal) or not np.isfinite([plane.point, plane.normal]).all():
+        has_dimension = len(plane.point) == len(plane.normal) == record.dimension
+        if not has_dimension or not any(plane.normal) or not np.isfinite([plane.point, plane.normal]).all():
             raise ValueError("a plane does not fit the scene")
     for wall in record.segments:
         ends = (wall.lower, wall.upper)

@@ -34,8 +34,8 @@ class FailedSolveError(BenchError):
     """A solver did not return a solution.
 
     Attributes:
-        outcome: the outcome.
-        reason: the reason, a sentence without its subject.
+        outcome: how the solve failed.
+        reason: why it failed, as a clause.
     """
 
     def __init__(self, name: str, fault: Fault) -> None:
@@ -64,11 +64,11 @@ class RemoteSolver(RenewedWorker):
 
         Args:
             solver: the solver.
-            seconds: wall time by which a request may exceed the time limit of its solve [s], to prepare and to finish
-                an iteration.
-            memory_bytes: memory limit, in addition to the memory that the framework needs.
-            limit_seconds: wall time for preparing and solving together [s]; each is stopped ``GRACE_SECONDS`` later. If
-                infinite, each is stopped after ``seconds`` and the time limit of the solve.
+            seconds: additional wall time of a request beyond the time limit of its solve [s], for preparing and for the
+                last iteration.
+            memory_bytes: memory limit [bytes], in addition to the memory that the framework needs.
+            limit_seconds: wall time limit of preparing and solving together [s], after which a request has
+                ``GRACE_SECONDS`` to end. If infinite, ``seconds`` applies instead.
         """
         super().__init__(SolvingTask(solver), seconds, memory_bytes)
         self.spec, self._limit_seconds = solver, limit_seconds
@@ -83,7 +83,7 @@ class RemoteSolver(RenewedWorker):
             FailedSolveError: if the solver does not answer.
         """
         if self.spec.starts_warm:
-            return "it starts from its answer to the step before, which only `proxbench run` provides"
+            return "it starts from its answer to the previous step, which only `proxbench run` provides"
         self._send(problem)
         answer, _ = self.ask_in_time("supports")
         return str(answer.get("refusal", "")) or None
@@ -95,18 +95,23 @@ class RemoteSolver(RenewedWorker):
             FailedSolveError: if it does not answer.
         """
         self._ready = None
-        self.make_ready(problem)
+        self.ensure_prepared(problem)
         return RemotePrepared(self, problem)
 
-    def make_ready(self, problem: ContactProblem) -> None:
-        """Let the solver prepare ``problem``, unless it has just done this in the same process."""
+    def ensure_prepared(self, problem: ContactProblem) -> None:
+        """Let the solver prepare ``problem``, unless its process has just done so."""
         self._send(problem)
         if self._ready is not problem:
             self.ask_in_time("prepare")
             self._ready = problem
 
     def ask_in_time(self, request: str, *arguments: Any, max_seconds: float = np.inf) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to a request that runs the solver, and kill its process after the time limit [s].
+        """Return the answer to a request that runs the solver; kill its process after the time limit.
+
+        Args:
+            request: name of the request.
+            arguments: its arguments.
+            max_seconds: time limit of the solve [s].
 
         Raises:
             FailedSolveError: if it does not answer.
@@ -157,7 +162,7 @@ class RemotePrepared:
         Raises:
             FailedSolveError: if the solver does not answer, or its answer is not a solution.
         """
-        self.solver.make_ready(self.problem)  # another problem has been prepared, or the process is new
+        self.solver.ensure_prepared(self.problem)  # another problem has been prepared, or the process is new
         arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
         _, content = self.solver.ask("impulses")  # the transfer of iterates does not count
@@ -188,7 +193,10 @@ def are_iterations(shown: Any) -> bool:
 
 @dataclass
 class SolvingTask:
-    """The task of the child: it answers "problem", "supports", "prepare", "solve", and "impulses" of the last solve."""
+    """The task of the child process, which answers requests.
+
+    These are "problem", "supports", "prepare", "solve", and "impulses", which returns those of the last solve.
+    """
 
     solver_spec: SolverSpec
     _solver: Solver | None = None
@@ -239,7 +247,7 @@ class SolvingTask:
         shown: list[int] = []
         iterates: list[FloatArray] = []
 
-        def note(iteration: int, impulses: FloatArray) -> None:
+        def record(iteration: int, impulses: FloatArray) -> None:
             iterates.append(np.array(impulses, dtype=np.float64))
             shown.append(int(iteration))
             shape = iterates[-1].shape
@@ -250,7 +258,7 @@ class SolvingTask:
         left, began = stop.max_seconds - (self._prepare_seconds if has_one_limit else 0.0), perf_counter()
         if left > 0.0:
             own_stop = replace(stop, max_seconds=left)
-            solution = self._prepared.solve(own_stop, start=start, observe=note if is_observed else None)
+            solution = self._prepared.solve(own_stop, start=start, observe=record if is_observed else None)
         else:
             solution = Solution(np.zeros(problem.n_rows), Status.TIME_LIMIT, 0, LATE_PREPARING)
         late = late_reason(self._prepare_seconds + perf_counter() - began, stop.max_seconds) if has_one_limit else ""
@@ -274,31 +282,31 @@ def local_or_remote_solver(name: str, seconds: float = REQUEST_SECONDS) -> Solve
 
     Args:
         name: name of the solver, with or without options.
-        seconds: wall time by which a request to the process may exceed the time limit of its solve [s].
+        seconds: as in ``RemoteSolver``.
 
     Raises:
         ProxbenchError: for an unknown name or option, or if a plugin's solver cannot be created.
     """
-    return _working(solver_spec(name), seconds)
+    return _create_solver(solver_spec(name), seconds)
 
 
 @contextmanager
-def working_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[Solver]:
-    """Yield a solver, and end its process, if any, with the block.
+def open_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[Solver]:
+    """Yield a solver, and end its process, if any, when the context ends.
 
     Args:
         solver: the solver.
         limit_seconds: as in ``RemoteSolver``.
     """
-    working = _working(solver, limit_seconds=limit_seconds)
+    created = _create_solver(solver, limit_seconds=limit_seconds)
     try:
-        yield working
+        yield created
     finally:
-        if isinstance(working, RemoteSolver):
-            working.close()
+        if isinstance(created, RemoteSolver):
+            created.close()
 
 
-def _working(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
+def _create_solver(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
     if solver.is_built_in:
         return solver.make()
     return cast(

@@ -2,7 +2,7 @@
 
 They are reconstructed from the factors. The force directions of a rigid body contain the axes e of each contact and the
 moments a × e, and thus the arm a from the body's centre to the contact. Two bodies in contact share a point,
-x_i + a_i = x_j + a_j. These equations determine the relative positions of the bodies of a connected heap. Separate
+x_i + a_i = x_j + a_j. These equations determine the relative positions of all bodies in a connected heap. Separate
 heaps are drawn side by side. Contacts of other problems are drawn on a grid, with normals upwards.
 
 A body is a ball if its arms have the same length and are parallel to the normals, and its moment of inertia is at most
@@ -28,10 +28,10 @@ from .bodies.meshes import in_space
 RIGID_TOLERANCE = 1e-9
 """Largest error of orthonormal axes, and relative error of the moments of an arm, of a rigid body."""
 
-KINDS = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
-"""Dimension and rotations of rigid bodies, by the rows of a contact and the degrees of freedom of a body."""
+RIGID_SHAPES = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
+"""Dimension and rotational degrees of freedom of a body, by the rows of a contact and all degrees of freedom."""
 
-SOLID = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
+UNIFORM_INERTIA = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
 """Moment of inertia over m r² of a uniform ball and a uniform disc, by the dimension."""
 
 BALL_TOLERANCE = 1e-6
@@ -62,9 +62,9 @@ class Bodies:
         """A sentence that tells how the bodies are drawn."""
         balls = int(self.is_ball.sum())
         others = len(self.radii) - balls
-        round_ones = counted(balls, "ball") + " of the radius that the force directions show"
-        nodes = f"{counted(others, 'body', 'bodies')} of unknown shape as dots joined to their contacts"
-        return "Drawn: " + " and ".join([round_ones] * (balls > 0) + [nodes] * (others > 0)) + "."
+        ball_text = counted(balls, "ball") + " of the radius that the force directions show"
+        dot_text = f"{counted(others, 'body', 'bodies')} of unknown shape as dots joined to their contacts"
+        return "Drawn: " + " and ".join([ball_text] * (balls > 0) + [dot_text] * (others > 0)) + "."
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Places:
     Attributes:
         positions: positions of the contacts [m], shape (n_contacts, 3).
         frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for missing directions.
-        size: length of one body, or spacing [m], which scales arrows.
+        size: median distance from a body to its contact, or spacing of the grid [m]; it scales arrows.
         origin: a sentence that tells how the places were determined.
         bodies: the bodies in contact; None if they are unknown.
 
@@ -134,43 +134,43 @@ def _from_factors(problem: ContactProblem) -> Places | None:
     centres = _centres(bodies, arms, pieces.n_chunks, size)
     positions = centres[bodies[:, 0]] + arms[:, 0]
     frames = np.pad(axes, ((0, 0), (0, 3 - pieces.width), (0, 0)))
-    inertia = _turning_like_balls(problem, *KINDS[pieces.width, pieces.length])
-    shown = _bodies(bodies, axes[:, 0], arms, centres, inertia)
+    least_radii = _least_ball_radii(problem, *RIGID_SHAPES[pieces.width, pieces.length])
+    shown = _bodies(bodies, axes[:, 0], arms, centres, least_radii)
     text = "Places and directions are computed from the force directions; separate heaps are drawn side by side."
     return Places(positions, frames, size, f"{text} {shown.sentence}", shown)
 
 
 def _bodies(
-    touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, inertia: FloatArray
+    touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, least_radii: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact; a body whose arms fit a ball is a ball if its radius is at least ``inertia``."""
+    """Return the bodies in contact; a body whose arms fit a ball is one if its radius is large enough."""
     n_bodies = len(centres)
     contact, side = np.nonzero(touching < n_bodies)
     body, arm = touching[contact, side], arms[contact, side]
     outwards = np.where(side == 0, -1.0, 1.0)[:, None] * normals[contact]
     radius = np.full(n_bodies, np.inf)
     np.minimum.at(radius, body, np.einsum("cx,cx->c", arm, outwards))
-    is_ball = (radius > 0.0) & (inertia <= (1.0 + BALL_TOLERANCE) * radius)
-    alike = np.linalg.norm(arm - radius[body, None] * outwards, axis=1) <= BALL_TOLERANCE * radius[body]
-    is_ball[body[~alike]] = False
+    is_ball = (radius > 0.0) & (least_radii <= (1.0 + BALL_TOLERANCE) * radius)
+    fits = np.linalg.norm(arm - radius[body, None] * outwards, axis=1) <= BALL_TOLERANCE * radius[body]
+    is_ball[body[~fits]] = False
     ends = np.stack([centres[body], centres[body] + arm], axis=1)[~is_ball[body]]
     seen = np.unique(body)
     return Bodies(centres[seen], np.where(is_ball, radius, np.nan)[seen], ends)
 
 
-def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> FloatArray:
+def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
     """Return the least radius r [m] at which a uniform ball has the inertia of each body, θ <= 2/5 m r² in space.
 
     It is infinite for bodies without rotations, and for those whose mass matrix does not consist of m 1 and θ 1.
     """
     assert problem.factors is not None
-    inverse, length = problem.factors.inverse_mass.matrix, dimension + spins
+    inverse, length = problem.factors.inverse_mass.matrix, dimension + n_rotations
     n_bodies = problem.factors.n_dofs // length
-    if not spins:
+    if not n_rotations:
         return np.full(n_bodies, np.inf)
     diagonal = np.asarray(inverse.diagonal()).reshape(n_bodies, length)
     linear, angular = diagonal[:, :dimension], diagonal[:, dimension:]
-    least: FloatArray = np.sqrt(linear[:, 0] / (SOLID[dimension] * angular[:, 0]))
+    least: FloatArray = np.sqrt(linear[:, 0] / (UNIFORM_INERTIA[dimension] * angular[:, 0]))
     for part in (linear, angular):
         least[np.ptp(part, axis=1) > BALL_TOLERANCE * part[:, 0]] = np.inf
     entries = sp.coo_array(inverse)
@@ -179,7 +179,7 @@ def _turning_like_balls(problem: ContactProblem, dimension: int, spins: int) -> 
 
 
 def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
-    """Return the two bodies of each contact (n_chunks for none) and their pieces; None if a contact has more bodies."""
+    """Return both bodies of each contact (n_chunks for none) and their pieces; None if a contact has more than two."""
     if pieces.in_pairs:
         bodies, values = pieces.chunks.reshape(-1, 2), pieces.values.reshape(-1, 2, pieces.width, pieces.length)
     elif (np.diff(pieces.starts) == 1).all():
@@ -194,11 +194,11 @@ def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
 
 
 def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray] | None:
-    """Return axes (n, width, 3) of each contact and arms (n, 2, 3) on its bodies, None if these are no rigid bodies."""
+    """Return axes of contacts, shape (n, width, 3), and arms, shape (n, 2, 3); None unless the bodies are rigid."""
     width, length = values.shape[2:]
-    if (width, length) not in KINDS:
+    if (width, length) not in RIGID_SHAPES:
         return None
-    dimension, _ = KINDS[width, length]
+    dimension, _ = RIGID_SHAPES[width, length]
     linear, moments = values[..., :dimension], values[..., dimension:]
     gram = np.einsum("cplx,cpmx->cplm", linear, linear)[seen]
     opposed = (linear[:, 0] + linear[:, 1])[seen[:, 1]]

@@ -15,7 +15,7 @@ from ...problems.contact.solver import Solver, Stop
 from ..errors import BenchError
 from ..plugins.describing import solver_spec
 from ..plugins.problems import problem_of_run
-from ..plugins.remote_solver import working_solver
+from ..plugins.remote_solver import open_solver
 from ..plugins.solver_specs import SolverSpec
 from ..report.charts.palette import look, on_dark, rgb
 from ..store.bundles.bundle import open_run, output_folder
@@ -123,7 +123,7 @@ def record_solves(
     traces: list[Trace] = []
     with RecordingFile(file, force) as recording:
         for solver in specs:
-            with working_solver(solver, stop.max_seconds) as working:
+            with open_solver(solver, stop.max_seconds) as working:
                 traces.append(trace_solve(problem, working, stop))
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)

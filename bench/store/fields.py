@@ -1,7 +1,7 @@
 """The base class of stored records, and the types of their fields.
 
-Files may come from strangers, so every number has a range. Numbers that are not finite are null in files, and None in
-records that were read.
+Files are not trusted, so every number has a range. Numbers that are not finite are null in files, and None in records
+that were read.
 """
 
 import math
@@ -10,11 +10,11 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-LARGEST = 1e300
-"""Bound of stored numbers."""
+MAX_NUMBER = 1e300
+"""Exclusive bound of the absolute value of stored numbers."""
 
-Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
-Positive = Annotated[float, Meta(gt=0.0, lt=LARGEST)]
+Number = Annotated[float, Meta(gt=-MAX_NUMBER, lt=MAX_NUMBER)]
+Positive = Annotated[float, Meta(gt=0.0, lt=MAX_NUMBER)]
 Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
 Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]

@@ -8,7 +8,7 @@ from msgspec import Meta, Struct
 
 from ...problems.exchange.families import family_of
 from ..errors import BenchError
-from .fields import LARGEST, Count, Number, Positive, Record, Tolerance
+from .fields import MAX_NUMBER, Count, Number, Positive, Record, Tolerance
 
 LADDER = (1e-2, 1e-4, 1e-6, 1e-8)
 """Default tolerances."""
@@ -43,7 +43,7 @@ class Limits(Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
-            if not 0 < value < LARGEST:
+            if not 0 < value < MAX_NUMBER:
                 raise BenchError(f"{name} must be positive and finite, got {value}.")
 
 

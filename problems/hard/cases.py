@@ -20,18 +20,18 @@ from .families import (
     with_spectrum,
 )
 from .rods import CRITICAL_FRICTION
-from .stacks import bottom_heavy, top_heavy
+from .stacks import bottom_heavy_masses, top_heavy_masses
 
 Maker = Callable[[], ContactProblem]
 
 _MASSES = {
     "10": np.ones(10),
     "100": np.ones(100),
-    "10-top-heavy": top_heavy(10, 100.0),
-    "2-top-heavy": top_heavy(2, 1e6),
-    **{f"{n}-top-1e{k}": top_heavy(n, 10.0**k) for n, k in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8))},
-    **{f"100-top-1e{k}": top_heavy(100, 10.0**k) for k in (4, 8)},
-    **{f"{n}-bottom-1e{k}": bottom_heavy(n, 10.0**k) for n, k in ((2, 8), (10, 4), (10, 8), (100, 8))},
+    "10-top-heavy": top_heavy_masses(10, 100.0),
+    "2-top-heavy": top_heavy_masses(2, 1e6),
+    **{f"{n}-top-1e{k}": top_heavy_masses(n, 10.0**k) for n, k in ((2, 4), (2, 8), (10, 4), (10, 6), (10, 8))},
+    **{f"100-top-1e{k}": top_heavy_masses(100, 10.0**k) for k in (4, 8)},
+    **{f"{n}-bottom-1e{k}": bottom_heavy_masses(n, 10.0**k) for n, k in ((2, 8), (10, 4), (10, 8), (100, 8))},
     "10-growing-1e8": np.geomspace(1.0, 1e8, 10),
     "10-shrinking-1e8": np.geomspace(1.0, 1e8, 10)[::-1],
     "100-alternating-1e4": np.resize([1.0, 1e4], 100),
@@ -72,10 +72,10 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
     "stacks": {
         **{f"hard-stack-{key}": partial(stacks.stack, values) for key, values in _MASSES.items()},
         **{f"hard-tower-{n}": partial(stacks.sliding_tower, np.ones(n)) for n in (3, 10, 100)},
-        "hard-tower-10-top-1e4": partial(stacks.sliding_tower, top_heavy(10, 1e4)),
-        "hard-tower-10-bottom-1e8": partial(stacks.sliding_tower, bottom_heavy(10, 1e8)),
-        "hard-scaled-rows": stacks.scaled_rows,
-        **{f"hard-scaled-rows-{n}": partial(stacks.scaled_rows, n) for n in (3, 15)},
+        "hard-tower-10-top-1e4": partial(stacks.sliding_tower, top_heavy_masses(10, 1e4)),
+        "hard-tower-10-bottom-1e8": partial(stacks.sliding_tower, bottom_heavy_masses(10, 1e8)),
+        "hard-scaled-rows": stacks.scaled_stack,
+        **{f"hard-scaled-rows-{n}": partial(stacks.scaled_stack, n) for n in (3, 15)},
         **{f"hard-scaled-tower-{n}": partial(stacks.scaled_tower, n) for n in (10, 30)},
         "hard-cradle-3": partial(stacks.cradle, 3, 1.0),
         "hard-cradle-10": partial(stacks.cradle, 10, 0.5),
@@ -149,7 +149,7 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
     "joints": {
         "hard-chain-10": partial(joints.chain, np.ones(10)),
         "hard-chain-10-pulled": partial(joints.chain, np.ones(10), 1.0),
-        "hard-chain-10-bottom-1e4": partial(joints.chain, bottom_heavy(10, 1e4)),
+        "hard-chain-10-bottom-1e4": partial(joints.chain, bottom_heavy_masses(10, 1e4)),
         "hard-chain-100": partial(joints.chain, np.ones(100)),
         "hard-chain-100-pulled": partial(joints.chain, np.linspace(1.0, 2.0, 100), 1.0),
         "hard-four-bar": partial(joints.parallelogram, 2),

@@ -20,8 +20,8 @@ from ..contact.problem import ContactProblem
 STATES = ("open", "stick", "slip", "graze", "edge")
 """States of a contact: open, sticking, sliding; Λ = 0 with ξ_N = 0; and Λ_T at its bound with ξ_T = 0."""
 
-FINEST_MASS = 12
-"""Masses lie between 2⁻¹² and 2¹² kg, so that no bit of c is lost."""
+MAX_MASS_EXPONENT = 12
+"""Largest exponent of masses, from 2⁻¹² to 2¹² kg, with which c has no rounding error."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class Family:
         n_contacts: number of contacts.
         dim: rows per contact, 1, 2 or 3.
         n_dofs: degrees of freedom, the largest rank that G can have.
-        mass_range: masses are powers of two from 2^−mass_range to 2^mass_range kg, at most ``FINEST_MASS``.
+        mass_range: largest exponent of masses, powers of two from 2^−mass_range to 2^mass_range kg; at most
+            ``MAX_MASS_EXPONENT``.
         density: fraction of nonzero entries of W; every column has at least one.
         friction: μ of all contacts, a multiple of 1/8.
         states: the states that contacts may have, of ``STATES``.
@@ -99,7 +100,7 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
 
 
 def braced(family: Family, seed: int) -> ContactProblem:
-    """Return a random problem of ``family`` with a load that normal impulses λ > 0 bear: ξ = 0 at any friction.
+    """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
 
     c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0 (see ``supports``); Λ itself is unique only if W has full rank
     and no body can be wedged. The states of the family are ignored.
@@ -124,8 +125,8 @@ def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int)
     delassus = root @ root.T
     delassus = 0.5 * (delassus + delassus.T)
     impulses, velocity = _complementary(Family(n_rows // dim, dim, friction=friction), rng)
-    unique = dim == 1 or friction == 0.0
-    answer = Answer(velocity=velocity if unique else None, witness=impulses, sensitivity=1e6)
+    is_unique = dim == 1 or friction == 0.0
+    answer = Answer(velocity=velocity if is_unique else None, witness=impulses, sensitivity=1e6)
     c = velocity - delassus @ impulses
     return ContactProblem.from_delassus(delassus, c, friction, dim=dim, answer=answer)
 
@@ -133,7 +134,7 @@ def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int)
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
     """Return a problem of ``family`` from float32 arrays, which represent its short fractions exactly.
 
-    It is in factor form, or ``assembled`` in Delassus form, for equal masses and few degrees of freedom.
+    The problem has factors; if ``assembled``, it has G, which is exact for equal masses and few degrees of freedom.
     """
     whole = with_solution(family, seed)
     assert whole.factors is not None
@@ -168,9 +169,9 @@ def _factors(family: Family, rng: np.random.Generator, n_rows: int) -> tuple[Flo
     """Return W, entries multiples of 1/16 in [−1, 1], and the diagonal of M⁻¹, powers of two."""
     shape = (family.n_dofs, n_rows)
     directions = rng.integers(-16, 17, size=shape) / 16.0 * (rng.random(shape) < family.density)
-    lonely = np.flatnonzero(~directions.any(axis=0))
-    directions[rng.integers(0, family.n_dofs, size=len(lonely)), lonely] = 1.0
-    spread = min(family.mass_range, FINEST_MASS)
+    empty = np.flatnonzero(~directions.any(axis=0))
+    directions[rng.integers(0, family.n_dofs, size=len(empty)), empty] = 1.0
+    spread = min(family.mass_range, MAX_MASS_EXPONENT)
     return directions, 2.0 ** rng.integers(-spread, spread + 1, size=family.n_dofs).astype(np.float64)
 
 

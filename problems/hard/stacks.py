@@ -20,14 +20,14 @@ def stack(masses: FloatArray) -> ContactProblem:
     return body_problem(np.eye(n) - np.eye(n, k=1), 1.0 / masses, np.full(n, -WEIGHT), dim=1, answer=answer)
 
 
-def top_heavy(n: int, ratio: float) -> FloatArray:
+def top_heavy_masses(n: int, ratio: float) -> FloatArray:
     """Return masses [kg] of ``n`` blocks, from below, the last ``ratio`` times as heavy as the others."""
     return np.array([1.0] * (n - 1) + [ratio])
 
 
-def bottom_heavy(n: int, ratio: float) -> FloatArray:
+def bottom_heavy_masses(n: int, ratio: float) -> FloatArray:
     """Return masses [kg] of ``n`` blocks, from below, the first ``ratio`` times as heavy as the others."""
-    return top_heavy(n, ratio)[::-1].copy()
+    return top_heavy_masses(n, ratio)[::-1].copy()
 
 
 def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
@@ -35,7 +35,7 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
 
     The ground has ``friction`` μ, all other contacts 2 μ. Normals and tangents are uncoupled. The normals carry the
     weight above, Λ_N,k = g Δt Σ_{j≥k} m_j, and the tangential impulses then minimise a strictly convex function:
-    Λ_T,k = −μ Λ_N,k (3, 4)/5 slows all blocks equally, so the ground slips at 1 m/s − μ g Δt and all other contacts
+    Λ_T,k = −μ Λ_N,k (3, 4)/5 slows all blocks equally, so the ground contact slips at 1 m/s − μ g Δt and all others
     stick. A residual ρ is ρ m/s at each contact, which is an impulse error of 100 n ρ relative to the weights.
     """
     n, direction = len(masses), np.array([0.6, 0.8])
@@ -50,12 +50,12 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
     return body_problem(directions, np.repeat(1.0 / masses, 3), motion, coefficient, answer=answer)
 
 
-UNITS = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
-"""Units of successive contacts of scaled problems, repeated."""
+SCALES = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
+"""Scales of successive contacts of scaled problems, repeated."""
 
 
-def scaled_rows(n: int = 5) -> ContactProblem:
-    """Return a stack of ``n`` ≥ 3 blocks whose contacts have the units 1, 1e3, 1e-3, 1 and 1e6, repeated.
+def scaled_stack(n: int = 5) -> ContactProblem:
+    """Return a stack of ``n`` ≥ 3 equal blocks whose contacts are scaled by 1, 1e3, 1e-3, 1 and 1e6, repeated.
 
     With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ.
     """
@@ -63,25 +63,25 @@ def scaled_rows(n: int = 5) -> ContactProblem:
 
 
 def scaled_tower(n: int) -> ContactProblem:
-    """Return the sliding tower of ``n`` equal point masses, its contacts in the units of ``scaled_rows``.
+    """Return the sliding tower of ``n`` equal point masses, its contacts scaled as in ``scaled_stack``.
 
-    The three rows of a contact have the same unit, which leaves its friction cone unchanged.
+    The three rows of a contact have the same scale, which leaves its friction cone unchanged.
     """
     return _scaled(sliding_tower(np.ones(n)), 3, 200.0 * n)
 
 
 def _scaled(plain: ContactProblem, dim: int, sensitivity: float) -> ContactProblem:
-    """Return ``plain``, with one known solution, with each contact of ``dim`` rows in a separate unit."""
-    scales = np.repeat(np.resize(UNITS, plain.n_contacts), dim)
+    """Return ``plain``, which has one known solution, with each contact of ``dim`` rows scaled by one of ``SCALES``."""
+    scales = np.repeat(np.resize(SCALES, plain.n_contacts), dim)
     known = plain.answer
     assert known is not None
     assert known.velocity is not None
-    # the residual is relative to the free velocity of the ground contact, of unit 1, and all others are zero; so the
-    # velocity error of a contact in the largest unit may be larger by the inverse of its scale
+    # the residual is relative to the free velocity of the ground contact, whose scale is 1; all others are zero. The
+    # velocity error of a contact of small scale may therefore be larger by the inverse of that scale
     answer = Answer(
         impulses=(known.impulses[0] / scales,),
         velocity=scales * known.velocity,
-        sensitivity=sensitivity / float(UNITS.min()),
+        sensitivity=sensitivity / float(SCALES.min()),
     )
     return ContactProblem.from_delassus(
         plain.delassus().toarray() * np.outer(scales, scales),

@@ -32,7 +32,7 @@ class GivesUp:
 
 
 @pytest.mark.proxbench(GivesUp(), "Enumeration")
-def test_it_keeps_its_promises(proxbench_check):
+def test_conformance(proxbench_check):
     proxbench_check()
 """
 

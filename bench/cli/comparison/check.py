@@ -23,11 +23,11 @@ def check(
     from ..progress import ProgressBar
 
     options.check_output_options(quiet, as_json)
-    with ProgressBar(quiet or as_json) as shown:
+    with ProgressBar(quiet or as_json) as progress:
 
         def show(check: str, done: int, total: int) -> None:
-            shown.name(check, again=True)
-            shown.count(done, total)
+            progress.name(check, again=True)
+            progress.count(done, total)
 
         subjects = run_checks(target, check_seconds, show)
     if as_json:

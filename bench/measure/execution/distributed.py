@@ -1,7 +1,7 @@
 """Execute the plan of a run on the workers of an executor, with one task for each problem.
 
-A repeated task gives the same cases, because an executor such as dask may repeat the task of a lost worker.
-An error at the end names lost problems; resuming the run measures them.
+Executors such as dask may repeat the task of a lost worker; a repeated task writes the same cases again. An error at
+the end counts the lost problems, which a resumed run measures.
 """
 
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -21,7 +21,7 @@ from .problem_task import MeasuredProblem, ProblemTask, measure_problem
 from .run_executor import RunExecutor, Solvers, shuffled
 
 MAX_SUBMITTED = 64
-"""Largest number of problems that an executor has at a time."""
+"""Largest number of tasks that are submitted to the executor at a time."""
 
 
 class DistributedExecutor(RunExecutor):
@@ -30,7 +30,7 @@ class DistributedExecutor(RunExecutor):
     def __init__(
         self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor, mix: bool
     ) -> None:
-        """Set the plan, the store, the receiver of events, the executor, and whether machines may mix."""
+        """Store the arguments; ``mix`` allows cases of several machines in one run."""
         super().__init__(solvers, store, record, on_event, mix)
         self._executor = executor
         self._n_before = len(record.sessions)
@@ -62,7 +62,7 @@ class DistributedExecutor(RunExecutor):
         self._require_all_measured()
 
     def _submit(self, left: list[str], running: dict[Future[MeasuredProblem], str]) -> None:
-        """Submit problems up to the limit; if the executor accepts no further ones, all remaining are lost."""
+        """Submit problems up to the limit; if the executor accepts no more, the remaining ones are lost."""
         try:
             while left and len(running) < MAX_SUBMITTED:
                 running[self._executor.submit(measure_problem, self._task(left[0]))] = left[0]
@@ -76,7 +76,7 @@ class DistributedExecutor(RunExecutor):
             count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
             why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
             raise BenchError(
-                f"{count} could not be measured ({why}); the others are kept; resume with: "
+                f"{count} could not be measured ({why}); the other results are stored; resume with: "
                 f"proxbench run --resume {folder}"
             )
 
@@ -106,7 +106,7 @@ class DistributedExecutor(RunExecutor):
                 self._report_finished(case)
 
     def _place_of(self, session: Session) -> int:
-        """Return the number of the session of a machine, and extend that session."""
+        """Add a session, or extend that of the same machine; return its index."""
         sessions = self._record.sessions
         for place, known in enumerate(sessions[self._n_before :], self._n_before):
             if known.machine.host == session.machine.host:

@@ -12,14 +12,19 @@ from rich.text import Text
 from ..trajectory import Simulation
 
 REDRAW_SECONDS = 0.2
-"""Wall time between two drawings [s]; one takes about a millisecond."""
+"""Wall time between two updates of a terminal [s]; an update takes about a millisecond."""
 
 LINE_SECONDS = 10.0
 """Wall time between two plain lines [s]."""
 
 
 class LiveSummary:
-    """Show the progress of a simulation; use it as a context manager and pass it as ``on_progress``."""
+    """Show the progress of a simulation; use it as a context manager and pass it as ``on_progress``.
+
+    Args:
+        console: console on standard error.
+        hidden: whether to show nothing.
+    """
 
     def __init__(self, console: Console, hidden: bool = False) -> None:
         self._console = console

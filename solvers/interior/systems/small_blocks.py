@@ -1,6 +1,6 @@
 """Inverses, signs of determinants and products of small square blocks, one per contact.
 
-Loops over a few lanes are faster than one call per block, and than one call of NumPy for all blocks.
+For blocks of a few lanes, these loops are faster than calls of LAPACK per block, and than NumPy for all blocks at once.
 """
 
 import numpy as np
@@ -24,18 +24,18 @@ def _reduce(work):  # type: ignore[no-untyped-def]
         for k in range(2 * width):
             work[best, k], work[column, k] = work[column, k], work[best, k] / pivot
         for row in range(width):
-            share = work[row, column]
-            if row != column and share != 0.0:
+            factor = work[row, column]
+            if row != column and factor != 0.0:
                 for k in range(2 * width):
-                    work[row, k] -= share * work[column, k]
+                    work[row, k] -= factor * work[column, k]
     return sign
 
 
 @njit(cache=True, error_model="numpy")
 def invert(blocks, inverses):  # type: ignore[no-untyped-def]
-    """Write the inverses of blocks, shape (n, w, w); return the sign of the product of determinants, 0 if one is zero.
+    """Write the inverses of blocks, shape (n, w, w); return the sign of the product of their determinants.
 
-    Gauss–Jordan elimination with the largest entry of each column as pivot. Non-finite numbers count as zero.
+    Gauss–Jordan elimination with partial pivoting. It ends with 0 at the first block that is singular or not finite.
     """
     width, product = blocks.shape[1], 1.0
     work = np.empty((width, 2 * width))
@@ -54,7 +54,7 @@ def invert(blocks, inverses):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def times(blocks, lanes):  # type: ignore[no-untyped-def]
-    """Return the products of blocks, shape (n, w, w), with lanes, shape (n, w)."""
+    """Return the product of each block, shape (n, w, w), with its lanes, shape (n, w)."""
     products = np.zeros_like(lanes)
     for i in range(lanes.shape[0]):
         for row in range(lanes.shape[1]):

@@ -26,8 +26,13 @@ def test_a_process_in_which_nothing_happens_has_not_changed() -> None:
     [
         (pipe, "extra", 1, "isolation.pipe.extra"),
         (Assignment, "extra", 1, "isolation.child.Assignment.extra"),
-        (process_tree, "send", len, "isolation.process_tree.send"),
-        (process_tree.send, "__code__", process_tree.describe_exit.__code__, "isolation.process_tree.send.__code__"),
+        (process_tree, "send_signal", len, "isolation.process_tree.send_signal"),
+        (
+            process_tree.send_signal,
+            "__code__",
+            process_tree.describe_exit.__code__,
+            "isolation.process_tree.send_signal.__code__",
+        ),
         (json, "dumps", str, "json.dumps"),
         (np, "dot", np.add, "numpy.dot"),
         (np.linalg, "norm", np.add, "numpy.linalg.norm"),

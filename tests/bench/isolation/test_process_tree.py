@@ -14,7 +14,7 @@ from proxbench.bench.isolation.process_tree import (
     describe_exit,
     processor_seconds,
     running,
-    send,
+    send_signal,
 )
 
 PARENT = "import subprocess, sys; subprocess.Popen(['sleep', '60']); print(flush=True); sys.stdin.read()"
@@ -77,7 +77,7 @@ def test_a_process_that_has_ended_does_not_run_though_nobody_waited_for_it(famil
 def test_a_signal_reaches_those_that_live(family: psutil.Process) -> None:
     ended = subprocess.Popen(["true"])
     ended.wait()
-    send(signal.SIGKILL, [ended.pid, family.pid])
+    send_signal(signal.SIGKILL, [ended.pid, family.pid])
     while family.status() != psutil.STATUS_ZOMBIE:
         time.sleep(1e-3)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from proxbench.bench.plugins.describing import solver_spec
 from proxbench.bench.plugins.files import sources, use_plugin_files
-from proxbench.bench.plugins.remote_solver import working_solver
+from proxbench.bench.plugins.remote_solver import open_solver
 from proxbench.bench.plugins.solver_specs import SolverSpec
 from proxbench.problems import PluginError, load
 from proxbench.problems.exchange.plugins.offers import forget, registered
@@ -42,7 +42,7 @@ def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: S
     assert composed.name == "Fallback(SORprox, Part)"
     assert not composed.is_built_in
     assert sources([composed.name], [])[0].name == "Part"
-    with working_solver(composed) as solver:
+    with open_solver(composed) as solver:
         solution = solver.prepare(load("hard-counterexample")).solve(Stop(1e-12))
     assert solution.status is Status.SOLVED
     assert solution.message.endswith("Part from zero: solved")
