@@ -3,11 +3,13 @@
 The contacts of one colour share no movable body; see ``parallel.coloured_sweep``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
+from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
+from ...problems.contact.solver import Observer, Prepared, Solution, Stop
 from ..iteration.loop import PreparedIteration
 from ..iteration.method import Method
 from ..iteration.momentum import Momentum, begin_with_momentum, check_momentum
@@ -18,15 +20,37 @@ from .parallel.team import check_threads
 
 
 @dataclass(frozen=True)
+class PreparedWithFewerThreads:
+    """A projected iteration whose colours are too small for the requested threads.
+
+    Attributes:
+        iteration: the iteration.
+        requested: number of threads in the name of the solver.
+        used: number of threads that sweep.
+    """
+
+    iteration: PreparedIteration
+    requested: int
+    used: int
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Sweep until the residual reaches the tolerance; the message gives the number of threads."""
+        solution = self.iteration.solve(stop, start, observe)
+        threads = f"{self.used} of {self.requested} threads used, because the colours have few contacts"
+        return replace(solution, message="; ".join(filter(None, [solution.message, threads])))
+
+
+@dataclass(frozen=True)
 class ColouredSORprox(Method):
     """Projected Gauss–Seidel over the factors, colour by colour, for contacts of one or two bodies.
 
-    The result is identical for any number of threads.
+    The impulses are identical for any number of threads.
 
     Attributes:
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
-        threads: number of threads; at most the number of cores of the machine.
+        threads: number of threads, at most the number of cores of the machine. Fewer are used, and the message says so,
+            if the colours have fewer than 250 contacts per thread on average.
 
     Raises:
         SolverError: for an option out of range.
@@ -46,9 +70,12 @@ class ColouredSORprox(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         return unsupported_reason(problem)
 
-    def prepare(self, problem: ContactProblem) -> PreparedIteration:
+    def prepare(self, problem: ContactProblem) -> Prepared:
         """Colour the contacts, and assemble the data of the batches."""
         self.check_supports(problem)
         sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, self.relaxation), self.threads)
         begin = begin_with_momentum(partial(ColouredIterates, sweep), self.momentum, self.momentum_delay)
-        return PreparedIteration(problem, Residual(problem), begin)
+        iteration = PreparedIteration(problem, Residual(problem), begin)
+        if sweep.threads < self.threads:
+            return PreparedWithFewerThreads(iteration, self.threads, sweep.threads)
+        return iteration

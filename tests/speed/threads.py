@@ -20,6 +20,7 @@ from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
+from proxbench.solvers.sweeps.batches.balls import BallSweep
 from proxbench.solvers.sweeps.factors import FactorSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
@@ -56,7 +57,7 @@ def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
 
 def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
     """Return a function that streams the bytes of so many sweeps."""
-    _, bodies, records = sweep.batches
+    bodies, records, _ = sweep.balls or (*sweep.pieces[1:], None)
     held, change = np.zeros((2, 3 * len(bodies) // 2))
 
     def run(count: int) -> None:
@@ -69,7 +70,12 @@ def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
 def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, seconds: float) -> None:
     """Print the table of one problem."""
     sizes, start = diagonal_step_sizes(problem, RELAXATION), np.zeros(problem.n_rows)
-    ways = {"plain order": FactorSweep.over(problem, sizes).begin(start, momentum).sweep}
+    over_balls = BallSweep.over(problem, sizes)
+    assert over_balls is not None
+    ways = {
+        "plain order": over_balls.begin(start, momentum).sweep,
+        "plain order over pieces": FactorSweep.over(problem, sizes).begin(start, momentum).sweep,
+    }
     for number in threads:
         sweep = ColouredSweep.over(problem, sizes, number)
         ways[f"by colour, threads={number}"] = partial(ColouredIterates.sweep, ColouredIterates(sweep, start, momentum))

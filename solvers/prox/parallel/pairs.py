@@ -17,7 +17,9 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
     declined = unsupported_laws(problem)
     if declined:
         return declined
-    if np.diff(problem.factor_pieces().starts).max(initial=0) > MAX_BODIES:
+    given = problem.factors.directions
+    has_pairs = isinstance(given, Pieces) and given.in_pairs
+    if not has_pairs and np.diff(problem.factor_pieces().starts).max(initial=0) > MAX_BODIES:
         return "a contact touches more than two bodies, and sweeps over pairs of bodies support one or two"
     if not problem.layout.bounds_are_own:
         return "the friction of one contact is bounded by the normal impulse of another"

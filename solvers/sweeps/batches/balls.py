@@ -11,6 +11,7 @@ A record takes 88 bytes and the numbers of both balls 8, where two pieces with a
 """
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, uint64
@@ -33,15 +34,62 @@ EQUAL = 1e-12
 """Relative difference up to which the κ of two balls, or two entries of M⁻¹, are equal."""
 
 
+class Balls(NamedTuple):
+    """What records of a contact need to know about balls.
+
+    Attributes:
+        directions: W.
+        contacts: the records of all contacts, in their order.
+        inverse_masses: 1/m of each ball, and 0 for surfaces [1/kg], shape (n_balls + 1,).
+        spin_share: κ = r²m/J.
+    """
+
+    directions: Pieces
+    contacts: BallRecords
+    inverse_masses: FloatArray
+    spin_share: float
+
+    def pack(self, problem: ContactProblem, sizes: FloatArray, places: IntArray, n_batches: int) -> tuple[Any, ...]:
+        """Return bodies, records and slots of ``BallSweep`` for contacts at given places (batch · LANES + lane)."""
+        given = self.contacts.chunks, self.contacts.normals, problem.free_velocity, sizes
+        packed: tuple[Any, ...] = _pack(
+            *given, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
+        )
+        return packed
+
+    def motion(self, impulses: FloatArray) -> FloatArray:
+        """Return v and τ of all balls, and zeros for surfaces, from Λ over rows; flat from shape (n_balls + 1, 6)."""
+        moved = np.zeros(6 * len(self.inverse_masses))
+        if impulses.any():
+            _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, moved)
+        return moved
+
+
+def balls_of(problem: ContactProblem) -> Balls | None:
+    """Return the balls of a problem, or None if its contacts are not those of balls that share κ."""
+    factors, layout = problem.factors, problem.layout
+    if factors is None or not isinstance(factors.directions, Pieces):
+        return None
+    pieces = factors.directions
+    contacts = pieces.balls
+    if contacts is None or not (layout.width == 3 and layout.has_contacts_only):
+        return None
+    if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
+        return None
+    inverse_masses = np.zeros(pieces.n_chunks + 1)
+    spin_share = float(_write_inverse_masses(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses))
+    if spin_share <= 0.0 or layout.fixed_bound.any():
+        return None
+    return Balls(pieces, contacts, inverse_masses, spin_share)
+
+
 @dataclass(frozen=True, eq=False)
 class BallSweep:
     """The constant data of a sweep.
 
     Attributes:
         layout: the padded blocks.
-        contacts: the records of all contacts, in their order.
-        inverse_masses: 1/m of each ball, and 0 for surfaces [1/kg], shape (n_balls + 1,).
-        spin_share: κ = r²m/J.
+        balls: the balls.
         free: c, flat.
         bodies: first coordinate of both balls of each lane, shape (n_batches · 2 · LANES,).
         records: numbers of all contacts in batches, shape (n_batches · NUMBERS · LANES,).
@@ -49,9 +97,7 @@ class BallSweep:
     """
 
     layout: BlockLayout
-    contacts: BallRecords
-    inverse_masses: FloatArray
-    spin_share: float
+    balls: Balls
     free: FloatArray
     bodies: np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
     records: FloatArray
@@ -60,25 +106,14 @@ class BallSweep:
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
         """Return the sweep with step sizes as in ``step_size``, or None where contacts are no balls' or too few."""
-        factors, layout = problem.factors, problem.layout
-        if factors is None or not isinstance(factors.directions, Pieces):
+        balls = balls_of(problem)
+        if balls is None:
             return None
-        pieces = factors.directions
-        contacts = pieces.balls
-        if contacts is None or not (layout.width == 3 and layout.has_contacts_only):
+        batches = assign_batches(balls.directions)
+        if len(batches.places) < MIN_FILL * LANES * batches.n_batches:
             return None
-        if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
-            return None
-        inverse_masses = np.zeros(pieces.n_chunks + 1)
-        spin_share = _write_inverse_masses(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses)
-        batches = assign_batches(pieces)
-        is_full = len(batches.places) >= MIN_FILL * LANES * batches.n_batches
-        if spin_share <= 0.0 or not is_full or layout.fixed_bound.any():
-            return None
-        given = contacts.chunks, contacts.normals, problem.free_velocity, sizes, layout.friction_coefficient
-        bodies, records, slots = _pack(*given, inverse_masses, *batches)
-        shared = contacts, inverse_masses, float(spin_share), problem.free_velocity
-        return BallSweep(layout, *shared, bodies, records, slots)
+        bodies, records, slots = balls.pack(problem, sizes, *batches)
+        return BallSweep(problem.layout, balls, problem.free_velocity, bodies, records, slots)
 
     def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> "BallIterates":
         """Return the iterates that begin at ``start``, shape (n_rows,); see ``MomentumState``."""
@@ -93,10 +128,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         self._sweep = sweep
         self._held = np.zeros(3 * len(sweep.bodies) // 2)
         self._held[sweep.slots] = start
-        self._moved = np.zeros(6 * len(sweep.inverse_masses))
-        if start.any():
-            contacts = sweep.contacts
-            _write_motion(contacts.chunks, contacts.normals, sweep.inverse_masses, start, self._moved)
+        self._moved = sweep.balls.motion(start)
         self._change = np.zeros_like(self._held)
         self._before = self._moved.copy() if momentum > 0.0 else self._moved
         self._relative = np.empty(len(start))
@@ -106,7 +138,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         own = self._sweep
         arrays = (self._held, self._moved, self._change, self._before)
         momentum = self._momentum, self._delay, self._sweeps, self._present
-        self._present = sweep_balls(count, own.bodies, own.records, own.spin_share, *arrays, *momentum)
+        self._present = sweep_balls(count, own.bodies, own.records, own.balls.spin_share, *arrays, *momentum)
         self._sweeps += count
 
     def impulses(self) -> FloatArray:
@@ -115,8 +147,8 @@ class BallIterates(MomentumState, SinglePassIterates):
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        own, contacts = self._sweep, self._sweep.contacts
-        _write_relative(contacts.chunks, contacts.normals, own.spin_share, own.free, self._moved, self._relative)
+        own, contacts = self._sweep, self._sweep.balls.contacts
+        _write_relative(contacts.chunks, contacts.normals, own.balls.spin_share, own.free, self._moved, self._relative)
         return self._relative
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
@@ -124,8 +156,8 @@ class BallIterates(MomentumState, SinglePassIterates):
         if type(residual) is not Residual or residual.unit != 1.0 or residual.infeasible:
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
-        own, contacts, impulses = self._sweep, self._sweep.contacts, np.empty(len(self._sweep.slots))
-        motion = contacts.chunks, contacts.normals, own.spin_share, own.free, self._moved
+        own, contacts, impulses = self._sweep, self._sweep.balls.contacts, np.empty(len(self._sweep.slots))
+        motion = contacts.chunks, contacts.normals, own.balls.spin_share, own.free, self._moved
         laws = own.layout.friction_coefficient, residual.alpha, residual.ratios
         return impulses, ratio(_measure(*motion, *laws, own.slots, self._held, impulses), residual.scale)
 
@@ -218,22 +250,31 @@ def _measure(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
+def in_frame(normal, first, second, apart, turned, free):  # type: ignore[no-untyped-def]
+    """Return n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2."""
+    (x, y, z), (dx, dy, dz), (sx, sy, sz) = normal, apart, turned
+    (t1x, t1y, t1z), (t2x, t2y, t2z) = first, second
+    along_normal = free[0] + x * dx + y * dy + z * dz
+    along_first = free[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
+    along_second = free[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+    return along_normal, along_first, along_second
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
 def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untyped-def]
     """Return ξ of one contact."""
     row, six = uint64(3) * uint64(c), uint64(6)
     i, j = six * uint64(chunks[uint64(2) * uint64(c)]), six * uint64(chunks[uint64(2) * uint64(c) + uint64(1)])
-    x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
-    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
+    normal = normals[c, 0], normals[c, 1], normals[c, 2]
+    first, second = tangents(normal[0], normal[1], normal[2])
     dx = moved[i] - moved[j]
     dy = moved[i + uint64(1)] - moved[j + uint64(1)]
     dz = moved[i + uint64(2)] - moved[j + uint64(2)]
     sx = share * (moved[i + uint64(3)] + moved[j + uint64(3)])
     sy = share * (moved[i + uint64(4)] + moved[j + uint64(4)])
     sz = share * (moved[i + uint64(5)] + moved[j + uint64(5)])
-    normal = free[row] + x * dx + y * dy + z * dz
-    first = free[row + uint64(1)] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
-    second = free[row + uint64(2)] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
-    return normal, first, second
+    own = free[row], free[row + uint64(1)], free[row + uint64(2)]
+    return in_frame(normal, first, second, (dx, dy, dz), (sx, sy, sz), own)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
@@ -253,13 +294,9 @@ def sweep_balls(  # type: ignore[no-untyped-def]
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
-            for lane in range(lanes):
-                a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
-                for k in range(six):
-                    own[lanes * k + lane] = moved[a + k]
-                    others[lanes * k + lane] = moved[b + k]
+            gather_balls(bodies, pair, moved, own, others)
             record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
-            _update(records, record, share, held, change, at, present, turn, own, others)
+            update_balls(records, record, share, held, change, at, present, turn, own, others)
             for lane in range(lanes):
                 a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
                 for k in range(six):
@@ -270,8 +307,20 @@ def sweep_balls(  # type: ignore[no-untyped-def]
     return present
 
 
+@njit(cache=True, inline="always")
+def gather_balls(bodies, pair, moved, own, others):  # type: ignore[no-untyped-def]
+    """Copy v and τ of the first and second balls of a batch, whose numbers begin at ``pair`` of ``bodies``."""
+    six, lanes = uint64(6), uint64(LANES)
+    for k in range(six):
+        for lane in range(lanes):
+            own[lanes * k + lane] = moved[uint64(bodies[pair + lane]) + k]
+    for k in range(six):
+        for lane in range(lanes):
+            others[lanes * k + lane] = moved[uint64(bodies[pair + lanes + lane]) + k]
+
+
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def _update(records, record, share, held, change, at, present, turn, own, others):  # type: ignore[no-untyped-def]
+def update_balls(records, record, share, held, change, at, present, turn, own, others):  # type: ignore[no-untyped-def]
     """Update a batch: its records from ``record`` on, its Λ from ``at`` on, v and τ of its first and second balls.
 
     Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.
@@ -288,9 +337,9 @@ def _update(records, record, share, held, change, at, present, turn, own, others
         sx = share * (own[lane + k3] + others[lane + k3])
         sy = share * (own[lane + k4] + others[lane + k4])
         sz = share * (own[lane + k5] + others[lane + k5])
-        normal = records[r + k3] + x * dx + y * dy + z * dz
-        first = records[r + k4] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
-        second = records[r + k5] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+        free = records[r + k3], records[r + k4], records[r + k5]
+        first_tangent, second_tangent = (t1x, t1y, t1z), (t2x, t2y, t2z)
+        normal, first, second = in_frame((x, y, z), first_tangent, second_tangent, (dx, dy, dz), (sx, sy, sz), free)
         ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
         old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
         size_t = records[r + k7]

@@ -7,11 +7,26 @@ import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.transformations import permuted
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from proxbench.solvers.prox.parallel.team import Team
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
+
+
+def problem_of(name: str) -> ContactProblem:
+    """Load a problem, whose W has pieces, or make the first step of compressed balls, whose W has records."""
+    if name != "balls":
+        return load(name)
+    scene = make_scene("funnel(balls=300)")
+    velocity = np.random.default_rng(3).normal(size=scene.start.velocity.size)
+    assembly = scene.system.assemble(0.8 * scene.start.position, velocity, 1e-3)
+    assert assembly.contacts is not None
+    problem = step_problem(assembly, assembly.contacts, velocity)
+    assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1).balls is not None
+    return problem
 
 
 def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[int, ...] = (1, 4, 10)) -> list[Any]:
@@ -27,7 +42,7 @@ def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[
 
 
 @pytest.mark.parametrize("momentum", [0.0, 0.65])
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100"])
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100", "balls"])
 def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, monkeypatch: pytest.MonkeyPatch) -> None:
     used = []
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)  # threads for small problems too
@@ -38,7 +53,7 @@ def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, m
         return run(team, threads, *arguments)
 
     monkeypatch.setattr(Team, "run", counted)
-    problem = load(name)
+    problem = problem_of(name)
     alone = swept(problem, 1, momentum)
     for threads in (2, 3, 4):
         used.clear()
@@ -46,27 +61,32 @@ def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, m
         assert set(used) == {threads}
 
 
-def test_small_colours_are_swept_in_one_thread() -> None:
+def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None:
     problem = load("funnel-300")
     assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2).threads == 1
+    messages = [solve(problem, f"ColouredSORprox(threads={threads})", tolerance=1e-2).message for threads in (1, 2)]
+    assert messages == ["", "1 of 2 threads used, because the colours have few contacts"]
 
 
+@pytest.mark.parametrize("name", ["funnel-300", "balls"])
 @pytest.mark.parametrize("absent", [1, 2])
-def test_threads_that_never_come_change_no_bit(absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_that_never_come_change_no_bit(name: str, absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tasks of a thread that has not begun are done by those that have."""
-    problem, threads = load("funnel-300"), 3
+    problem, threads = problem_of(name), 3
     alone = swept(problem, 1, 0.65)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
     monkeypatch.setattr(Team, "run", lambda self, _, kernel, *rest: kernel(absent, threads, *rest))
     assert swept(problem, threads, 0.65) == alone
 
 
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box"])
+@pytest.mark.parametrize(
+    "name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box", "balls"]
+)
 @pytest.mark.parametrize(("momentum", "delay"), [(0.0, 0.0), (0.5, 0.0), (0.5, 4.0)])
 def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(
     name: str, momentum: float, delay: float
 ) -> None:
-    problem = load(name)
+    problem = problem_of(name)
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.2), 1)
     order = np.argsort(sweep.slots.reshape(problem.n_contacts, -1)[:, 0])
     plain = permuted(problem, order)
@@ -81,9 +101,9 @@ def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(
     assert np.abs(coloured - sequential).max() <= 1e-11 * np.abs(coloured).max()
 
 
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100"])
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100", "balls"])
 def test_the_velocity_is_that_of_the_impulses(name: str) -> None:
-    problem = load(name)
+    problem = problem_of(name)
     iterates = ColouredIterates(
         ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1), np.zeros(problem.n_rows), 0.6
     )
@@ -115,9 +135,9 @@ def test_the_solution_without_friction_is_that_of_newton_steps() -> None:
         assert np.abs(velocity - expected).max() <= 1e-7 * np.abs(problem.free_velocity).max()
 
 
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "bodies-stack-10", "hard-sticking-box"])
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "bodies-stack-10", "hard-sticking-box", "balls"])
 def test_the_judge_confirms_what_is_solved(name: str) -> None:
-    problem = load(name)
+    problem = problem_of(name)
     solution = solve(
         problem, "ColouredSORprox(relaxation=1.2)", tolerance=1e-6, max_iterations=100_000, max_seconds=np.inf
     )

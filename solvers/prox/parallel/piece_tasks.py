@@ -1,0 +1,69 @@
+"""Tasks of sweeps by colour over pieces of W̃: batches of ``sweeps.batches.pieces``."""
+
+from numba import njit, uint64
+
+from ...sweeps.batches.pieces import LANES, update_batch
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def update_pieces(pieces, batch, scaled, held, change, present, turn, own, others):  # type: ignore[no-untyped-def]
+    """Update Λ and v of the contacts of a batch; ``pieces`` is as in ``batch_arguments``."""
+    axes, bodies, records = pieces
+    lanes, length = uint64(LANES), uint64(len(axes))
+    _gather(axes, bodies, batch, scaled, own)
+    begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
+    update_batch(axes, records, begin, held, change, uint64(3) * lanes * uint64(batch), present, turn, own, others)
+    _scatter(axes, bodies, batch, others, scaled)
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def measure_pieces(pieces, batch, scaled, own, velocity):  # type: ignore[no-untyped-def]
+    """Write ξ of a batch in the order of Λ."""
+    axes, bodies, records = pieces
+    _gather(axes, bodies, batch, scaled, own)
+    _velocity_of_batch(axes, records, batch, own, velocity)
+
+
+@njit(cache=True, inline="always")
+def _gather(axes, bodies, batch, scaled, own):  # type: ignore[no-untyped-def]
+    """Copy v of both bodies of each contact of a batch."""
+    lanes, length = uint64(LANES), uint64(len(axes))
+    pair = uint64(2) * lanes * uint64(batch)
+    for lane in range(lanes):
+        a, b = bodies[pair + lane], bodies[pair + lanes + lane]
+        for x in range(length):
+            own[lanes * x + lane] = scaled[a + x]
+            own[lanes * (length + x) + lane] = scaled[b + x]
+
+
+@njit(cache=True, inline="always")
+def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-def]
+    """Copy v back, except for the idle chunk: it is last and stays zero, and all threads read it."""
+    lanes, length = uint64(LANES), uint64(len(axes))
+    pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length
+    for lane in range(lanes):
+        a, b = bodies[pair + lane], bodies[pair + lanes + lane]
+        if a != idle:
+            for x in range(length):
+                scaled[a + x] = others[lanes * x + lane]
+        if b != idle:
+            for x in range(length):
+                scaled[b + x] = others[lanes * (length + x) + lane]
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def _velocity_of_batch(axes, records, batch, own, velocity):  # type: ignore[no-untyped-def]
+    """Write ξ = W̃ᵀ v + c of a batch in the order of Λ."""
+    two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
+    row, at = lanes * length, three * lanes * uint64(batch)
+    begin = uint64(batch) * (uint64(6) * row + uint64(9) * lanes)
+    for lane in range(lanes):
+        a, c, n = begin + lane, begin + uint64(6) * row + lane, at + lane
+        b = a + three * row
+        normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
+        for x in range(length):
+            v_a, v_b = own[lanes * x + lane], own[lanes * (length + x) + lane]
+            normal += records[a + lanes * x] * v_a + records[b + lanes * x] * v_b
+            first += records[a + row + lanes * x] * v_a + records[b + row + lanes * x] * v_b
+            second += records[a + two * row + lanes * x] * v_a + records[b + two * row + lanes * x] * v_b
+        velocity[n], velocity[n + lanes], velocity[n + two * lanes] = normal, first, second
