@@ -137,7 +137,7 @@ def _global_problem(contents: GlobalContents, repair: Repair, attributes: dict[s
     if contents.n_joints:
         directions, w = sp.hstack([directions, contents.G], format="csc"), np.append(w, contents.b)
     if (block_sizes(mass) ** 2).sum() > MAX_ENTRIES:
-        return _condensed_problem(contents, mass, directions, w, attributes)
+        return _condensed_problem(contents, mass, directions, w, repair, attributes)
     inverse = InverseMass.of_mass(mass)
     motion = inverse.times(contents.f)
     return ContactProblem.from_factors(
@@ -155,6 +155,7 @@ def _condensed_problem(
     mass: sp.csr_array[Any],
     directions: sp.csc_array[Any],
     w: FloatArray,
+    repair: Repair,
     attributes: dict[str, Any],
 ) -> ContactProblem:
     """Return the problem with G = Dᵀ M⁻¹ D and c = Dᵀ M⁻¹ f + w, for an M⁻¹ that is too large to store."""
@@ -170,7 +171,9 @@ def _condensed_problem(
     delassus = directions.T @ factors.solve(directions.toarray())
     attributes["provenance"]["condensed"] = "G = Dᵀ M⁻¹ D replaces M and D = (H, G), because M⁻¹ would be too large"
     c = directions.T @ factors.solve(contents.f) + w
-    return ContactProblem(c, laws_of(contents), matrix=sp.csr_array(0.5 * (delassus + delassus.T)), **attributes)
+    matrix, notes, _ = repair.semidefinite(sp.csr_array(0.5 * (delassus + delassus.T)), {})
+    attributes["provenance"] |= notes
+    return ContactProblem(c, laws_of(contents), matrix=matrix, **attributes)
 
 
 def _check_coupling(difference: sp.csr_array[Any], problem: ContactProblem) -> None:

@@ -201,6 +201,21 @@ def test_a_mass_matrix_whose_inverse_is_too_large_is_condensed(tmp_path: Path, m
     np.testing.assert_allclose(condensed.free_velocity, factored.free_velocity, rtol=1e-13, atol=1e-15)
 
 
+def test_a_condensed_matrix_with_a_negative_eigenvalue_is_projected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """M⁻¹ has the eigenvalue −1e-8 in place of its least one, as after a loss of digits."""
+    values, vectors = np.linalg.eigh(np.linalg.inv(COUPLED))
+    mass = (vectors / np.append(-1e-8 * values[-1], values[1:])) @ vectors.T
+    path = write_data(tmp_path / "p.hdf5", with_mass(0.5 * (mass + mass.T)))
+    monkeypatch.setattr(conversion, "MAX_ENTRIES", 5)
+    with pytest.raises(ProblemError, match="indefinite"):
+        read_fclib(path)
+    condensed = read_fclib(path, indefinite="project")
+    assert condensed.provenance["least_eigenvalue"] < -1e-9
+    assert np.linalg.eigvalsh(condensed.delassus().toarray())[0] >= -1e-12
+
+
 def test_asymmetry_is_the_largest_difference_over_the_largest_entry() -> None:
     crooked = W.copy()
     crooked[0, 3] += 0.125
