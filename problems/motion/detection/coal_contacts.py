@@ -11,8 +11,8 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...errors import ProblemError
 from ..bodies.rigid.polyhedron import Polyhedron
-from ..bodies.rigid.round_shapes import Capsule, Cylinder
-from ..bodies.rigid.shapes import Box, Shape
+from ..bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
+from ..bodies.rigid.shapes import Box, HalfSpace, Shape
 from .polyhedra import packed
 
 _Body = tuple[Shape, FloatArray, FloatArray]
@@ -44,6 +44,12 @@ NEARLY_ALONG = 1.0 - 1e-5
 """Cosine of the largest angle to the contact normal at which the tangent plane of a shape gives its heights."""
 
 
+def needs_coal(first: Shape, second: Shape) -> bool:
+    """Return whether contacts of two shapes are found by coal."""
+    one, other = isinstance(first, Cylinder), isinstance(second, Cylinder)
+    return (one and not isinstance(second, Sphere | HalfSpace)) or (other and not isinstance(first, Sphere | HalfSpace))
+
+
 def find_with_coal(
     shapes: Sequence[Shape], centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
 ) -> tuple[IntArray, FloatArray]:
@@ -62,7 +68,7 @@ def find_with_coal(
     Raises:
         ProblemError: if coal is not installed.
     """
-    coal = _coal()
+    coal = require_coal()
     keys: list[tuple[int, int, int]] = []
     numbers: list[FloatArray] = []
     for i, j in pairs.tolist():
@@ -192,7 +198,12 @@ def _reach(body: _Body, direction: FloatArray) -> float:
     return float((packed((shape,)).vertices @ local).max())
 
 
-def _coal() -> Any:
+def require_coal() -> Any:
+    """Return the module coal.
+
+    Raises:
+        ProblemError: if it is not installed.
+    """
     try:
         return import_module("coal")
     except ImportError:  # missing, or lacks a required library
@@ -205,7 +216,7 @@ def _coal() -> Any:
 @lru_cache(maxsize=1024)
 def _geometry(shape: Shape) -> Any:
     """Return a shape as a geometry of coal."""
-    coal = _coal()
+    coal = require_coal()
     if isinstance(shape, Box):
         return coal.Box(*shape.size)
     if isinstance(shape, Capsule):

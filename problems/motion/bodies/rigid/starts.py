@@ -1,24 +1,29 @@
 """Checks of the initial state of a motion of rigid bodies."""
 
+from itertools import product
+
 import numpy as np
 
 from ....errors import ProblemError
+from ...detection.coal_contacts import needs_coal, require_coal
 from ...state import State
 from .orientation import check_orientation
 from .rigid_bodies import RigidBodies
+from .round_shapes import Cylinder
 
 MAX_START_DEPTH = 0.05
 """Largest initial penetration divided by the thickness of the thinner body."""
 
 
 def check_start(bodies: RigidBodies, start: State) -> None:
-    """Check that numbers are valid, joints close, and bodies do not penetrate deeply.
+    """Check that numbers are valid, joints close, bodies do not penetrate deeply, and coal is installed if needed.
 
     Raises:
-        ProblemError: for a vector of another length or with NaN, a quaternion without unit length, the joint with
-            the largest error, or the deepest contact, if it is deeper than ``MAX_START_DEPTH`` times the thickness
-            of the thinner body.
+        ProblemError: if shapes whose contacts need coal may meet and coal is not installed; for a vector of another
+            length or with NaN, a quaternion without unit length, the joint with the largest error, or the deepest
+            contact, if it is deeper than ``MAX_START_DEPTH`` times the thickness of the thinner body.
     """
+    _check_shapes(bodies)
     for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):
         shape = (count * bodies.n_bodies,)
         if np.shape(values) != shape:
@@ -45,3 +50,15 @@ def check_start(bodies: RigidBodies, start: State) -> None:
             f"{one} and {other} penetrate by {-found.gap[worst]:.3g} m at the start; move them apart to less than "
             f"{MAX_START_DEPTH:g} of the thickness of the thinner one."
         )
+
+
+def _check_shapes(bodies: RigidBodies) -> None:
+    """Raise ``ProblemError`` if two bodies that may meet need coal and it is not installed."""
+    shapes = [*bodies.shapes, *(body.shape for body in bodies.fixed)]
+    joined = set() if bodies.joints is None else set(map(tuple, bodies.joints.pairs.tolist()))
+    cylinders = [body for body, shape in enumerate(shapes) if isinstance(shape, Cylinder)]
+    for one, other in product(cylinders, range(len(shapes))):
+        pair = min(one, other), max(one, other)
+        if one != other and pair[0] < bodies.n_bodies and pair not in joined and needs_coal(shapes[one], shapes[other]):
+            require_coal()
+            return

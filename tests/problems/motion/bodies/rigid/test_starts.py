@@ -1,5 +1,6 @@
 """A motion of rigid bodies that cannot start so is refused with one sentence and its remedy."""
 
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -9,7 +10,8 @@ from numpy.typing import NDArray
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.rigid.joints import Joint, RigidJoints
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import FixedBody, RigidBodies
-from proxbench.problems.motion.bodies.rigid.shapes import Box, HalfSpace
+from proxbench.problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
+from proxbench.problems.motion.bodies.rigid.shapes import Box, HalfSpace, Shape
 from proxbench.problems.motion.bodies.rigid.starts import check_start
 from proxbench.problems.motion.state import State
 
@@ -73,3 +75,20 @@ def test_a_fixed_body_at_no_pose_is_refused() -> None:
         FixedBody(HalfSpace(), orientation=(0.0, 0.0, 0.0, 0.0))
     with pytest.raises(ProblemError, match="centre of a fixed body must be finite"):
         FixedBody(HalfSpace(), (0.0, np.nan, 0.0))
+
+
+@pytest.mark.parametrize(("partner", "is_needed"), [(Sphere(0.5), False), (BOX, True), (Capsule(0.2, 1.0), True)])
+@pytest.mark.parametrize("is_fixed", [False, True])
+def test_missing_coal_is_reported_before_bodies_meet(
+    partner: Shape, is_needed: bool, is_fixed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bodies are far apart, and the plane needs nothing."""
+    monkeypatch.setitem(sys.modules, "coal", None)
+    plane, cylinder = FixedBody(HalfSpace()), Cylinder(0.5, 1.0)
+    if is_fixed:
+        apart = RigidBodies([cylinder], np.ones(1), [plane, FixedBody(partner, (9.0, 0.0, 0.5))])
+    else:
+        apart = RigidBodies([cylinder, partner], np.ones(2), [plane])
+    poses = np.array([[5.0 * body, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0] for body in range(apart.n_bodies)])
+    with pytest.raises(ProblemError, match="need coal") if is_needed else nullcontext():
+        check_start(apart, State(0.0, poses.ravel(), np.zeros(6 * apart.n_bodies)))
