@@ -1,12 +1,13 @@
 """Costs of a step, and of a sweep beside a copy of the same bytes, by the number of balls.
 
 ``python tests/speed/large_steps.py 1000 16000 64000`` takes a heap of each size: a lattice of balls that barely
-overlap, jittered and moving at random, on a plane. Times are processor times; sizes take turns, and the least of all
-rounds counts, because the work of a round does not vary.
+overlap, jittered and moving at random, on a plane. Balls are numbered in the order of the lattice, and for comparison
+in a random order. Sweeps read records of 64-bit numbers, and for comparison of 32-bit numbers. Times are processor
+times; sizes take turns, and the least of all rounds counts, because the work of a round does not vary.
 """
 
+import argparse
 import resource
-import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,6 +20,7 @@ from proxbench.problems.motion.scenes.effects import Friction, Gravity, Restitut
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule, step_problem
 from proxbench.solvers import Stop, create
+from proxbench.solvers.sweeps.batches.balls import sweep_balls
 
 RADIUS, MASS, PITCH, JITTER, SPEED = 0.01, 0.01, 1.97, 0.02, 0.3
 """Radius [m] and mass [kg], distance and jitter of the lattice [radii], and speed [m/s] of the balls."""
@@ -26,18 +28,21 @@ RADIUS, MASS, PITCH, JITTER, SPEED = 0.01, 0.01, 1.97, 0.02, 0.3
 STEP, TOLERANCE, DEPTH = 1e-3, 1e-2, 1e-4
 """Length of a step [s], tolerance of its solve, and penetration [m] that the projection leaves."""
 
-SOLVER = "SORprox(relaxation=1.1, form='factors', momentum=0.65)"
+MOMENTUM = 0.65
+SOLVER = f"SORprox(relaxation=1.1, form='factors', momentum={MOMENTUM})"
 
 STEPS, SWEEPS, ROUNDS = 2, 10, 8
 """Successive steps and sweeps of one sample, and samples of each size."""
 
 
-def heap(n_balls: int) -> tuple[BallSystem, State]:
+def heap(n_balls: int, is_shuffled: bool = False) -> tuple[BallSystem, State]:
     """Return a heap of balls and its first state."""
     side = round(n_balls ** (1.0 / 3.0) + 0.5)
     grid = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     lattice = grid[np.argsort(grid[:, 2], kind="stable")][:n_balls]
     rng = np.random.default_rng(0)
+    if is_shuffled:
+        lattice = rng.permutation(lattice)
     centres = RADIUS * (1.0 + PITCH * lattice + rng.uniform(-JITTER, JITTER, (n_balls, 3)))
     effects = (Gravity(9.81), Friction(0.3), Restitution(0.3, 0.0))
     surfaces = [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))]
@@ -59,30 +64,61 @@ def stream(count, bodies, records, held, change):  # type: ignore[no-untyped-def
     return total, touched
 
 
-def samples(n_balls: int) -> tuple[dict[str, Callable[[], Any]], int, int]:
-    """Return what is timed at one size, the number of contacts, and the bytes a contact that a sweep moves."""
+class Sweeps:
+    """Sweeps over the first step of a heap."""
+
+    def __init__(self, system: BallSystem, state: State) -> None:
+        assembly = system.assemble(state.position, state.velocity, STEP)
+        assert assembly.contacts is not None
+        problem = step_problem(assembly, assembly.contacts, state.velocity)
+        prepared: Any = create(SOLVER).prepare(problem)
+        self.iterates = prepared.begin(np.zeros(problem.n_rows))
+        self.data = self.iterates._sweep
+        self.short_records = self.data.records.astype(np.float32)
+        self.held, self.change = np.zeros_like(self.iterates._held), np.zeros_like(self.iterates._held)
+        self.n_contacts = problem.n_contacts
+
+    @property
+    def bytes_per_contact(self) -> int:
+        """Bytes that a sweep moves per contact."""
+        own = self.data
+        total = own.records.nbytes + own.bodies.nbytes + 2 * (self.held.nbytes + self.change.nbytes)
+        return total // self.n_contacts
+
+    def sweep(self) -> None:
+        """Sweep."""
+        self.iterates.sweep(SWEEPS)
+
+    def sweep_short(self) -> None:
+        """Sweep over records of 32-bit numbers."""
+        own, now = self.data, self.iterates
+        arrays = now._held, now._moved, now._change, now._before
+        sweep_balls(SWEEPS, own.bodies, self.short_records, own.spin_share, *arrays, MOMENTUM, 0.0, 0, MOMENTUM)
+
+    def stream(self) -> None:
+        """Read and write the arrays of a sweep in sequence."""
+        stream(SWEEPS, self.data.bodies, self.data.records, self.held, self.change)
+
+
+def samples(n_balls: int, solver: str) -> tuple[dict[str, Callable[[], Any]], int, int]:
+    """Return what is timed at one size, the number of contacts, and the bytes per contact that a sweep moves."""
     system, state = heap(n_balls)
-    rule = MidpointRule(system, create(SOLVER), Stop(TOLERANCE), STEP, depth=DEPTH)
-    assembly = system.assemble(state.position, state.velocity, STEP)
-    assert assembly.contacts is not None
-    problem = step_problem(assembly, assembly.contacts, state.velocity)
-    prepared: Any = create(SOLVER).prepare(problem)
-    iterates = prepared.begin(np.zeros(problem.n_rows))
-    own = iterates._sweep
-    held, change = np.zeros_like(iterates._held), np.zeros_like(iterates._held)
-    moved = own.records.nbytes + own.bodies.nbytes + 2 * (held.nbytes + change.nbytes)
+    rule = MidpointRule(system, create(solver), Stop(TOLERANCE), STEP, depth=DEPTH)
+    ordered, shuffled = Sweeps(system, state), Sweeps(*heap(n_balls, is_shuffled=True))
     timed = {
         "step": lambda: list(rule.steps(state, STEPS)),
-        "sweep": lambda: iterates.sweep(SWEEPS),
-        "stream": lambda: stream(SWEEPS, own.bodies, own.records, held, change),
+        "sweep": ordered.sweep,
+        "stream": ordered.stream,
+        "32 bits": ordered.sweep_short,
+        "shuffled": shuffled.sweep,
     }
-    return timed, problem.n_contacts, moved // problem.n_contacts
+    return timed, ordered.n_contacts, ordered.bytes_per_contact
 
 
-def main(sizes: Sequence[int]) -> None:
-    """Print the costs at each size."""
-    print(" balls  contacts  sweeps  ms a step  bytes  ns a contact and sweep  streaming  ratio  MB so far")
-    prepared = {n: samples(n) for n in sizes}
+def main(sizes: Sequence[int], solver: str) -> None:
+    """Print the costs at each size; ``solver`` solves the steps."""
+    print(" balls  contacts  sweeps  ms a step  bytes  ns a contact and sweep  streaming  ratio  32 bits  shuffled  MB")
+    prepared = {n: samples(n, solver) for n in sizes}
     times: dict[tuple[int, str], list[float]] = {}
     for turn in range(ROUNDS + 1):
         for n, (timed, _, _) in prepared.items():
@@ -93,14 +129,19 @@ def main(sizes: Sequence[int]) -> None:
                     times.setdefault((n, name), []).append(time.process_time() - began)
     for n, (timed, contacts, moved) in prepared.items():
         sweeps = [step.iterations for step in timed["step"]()]
-        sweep, streaming = (1e9 * min(times[n, name]) / SWEEPS / contacts for name in ("sweep", "stream"))
+        names = "sweep", "stream", "32 bits", "shuffled"
+        sweep, streaming, short, shuffled = (1e9 * min(times[n, name]) / SWEEPS / contacts for name in names)
         step = 1e3 * min(times[n, "step"]) / STEPS
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(
             f"{n:6} {contacts:9} {np.mean(sweeps):7.1f} {step:10.2f} {moved:6} {sweep:23.1f} {streaming:10.1f} "
-            f"{sweep / streaming:6.2f} {memory:10.0f}"
+            f"{sweep / streaming:6.2f} {short:8.1f} {shuffled:9.1f} {memory:4.0f}"
         )
 
 
 if __name__ == "__main__":
-    main([int(word) for word in sys.argv[1:]] or [1000, 16000])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("balls", type=int, nargs="*", default=[1000, 16000])
+    parser.add_argument("--solver", default=SOLVER, help="solver of the steps; sweeps are always those of %(default)s")
+    words = parser.parse_args()
+    main(words.balls, words.solver)
