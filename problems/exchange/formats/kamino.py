@@ -1,12 +1,14 @@
 """Dumps of the dual problem of Newton's solver Kamino, one world each.
 
     D, P, v_f, mu, njc, nbc, nl, nc    of ``solver._solver_kamino._problem_fd.data``, each with ``.numpy()``
+    bound_lower, bound_upper           of the same, if there are bounded multipliers, shape (nbc,)
     compliance                         of the same, if contacts or limits are compliant; D contains it
     lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, judged
 
 D, shape (n, n) or (n·n,), and v_f, shape (n,), are scaled by the diagonal preconditioner P: with G and c in physical
 units, D = P G P and v_f = P c. Dump them before the solve, which adds its penalty to the diagonal of D. The rows
-belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc), with T1, T2, N for each contact.
+belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc), with T1, T2, N for each contact. A
+bounded multiplier is the friction or the limited effort of a joint, |λ| ≤ b; its bounds are b/P.
 Arrays may be longer than their content, as Kamino allocates them; lambdas are physical impulses [N s]. Source: Newton
 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.
 """
@@ -17,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray
-from ...contact.laws import Laws
+from ...contact.laws import LawKind, Laws
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
 from ..repair import Repair
@@ -45,25 +47,21 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
         repair: how an asymmetric or indefinite D is read.
 
     Raises:
-        ProblemError: if an array is missing or does not match the others, or the world has bounded multipliers.
+        ProblemError: if an array is missing or does not match the others, or the bounds of a multiplier are not ±b.
     """
     for name in ("D", "v_f"):
         if name not in arrays:
             raise ProblemError(f"there is no array {name!r}; Kamino's dual problem has {', '.join(ARRAYS)}.")
     joints, bounded, limits, contacts = (_count(arrays, name) for name in COUNTS)
-    if bounded:
-        raise ProblemError(
-            f"{bounded} rows have bounded multipliers (effort limits or dry friction of joints), which have "
-            "no law; remove them from the model."
-        )
-    n = joints + limits + 3 * contacts
+    n = joints + bounded + limits + 3 * contacts
     scale = _first(arrays, "P", n) if "P" in arrays else np.ones(n)
     if not (scale > 0.0).all():
         raise ProblemError("'P', the preconditioner, must be positive.")
     delassus = _first(arrays, "D", n * n).reshape(n, n) / scale[:, None] / scale
     mu = _first(arrays, "mu", contacts) if contacts else np.zeros(0)
-    laws = Laws.together([Laws.joints(joints), Laws.contacts(0.0, 1, limits), Laws.contacts(mu, 3, contacts)])
-    order = normal_first(contacts, joints + limits)
+    friction = _bounded_laws(arrays, bounded, scale[joints : joints + bounded])
+    laws = Laws.together([Laws.joints(joints), friction, Laws.contacts(0.0, 1, limits), Laws.contacts(mu, 3, contacts)])
+    order = normal_first(contacts, joints + bounded + limits)
     c = _first(arrays, "v_f", n) / scale
     notes: dict[str, Any] = {"source": "Kamino"}
     if "compliance" in arrays:
@@ -76,6 +74,19 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     if "v_plus" in arrays:
         _check_velocity(problem, impulses, _first(arrays, "v_plus", n)[order])
     return with_stored_solution(problem, impulses)
+
+
+def _bounded_laws(arrays: Arrays, count: int, scale: FloatArray) -> Laws:
+    """Return the friction laws with fixed bounds [N s] of bounded multipliers."""
+    if not count:
+        return Laws.joints(0)
+    lower, upper = (_first(arrays, name, count) for name in ("bound_lower", "bound_upper"))
+    if not (np.isfinite(upper) & (upper >= 0.0) & (lower == -upper)).all():
+        raise ProblemError(
+            "the bounds of multipliers must be equal in both directions; dump bound_lower and bound_upper."
+        )
+    kind, none = np.full(count, LawKind.PLANAR_FRICTION), np.full(count, -1)
+    return Laws.in_order(kind, np.zeros(count), upper * scale, none)
 
 
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:

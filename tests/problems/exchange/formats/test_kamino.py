@@ -73,11 +73,35 @@ def test_joints_and_limits_stand_before_the_contacts() -> None:
     np.testing.assert_allclose(problem.delassus().toarray(), G[order][:, order], rtol=1e-6)
 
 
+def test_bounded_multipliers_are_friction_with_bounds_in_physical_units() -> None:
+    """A slider of mass m that moves at v < 0 is slowed down by the impulse b, and stopped where b suffices."""
+    mass, scale = np.array([2.0, 0.5]), np.array([0.25, 4.0])
+    bound = np.array([1.0, 3.0])
+    arrays = {
+        "D": np.diag(scale**2 / mass),
+        "P": scale,
+        "v_f": scale * np.array([-1.0, -2.0]),
+        "mu": np.zeros(0),
+        "nbc": np.array(2),
+        "bound_lower": -bound / scale,
+        "bound_upper": bound / scale,
+    }
+    problem = problem_of_arrays(arrays, Repair())
+    assert problem.laws.kind.tolist() == [1, 1]
+    assert solve(problem).impulses == pytest.approx([1.0, 1.0])
+    assert problem.relative_velocity(solve(problem).impulses) == pytest.approx([-0.5, 0.0], abs=1e-7)
+    for name, value in (("bound_lower", -2.0 * bound), ("bound_upper", np.array([np.inf, 1.0]))):
+        with pytest.raises(ProblemError, match="equal in both directions"):
+            problem_of_arrays(arrays | {name: value}, Repair())
+    with pytest.raises(ProblemError, match="'bound_lower' must have 2 numbers"):
+        problem_of_arrays({name: value for name, value in arrays.items() if name != "bound_lower"}, Repair())
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"D": None}, "there is no array 'D'"),
-        ({"nbc": np.array(2)}, "2 rows have bounded multipliers"),
+        ({"nbc": np.array(2)}, "must have 38 numbers|must have 1444 numbers"),
         ({"nc": np.array([12, 12])}, "'nc' must be one whole number; dump one world at a time"),
         ({"nc": np.array(13)}, "must have 1521 numbers|must have 39 numbers"),
         ({"P": -DUMP["P"]}, "'P', the preconditioner, must be positive"),
