@@ -275,7 +275,8 @@ def study(
         tolerance: tolerance of the solvers in those ``methods`` that vary the step.
         duration: simulated time [s]; that of the scene if None.
         members: seeds of a scene of balls, or factors on steps and tolerances, over which errors are computed.
-        start: initial impulses of each solve: "warm" (the last impulses), "cold" (zero) or "warm-then-cold".
+        start: initial impulses of each solve: "warm" (the last impulses), "scaled" (a part of them), "cold" (zero)
+            or "warm-then-cold".
 
     Raises:
         ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.

@@ -75,7 +75,7 @@ class SimulationPlan:
         solver: solver of the contact problem of each one-step inclusion.
         tolerance: judged residual that each solve must reach.
         max_iterations: iteration limit of each solve.
-        start: initial impulses of each solve: "warm", "cold" or "warm-then-cold", see ``starts``.
+        start: initial impulses of each solve: "warm", "cold", "warm-then-cold" or "scaled", see ``starts``.
         states: N; a simulation of more steps keeps N to 2 N states, and those at switching points in addition.
         step_seconds: wall time limit of a plugin's scene or solver for one step [s].
     """

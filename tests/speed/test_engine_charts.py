@@ -6,39 +6,38 @@ import engine_charts
 import msgspec
 import pandas as pd
 import pytest
-from engine_charts import BUSY, FIGURES, KEY, PROCESSOR, WALL, best_rows, main
+from engine_charts import FIGURES, INTERRUPTED, KEY, PROCESSOR, WALL, best_rows, main
 from proxbench.bench.measure.machine import this_machine
 from proxbench.bench.measure.trajectories.engines.measurement import Measurement
 from proxbench.bench.measure.trajectories.engines.run import Comparison
 
 
-def stored(file: Path, setting: str, load: float) -> Path:
-    """Write a result with one run of the stack in Proxbench, which takes 7 s a simulated second."""
+def stored(file: Path, setting: str, ratio: float) -> Path:
+    """Write a result with one run of the stack in Proxbench, whose wall time is ``ratio`` times its 7 s."""
     errors = {"penetration [mm]": 1e-3, "drift [mm]": 2.0, "last speed [mm/s]": 3.0}
-    run = Measurement(
-        scene="stack", engine="proxbench", setting=setting, time_step=2e-3, wall_seconds=7.0, errors=errors
-    )
+    seconds = {"wall_seconds": 7.0 * ratio, "processor_seconds": 7.0}
+    run = Measurement(scene="stack", engine="proxbench", setting=setting, time_step=2e-3, errors=errors, **seconds)
     machine = msgspec.to_builtins(this_machine())
-    made = Comparison(measurements=(run,), versions={}, rounds=1, load=(load, 0.0), machine=machine)
+    made = Comparison(measurements=(run,), versions={}, rounds=1, load=(1.5, 0.0), machine=machine)
     file.write_bytes(msgspec.json.encode(made))
     return file
 
 
-@pytest.mark.parametrize(("load", "is_kept"), [(BUSY, True), (BUSY + 1.0, False)])
-def test_a_new_run_replaces_the_old_one_and_has_a_wall_time_on_a_quiet_machine_only(
-    load: float, is_kept: bool, tmp_path: Path
+@pytest.mark.parametrize(("ratio", "is_kept"), [(0.99 * INTERRUPTED, True), (1.01 * INTERRUPTED, False)])
+def test_a_new_run_replaces_the_old_one_and_has_a_wall_time_unless_it_was_interrupted(
+    ratio: float, is_kept: bool, tmp_path: Path
 ) -> None:
     old = pd.read_csv(FIGURES)
     file = tmp_path / "engines.csv"
     old.to_csv(file, index=False)
-    result = stored(tmp_path / "new.json", "1e-4", load)
+    result = stored(tmp_path / "new.json", "1e-4", ratio)
     main(["--figures", str(file), "--results", str(result), "--charts", str(tmp_path)])
     new = pd.read_csv(file)
     pd.testing.assert_frame_equal(new[KEY], old[KEY])
     changed = new[(new["scene"] == "stack") & (new["engine"] == "proxbench") & (new["setting"] == "1e-4")]
     assert changed["penetration [mm]"].tolist() == [1e-3]
     assert changed[WALL].notna().tolist() == [is_kept]
-    assert changed["load"].tolist() == [load]
+    assert changed["load"].tolist() == [1.5]
 
 
 def test_both_pictures_are_drawn_with_all_engines(tmp_path: Path) -> None:

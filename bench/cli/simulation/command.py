@@ -38,7 +38,7 @@ def simulate(
         int | None, _method(metavar="NUMBER", help="Iteration limit of the solver in one step.")
     ] = None,
     start: Annotated[
-        str | None, _method(metavar="START", help="Initial impulses of a step: warm, cold or warm-then-cold.")
+        str | None, _method(metavar="START", help="Initial impulses of a step: warm, cold, warm-then-cold or scaled.")
     ] = None,
     step_seconds: Annotated[
         float | None, _method(metavar="SECONDS", help="Time limit of one request to a plugin.")

@@ -56,7 +56,7 @@ def make_study_plan(
         duration: simulated time [s]; if None, a duration suited to the scene.
         members: seeds of a scene of balls, otherwise factors on steps and tolerances; if None, defaults.
         limits: limits of each case; those of a solve apply to a simulation.
-        start: initial impulses of each solve: "warm", "cold" or "warm-then-cold".
+        start: initial impulses of each solve: "warm", "cold", "warm-then-cold" or "scaled".
 
     Raises:
         ProxbenchError: for an unknown scene, stepper, solver or option, or a number out of range.

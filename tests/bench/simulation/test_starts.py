@@ -10,12 +10,12 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.trajectories.methods import make_method
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.simulation.starts import STARTS, StepSolver
+from proxbench.bench.simulation.starts import STARTS, StepSolver, scaled_start
 from proxbench.problems import load
 from proxbench.problems.contact.model import Model
 from proxbench.problems.contact.problem import ContactProblem
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.solvers import Solution, Solver, Status, Stop, create
+from proxbench.solvers import Solution, Solver, Status, Stop, create, solve
 from proxbench.solvers.composite.fallback import ITERATIONS
 
 Pour = Callable[..., SimulationPlan]
@@ -48,6 +48,7 @@ class Scripted:
         ("warm", [(True, 800)]),
         ("cold", [(False, 800)]),
         ("warm-then-cold", [(True, 500), (False, 300)]),
+        ("scaled", [(True, 800)]),
     ],
 )
 def test_the_named_solver_runs_alone_from_the_named_start(start: str, solves: list[tuple[bool, float]]) -> None:
@@ -56,8 +57,34 @@ def test_the_named_solver_runs_alone_from_the_named_start(start: str, solves: li
     assert solver.solves == solves
 
 
+def energy(problem: ContactProblem, impulses: np.ndarray) -> float:
+    return float(0.5 * impulses @ (problem.relative_velocity(impulses) + problem.free_velocity))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_scaled_start_has_the_least_energy_of_all_parts_of_the_impulses(seed: int) -> None:
+    """Impulses of a third, once and three times the size of a solution."""
+    problem = load("funnel-frictionless-30")
+    solved = solve(problem, tolerance=1e-10).impulses
+    noise = np.random.default_rng(seed).uniform(size=problem.n_rows) * solved.mean()
+    for size in (1.0 / 3.0, 1.0, 3.0):
+        given = size * (solved + noise)
+        found = energy(problem, scaled_start(problem, given))
+        assert found <= min(energy(problem, part * given) for part in np.linspace(0.0, 1.0, 101))
+
+
+def test_a_scaled_start_is_the_solution_itself_and_zero_where_bodies_separate() -> None:
+    """At a solution without friction Λᵀ(GΛ + c) = 0, so that s = 1."""
+    problem = load("funnel-frictionless-30")
+    solved = solve(problem, tolerance=1e-10).impulses
+    assert scaled_start(problem, solved) == pytest.approx(solved, rel=1e-8)
+    apart = ContactProblem(np.abs(problem.free_velocity), problem.laws, problem.matrix, problem.factors)
+    assert not scaled_start(apart, solved).any()
+    assert not scaled_start(problem, np.zeros(problem.n_rows)).any()
+
+
 def test_each_start_has_its_name_in_the_plan_and_in_the_registry() -> None:
-    assert list(STARTS) == ["warm", "cold", "warm-then-cold"]
+    assert list(STARTS) == ["warm", "cold", "warm-then-cold", "scaled"]
     for name in STARTS:
         assert make_simulation_plan("pile", start=name).record.start == name
 

@@ -110,7 +110,7 @@ def test_a_study_that_cannot_be_is_refused(scene: str, options: dict[str, Any], 
         make_study_plan(scene, **options)
 
 
-@pytest.mark.parametrize("start", ["warm", "cold", "warm-then-cold"])
+@pytest.mark.parametrize("start", ["warm", "cold", "warm-then-cold", "scaled"])
 def test_all_methods_and_the_reference_of_a_study_have_its_start(start: str) -> None:
     plan = make_study_plan("pile(balls=3)", ["Jprox"], start=start)
     reference = plan.record.trajectories[0].reference
