@@ -2,8 +2,10 @@
 
 ``python tests/speed/momentum_rule.py problems`` solves problems of the library; names may follow.
 ``python tests/speed/momentum_rule.py pours 1000 4000 16000`` solves steps of pours of so many balls, at the times
-``TIMES``, each cold and warm, and prints the mean of each rule. ``python tests/speed/momentum_rule.py robust`` compares
-the measured momentum of the sweeps that ``Robust`` selects with β = 0.8, on the problems of ``SUITES``.
+``TIMES``, each cold and warm, and prints the mean of each rule. ``python tests/speed/momentum_rule.py starts 1000``
+compares the starts of measured momentum on every tenth step from 0.3 s to 0.6 s, with standard errors.
+``python tests/speed/momentum_rule.py robust`` compares the measured momentum of the sweeps that ``Robust`` selects with
+β = 0.8, on the problems of ``SUITES``.
 
 All print tables in Markdown. Cells are the sweeps of a solve, as the solver counts them; a dash marks residuals that
 are not reached, and means count these as the limit. Columns "to" have β = min(bound, k/(k + 4)). Other programs do not
@@ -11,10 +13,11 @@ matter.
 """
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from proxbench.bench.simulation.starts import scaled_start
 from proxbench.problems import ContactProblem, ProxbenchError, load
 from proxbench.problems.exchange.catalog import SUITES as PROBLEMS_OF_SUITE
 from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
@@ -59,6 +62,9 @@ MAX_SWEEPS, MAX_POUR_SWEEPS = 3000, 1000
 TIME_STEP, TIMES = 1e-3, (0.3, 0.35, 0.4, 0.45, 0.5, 0.55)
 """Δt [s] of a pour, and the times [s] of the steps that are solved."""
 
+START_TIMES = tuple(np.arange(0.3, 0.6, 0.01))
+"""Times [s] at which starts are compared."""
+
 POUR_SOLVER, POUR_STOP = "SORprox(relaxation=1.1, form='factors', momentum=0.65)", Stop(1e-2, 1000)
 """Solver and limits of the steps that lead there."""
 
@@ -73,11 +79,11 @@ def sweeps(problem: ContactProblem, options: str, limit: int, start: np.ndarray 
     return [one.iterations if one.status is Status.SOLVED else None for one in solved]
 
 
-def poured(balls: int) -> Iterator[tuple[ContactProblem, np.ndarray]]:
-    """Yield the contact problems of a pour at ``TIMES``, each with the impulses of the step before."""
+def poured(balls: int, times: Iterable[float] = TIMES) -> Iterator[tuple[ContactProblem, np.ndarray]]:
+    """Yield the contact problems of a pour at some times [s], each with the impulses of the step before."""
     funnel = Funnel(balls)
     rule = MidpointRule(funnel.system(), create(POUR_SOLVER), POUR_STOP, TIME_STEP, depth=0.02 * RADIUS)
-    wanted, before = {round(time / TIME_STEP) for time in TIMES}, funnel.start()
+    wanted, before = {round(time / TIME_STEP) for time in times}, funnel.start()
     for number, step in enumerate(rule.steps(before, max(wanted)), 1):
         if number in wanted:
             assert step.problem is not None
@@ -127,6 +133,28 @@ def print_pours(sizes: Sequence[int]) -> None:
             print_rows(f"{balls} | {contacts:.0f} | {name}", columns, 1)
 
 
+def print_starts(sizes: Sequence[int]) -> None:
+    """Print the mean sweeps of measured momentum from each start, with standard errors."""
+    print("| balls | contacts | to | cold | warm | scaled |\n| ---: | ---: | --- | ---: | ---: | ---: |")
+    for balls in sizes:
+        steps = list(poured(balls, START_TIMES))
+        contacts = np.mean([problem.n_contacts for problem, _ in steps])
+        starts = {
+            "cold": [None for _ in steps],
+            "warm": [start for _, start in steps],
+            "scaled": [scaled_start(problem, start) for problem, start in steps],
+        }
+        for tolerance in TOLERANCES:
+            cells = []
+            for chosen in starts.values():
+                counts = []
+                for (problem, _), start in zip(steps, chosen, strict=True):
+                    prepared = create(f"SORprox({RULES['measured']}, form='factors')").prepare(problem)
+                    counts.append(prepared.solve(Stop(tolerance, MAX_POUR_SWEEPS), start).iterations)
+                cells.append(f"{np.mean(counts):.1f} ± {np.std(counts, ddof=1) / np.sqrt(len(counts)):.1f}")
+            print(f"| {balls} | {contacts:.0f} | {tolerance:.0e} | {' | '.join(cells)} |", flush=True)
+
+
 def print_robust() -> None:
     """Print the sweeps to 1e-2, 1e-4 and 1e-6 with constant and with measured momentum."""
     print("| problem | contacts | β = 0.8 | measured |\n| --- | ---: | ---: | ---: |")
@@ -151,5 +179,7 @@ if __name__ == "__main__":
         print_problems(sys.argv[2:])
     elif sys.argv[1] == "robust":
         print_robust()
+    elif sys.argv[1] == "starts":
+        print_starts([int(word) for word in sys.argv[2:]])
     else:
         print_pours([int(word) for word in sys.argv[2:]])
