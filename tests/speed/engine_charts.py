@@ -58,7 +58,6 @@ NAMED = {
     ("mujoco", "stiff, half step"): "half step",
     ("mujoco", "stiff, long step"): "long step",
     ("pybullet", "10 iterations"): "10 iterations",
-    ("pybullet", "200 iterations"): "200 iterations",
     ("pybullet", "50 iterations, long step"): "50 iterations, long step",
     ("rapier", "Coulomb, half step"): "all settings",
     ("dart", "ODE contacts, half step"): "half step",
@@ -143,14 +142,14 @@ def draw_cube(motions: pd.DataFrame) -> alt.VConcatChart:
 
 
 def draw_stack(figures: pd.DataFrame) -> alt.LayerChart:
-    """Return the penetration of the stack over wall time, for each setting of the engines."""
-    stack = figures[figures["scene"] == "stack"].rename(columns={WALL: "cost", "penetration [mm]": "deep"})
+    """Return the penetration of the stack over processor time, for each setting of the engines."""
+    stack = figures[figures["scene"] == "stack"].rename(columns={PROCESSOR: "cost", "penetration [mm]": "deep"})
     stack = stack[["engine", "setting", "cost", "deep"]].dropna()
     stack["name"] = [NAMED.get(key, "") for key in zip(stack["engine"], stack["setting"], strict=True)]
     colours, shapes = zip(*MARKS.values(), strict=True)
     costs, depths = [2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000], [10.0**power for power in range(-6, 3)]
     base = alt.Chart(stack).encode(
-        x=alt.X("cost:Q", title="wall time per simulated second [ms]")
+        x=alt.X("cost:Q", title="processor time per simulated second [ms]")
         .axis(values=costs)
         .scale(type="log", domain=(2, 2500), nice=False),
         y=alt.Y("deep:Q", title="penetration [mm]")
