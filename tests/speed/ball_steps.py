@@ -1,0 +1,76 @@
+"""Measure a step of a pour of balls by solver and tolerance.
+
+``python tests/speed/ball_steps.py --balls 1000 --times 0.3 0.45`` pours balls into a funnel. For the state at each time
+it prints the least and the median processor time of a step, and the mean number of sweeps. The solvers take turns; each
+sample is ten successive steps of 1 ms from the same state.
+"""
+
+import argparse
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.state import State
+from proxbench.problems.motion.stepping.midpoint import MidpointRule
+from proxbench.solvers import Stop, create
+
+STEP, DEPTH = 1e-3, 1e-4
+"""Δt [s], and the penetration [m] that the projection leaves."""
+
+POURING = "SORprox(relaxation=1.5, form='factors')"
+
+SOLVERS = (
+    (POURING, 1e-2),
+    ("SORprox(relaxation=1.1, form='factors', momentum=0.65)", 1e-2),
+    ("MomentumFallback", 1e-2),
+    ("SORprox(relaxation=1.1, form='factors', momentum=0.8)", 1e-4),
+    ("MomentumFallback", 1e-4),
+)
+
+STEPS, SAMPLES = 10, 40
+
+
+def poured(balls: int, times: Sequence[float]) -> dict[float, State]:
+    """Return the states of a pour at some times [s], by time."""
+    scene = make_scene(f"funnel(balls={balls})")
+    rule = MidpointRule(scene.system, create(POURING), Stop(1e-2), STEP, depth=DEPTH)
+    wanted, states = {round(time / STEP): time for time in times}, {}
+    for number, step in enumerate(rule.steps(scene.start, max(wanted)), 1):
+        if number in wanted:
+            states[wanted[number]] = step.state
+    return states
+
+
+def measure(balls: int, state: State) -> None:
+    """Print a row of Markdown for each solver."""
+    system = make_scene(f"funnel(balls={balls})").system
+    rules = {key: MidpointRule(system, create(key[0]), Stop(key[1]), STEP, depth=DEPTH) for key in SOLVERS}
+    samples: dict[tuple[str, float], list[float]] = {key: [] for key in SOLVERS}
+    sweeps = {}
+    for _ in range(SAMPLES + 1):
+        for key, rule in rules.items():
+            began = time.process_time()
+            steps = list(rule.steps(state, STEPS))
+            samples[key].append(1e3 * (time.process_time() - began) / STEPS)
+            sweeps[key] = np.mean([step.iterations for step in steps])
+    for (solver, tolerance), taken in samples.items():
+        kept = taken[1:]  # the first sample compiles
+        cells = f"{tolerance:.0e} | {sweeps[solver, tolerance]:.0f} | {min(kept):.2f} | {np.median(kept):.2f}"
+        print(f"| {balls} | {state.time:.2f} | `{solver}` | {cells} |", flush=True)
+
+
+def main() -> None:
+    """Read the command line and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--balls", type=int, default=1000)
+    parser.add_argument("--times", type=float, nargs="+", default=[0.3, 0.45])
+    given = parser.parse_args()
+    print("| balls | t [s] | solver | residual | sweeps | least [ms] | median [ms] |")
+    print("| ---: | ---: | --- | --- | ---: | ---: | ---: |")
+    for state in poured(given.balls, given.times).values():
+        measure(given.balls, state)
+
+
+if __name__ == "__main__":
+    main()
