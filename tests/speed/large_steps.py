@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from proxbench.bench.simulation.starts import STARTS, WARM, StepSolver
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import Friction, Gravity, Restitution, ball_system
@@ -100,10 +101,10 @@ class Sweeps:
         stream(SWEEPS, self.data.bodies, self.data.records, self.held, self.change)
 
 
-def samples(n_balls: int, solver: str) -> tuple[dict[str, Callable[[], Any]], int, int]:
+def samples(n_balls: int, solver: str, start: str) -> tuple[dict[str, Callable[[], Any]], int, int]:
     """Return what is timed at one size, the number of contacts, and the bytes per contact that a sweep moves."""
     system, state = heap(n_balls)
-    rule = MidpointRule(system, create(solver), Stop(TOLERANCE), STEP, depth=DEPTH)
+    rule = MidpointRule(system, StepSolver(create(solver), start), Stop(TOLERANCE), STEP, depth=DEPTH)
     ordered, shuffled = Sweeps(system, state), Sweeps(*heap(n_balls, is_shuffled=True))
     timed = {
         "step": lambda: list(rule.steps(state, STEPS)),
@@ -115,10 +116,10 @@ def samples(n_balls: int, solver: str) -> tuple[dict[str, Callable[[], Any]], in
     return timed, ordered.n_contacts, ordered.bytes_per_contact
 
 
-def main(sizes: Sequence[int], solver: str) -> None:
-    """Print the costs at each size; ``solver`` solves the steps."""
+def main(sizes: Sequence[int], solver: str, start: str) -> None:
+    """Print the costs at each size; ``solver`` solves the steps from ``start``."""
     print(" balls  contacts  sweeps  ms a step  bytes  ns a contact and sweep  streaming  ratio  32 bits  shuffled  MB")
-    prepared = {n: samples(n, solver) for n in sizes}
+    prepared = {n: samples(n, solver, start) for n in sizes}
     times: dict[tuple[int, str], list[float]] = {}
     for turn in range(ROUNDS + 1):
         for n, (timed, _, _) in prepared.items():
@@ -143,5 +144,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("balls", type=int, nargs="*", default=[1000, 16000])
     parser.add_argument("--solver", default=SOLVER, help="solver of the steps; sweeps are always those of %(default)s")
+    parser.add_argument("--start", choices=STARTS, default=WARM, help="start of each solve")
     words = parser.parse_args()
-    main(words.balls, words.solver)
+    main(words.balls, words.solver, words.start)
