@@ -94,7 +94,7 @@ class Sweeps:
         """Sweep over records of 32-bit numbers."""
         own, now = self.data, self.iterates
         arrays = now._held, now._moved, now._change, now._before
-        sweep_balls(SWEEPS, own.bodies, self.short_records, own.spin_share, *arrays, MOMENTUM, 0.0, 0, MOMENTUM)
+        sweep_balls(SWEEPS, own.bodies, self.short_records, own.balls.spin_share, *arrays, MOMENTUM, 0.0, 0, MOMENTUM)
 
     def stream(self) -> None:
         """Read and write the arrays of a sweep in sequence."""
