@@ -45,8 +45,8 @@ def solve_many(
 ) -> SolvedProblems:
     """Solve many problems by ``Robust``, with the same results as one by one, and judge each answer.
 
-    It pays for problems of up to 150 rows given by G, or by the columns of W with a diagonal M⁻¹. Others, and those that
-    need more than sweeps, are solved one by one in one thread.
+    It pays for problems of up to 150 rows given by G, or by the columns of W with a diagonal M⁻¹. Others, and those
+    that need more than sweeps, are solved one by one in one thread.
 
     Args:
         problems: the contact problems, their names, or the paths of their files.

@@ -46,6 +46,7 @@ def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[
 def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, monkeypatch: pytest.MonkeyPatch) -> None:
     used = []
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)  # threads for small problems too
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     run = Team.run
 
     def counted(team: Team, threads: int, *arguments: Any) -> Any:
@@ -75,6 +76,7 @@ def test_threads_that_never_come_change_no_bit(name: str, absent: int, monkeypat
     problem, threads = problem_of(name), 3
     alone = swept(problem, 1, 0.65)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     monkeypatch.setattr(Team, "run", lambda self, _, kernel, *rest: kernel(absent, threads, *rest))
     assert swept(problem, threads, 0.65) == alone
 

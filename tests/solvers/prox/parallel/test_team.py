@@ -64,6 +64,7 @@ def test_more_threads_than_cores_are_refused_in_one_sentence() -> None:
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="there is one core alone")
 def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     before, during, run = _thread._count(), [], Team.run
 
     def counted(team: Team, *arguments: Any) -> Any:
