@@ -192,7 +192,8 @@ def install(commit: str) -> Path:
         return site
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(files)) as archive:
-            archive.extractall(folder, filter="data")
+            safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}  # since Python 3.11.4
+            archive.extractall(folder, **safe)  # type: ignore[arg-type]
         partial = Path(folder, "site")
         pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-compile", "--target", str(partial)]
         version = {"SETUPTOOLS_SCM_PRETEND_VERSION": "0"}
