@@ -68,7 +68,7 @@ def solve_60_contacts_by_newton_steps(folder: Path) -> Repeat:
     return _solve("InteriorPoint", "funnel-30")
 
 
-def five_steps_of_thousand_balls(folder: Path) -> Repeat:
+def five_steps_of_thousand_balls_by_momentum(folder: Path) -> Repeat:
     """Take five steps of 1 ms of a thousand balls in flow, solved to 1e-2 by the default solver, with projection."""
     with np.load(folder / "flowing.npz") as kept:
         state = State(**kept)
@@ -113,7 +113,7 @@ FIGURES: dict[str, Callable[[Path], Repeat]] = {
         prepare_1674_contacts,
         solve_340_contacts,
         solve_60_contacts_by_newton_steps,
-        five_steps_of_thousand_balls,
+        five_steps_of_thousand_balls_by_momentum,
         five_steps_of_arch,
         judge_1674_contacts,
         residual_of_1674_contacts,
