@@ -7,9 +7,9 @@ sample is ten successive steps of 1 ms from the same state.
 
 import argparse
 import time
-from collections.abc import Sequence
 
 import numpy as np
+from pours import steps_at
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
@@ -29,17 +29,6 @@ SOLVERS = (
 )
 
 STEPS, SAMPLES = 10, 40
-
-
-def poured(balls: int, times: Sequence[float]) -> dict[float, State]:
-    """Return the states of a pour at some times [s], by time."""
-    scene = make_scene(f"funnel(balls={balls})")
-    rule = MidpointRule(scene.system, create(POURING), Stop(1e-2), STEP, depth=DEPTH)
-    wanted, states = {round(time / STEP): time for time in times}, {}
-    for number, step in enumerate(rule.steps(scene.start, max(wanted)), 1):
-        if number in wanted:
-            states[wanted[number]] = step.state
-    return states
 
 
 def measure(balls: int, state: State) -> None:
@@ -68,8 +57,10 @@ def main() -> None:
     given = parser.parse_args()
     print("| balls | t [s] | solver | residual | sweeps | least [ms] | median [ms] |")
     print("| ---: | ---: | --- | --- | ---: | ---: | ---: |")
-    for state in poured(given.balls, given.times).values():
-        measure(given.balls, state)
+    scene = make_scene(f"funnel(balls={given.balls})")
+    rule = MidpointRule(scene.system, create(POURING), Stop(1e-2), STEP, depth=DEPTH)
+    for _, step in list(steps_at(rule, scene.start, given.times)):
+        measure(given.balls, step.state)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from pours import steps_at
 from proxbench.bench.simulation.starts import scaled_start
 from proxbench.problems import ContactProblem, ProxbenchError, load
 from proxbench.problems.exchange.catalog import SUITES as PROBLEMS_OF_SUITE
@@ -83,16 +84,13 @@ def poured(balls: int, times: Iterable[float] = TIMES) -> Iterator[tuple[Contact
     """Yield the contact problems of a pour at some times [s], each with the impulses of the step before."""
     funnel = Funnel(balls)
     rule = MidpointRule(funnel.system(), create(POUR_SOLVER), POUR_STOP, TIME_STEP, depth=0.02 * RADIUS)
-    wanted, before = {round(time / TIME_STEP) for time in times}, funnel.start()
-    for number, step in enumerate(rule.steps(before, max(wanted)), 1):
-        if number in wanted:
-            assert step.problem is not None
-            assert step.contacts is not None
-            _, old, new = np.intersect1d(before.keys, step.contacts.keys, return_indices=True)
-            start = np.zeros((step.problem.n_contacts, 3))
-            start[new] = before.impulses[old]
-            yield step.problem, start.ravel()
-        before = step.state
+    for before, step in steps_at(rule, funnel.start(), times):
+        assert step.problem is not None
+        assert step.contacts is not None
+        _, old, new = np.intersect1d(before.keys, step.contacts.keys, return_indices=True)
+        start = np.zeros((step.problem.n_contacts, 3))
+        start[new] = before.impulses[old]
+        yield step.problem, start.ravel()
 
 
 def print_head(*names: str) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from pours import steps_at
 from proxbench.problems import ContactProblem
 from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
@@ -35,10 +36,9 @@ def poured(balls: int) -> ContactProblem:
     """Return the contacts of a pour at 0.45 s."""
     funnel = Funnel(balls)
     rule = MidpointRule(funnel.system(), create(SOLVER), Stop(1e-2, 1000), TIME_STEP, depth=DEPTH)
-    for step in rule.steps(funnel.start(), STEPS):
-        problem = step.problem
-    assert problem is not None
-    return problem
+    ((_, step),) = steps_at(rule, funnel.start(), [STEPS * TIME_STEP])
+    assert step.problem is not None
+    return step.problem
 
 
 @njit(fastmath=True)
@@ -57,7 +57,7 @@ def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
 
 def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
     """Return a function that streams the bytes of so many sweeps."""
-    bodies, records, _ = sweep.balls or (*sweep.pieces[1:], None)
+    bodies, records, _ = sweep.ball_batches or (*sweep.piece_batches[1:], None)
     held, change = np.zeros((2, 3 * len(bodies) // 2))
 
     def run(count: int) -> None:

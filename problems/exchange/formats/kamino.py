@@ -83,7 +83,7 @@ def _bounded_laws(arrays: Arrays, count: int, scale: FloatArray) -> Laws:
     lower, upper = (_first(arrays, name, count) for name in ("bound_lower", "bound_upper"))
     if not (np.isfinite(upper) & (upper >= 0.0) & (lower == -upper)).all():
         raise ProblemError(
-            "the bounds of multipliers must be equal in both directions; dump bound_lower and bound_upper."
+            "the bounds of multipliers must be finite and equal in both directions; remove other limits of effort."
         )
     kind, none = np.full(count, LawKind.PLANAR_FRICTION), np.full(count, -1)
     return Laws.in_order(kind, np.zeros(count), upper * scale, none)

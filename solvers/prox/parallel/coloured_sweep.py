@@ -52,8 +52,8 @@ class ColouredSweep:
 
     Attributes:
         layout: the padded blocks.
-        pieces: the constant arguments of a sweep over pieces, see ``batch_arguments``; None over balls.
-        balls: bodies, records and κ of a sweep over balls, see ``BallSweep``; None over pieces.
+        piece_batches: the constant arguments of a sweep over pieces, see ``batch_arguments``; None over balls.
+        ball_batches: bodies, records and κ of a sweep over balls, see ``BallSweep``; None over pieces.
         motion: maps Λ, shape (n_rows,), to v of all bodies and of the idle one, flat.
         first_batch: first batch of each colour, then the number of batches, shape (n_colours + 1,).
         slots: position of each entry of padded Λ in the order of the batches.
@@ -61,8 +61,8 @@ class ColouredSweep:
     """
 
     layout: BlockLayout
-    pieces: tuple[Any, ...] | None
-    balls: tuple[Any, ...] | None
+    piece_batches: tuple[Any, ...] | None
+    ball_batches: tuple[Any, ...] | None
     motion: Callable[[FloatArray], FloatArray]
     first_batch: IntArray
     slots: IntArray
@@ -147,8 +147,8 @@ class ColouredIterates(MomentumState):
             (self._sweeps, self._windows),
             count,
             self._stages,
-            own.pieces,
-            own.balls,
+            own.piece_batches,
+            own.ball_batches,
             (self._held, self._scaled, self._change, self._before, self._velocity),
             (self._momentum, self._delay, self._present),
             self._turns,

@@ -25,7 +25,7 @@ def problem_of(name: str) -> ContactProblem:
     assembly = scene.system.assemble(0.8 * scene.start.position, velocity, 1e-3)
     assert assembly.contacts is not None
     problem = step_problem(assembly, assembly.contacts, velocity)
-    assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1).balls is not None
+    assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1).ball_batches is not None
     return problem
 
 
