@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import altair as alt
+import numpy as np
 import pandas as pd
 import vl_convert
 
@@ -114,16 +115,23 @@ def heading(text: str, notes: Sequence[str], width: float, size: int = 16) -> al
     )
 
 
-def log_scale(data: Any, columns: Sequence[str], other: float | None = None, reverse: bool = False) -> alt.Scale:
+def log_scale(
+    data: Any, columns: Sequence[str], other: float | None = None, reverse: bool = False, has_decades: bool = False
+) -> alt.Scale:
     """Return a logarithmic scale slightly wider than the values in these columns and another value.
 
-    If the data are filled in later, the scale adapts to them.
+    If the data are filled in later, the scale adapts to them. With ``has_decades`` it contains at least two powers of
+    ten, for axes that have no other ticks.
     """
     if not isinstance(data, pd.DataFrame):
         return alt.Scale(type="log", nice=False, padding=8, reverse=reverse)
     values = [*data[list(columns)].min(), *data[list(columns)].max(), *([] if other is None else [other])]
     room = max((max(values) / min(values)) ** 0.03, 1.2)
-    return alt.Scale(type="log", nice=False, domain=[min(values) / room, max(values) * room], reverse=reverse)
+    ends = [min(values) / room, max(values) * room]
+    below, above = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
+    if has_decades and above - below <= 2.0:  # otherwise two powers of ten are inside
+        ends = [10.0**below, 10.0**above]
+    return alt.Scale(type="log", nice=False, domain=ends, reverse=reverse)
 
 
 def by_name(

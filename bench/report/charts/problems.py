@@ -193,7 +193,7 @@ def cost_panel(
     data = data if not isinstance(data, pd.DataFrame) else data[list(dict.fromkeys([*columns, work]))]
     titles = {"x": f"{residual}; better to the right", "y": f"{WORKS[work]}; better below"}
     base = alt.Chart(data).encode(
-        x=alt.X("residual:Q", title=titles["x"], scale=log_scale(data, x_ends, floor, reverse=True)).axis(
+        x=alt.X("residual:Q", title=titles["x"], scale=log_scale(data, x_ends, floor, True, has_decades=True)).axis(
             **RESIDUAL_AXIS
         ),
         y=alt.Y(f"{work}:Q", title=titles["y"], scale=log_scale(data, y_ends)).axis(**TIME_AXIS),
@@ -224,7 +224,7 @@ def convergence_panel(named: Mapping[str, Look], data: Any, legend: alt.Legend |
         y=alt.Y(
             "residual:Q",
             title="judged residual (velocity error, relative)",
-            scale=log_scale(data, ["residual"]),
+            scale=log_scale(data, ["residual"], has_decades=True),
         ).axis(**RESIDUAL_AXIS),
         color=by_name(alt.Color, "solver", named, "colour", legend),
         tooltip="solver:N",

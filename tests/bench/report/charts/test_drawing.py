@@ -30,3 +30,21 @@ def test_a_legend_names_the_solvers_shown_in_their_order(number: int) -> None:
     legend = solver_legend(looks([*names, "Hidden"]), reversed(names)).to_dict()
     assert legend["values"] == names
     assert (legend["columns"] - 1) * MAX_LEGEND_ROWS < number <= legend["columns"] * MAX_LEGEND_ROWS
+
+
+@pytest.mark.parametrize(
+    ("least", "largest", "domain"),
+    [(2e-5, 4e-5, [1e-5, 1e-4]), (8e-6, 4e-5, [1e-6, 1e-4]), (0.9e-5, 0.9e-5, [1e-6, 1e-4])],
+)
+def test_an_axis_with_ticks_at_powers_of_ten_contains_two_of_them(
+    least: float, largest: float, domain: list[float]
+) -> None:
+    values = pd.DataFrame({"residual": [least, largest]})
+    assert log_scale(values, ["residual"], has_decades=True).to_dict()["domain"] == pytest.approx(domain)
+    assert log_scale(values, ["residual"]).to_dict()["domain"] == pytest.approx([least / 1.2, largest * 1.2])
+
+
+def test_an_axis_over_several_powers_of_ten_is_no_wider_than_its_values() -> None:
+    values = pd.DataFrame({"residual": [2e-8, 4e-2]})
+    scales = [log_scale(values, ["residual"], has_decades=has_decades).to_dict() for has_decades in (True, False)]
+    assert scales[0] == scales[1]
