@@ -1,5 +1,6 @@
 """Shared: a finished little run, and command lines that are mistakes."""
 
+import os
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -25,15 +26,17 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 @pytest.fixture(scope="session")
 def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of five solvers on three problems at three tolerances, with faults among them."""
-    return run(
-        problems=["hard-counterexample", "hard-immovable", "funnel-30"],
-        solvers=["SORprox(relaxation=0.5)", "SORprox", "ClarabelSOCP", Misbehaving("lie"), Misbehaving("raise")],
-        results=tmp_path_factory.mktemp("results"),
-        run_id="little",
-        tolerances=[1e-2, 1e-4, 1e-6],
-        solve_seconds=2.0,
-        passes=2,
-    ).folder
+    with pytest.MonkeyPatch.context() as patch:  # claims a core even while other tests have claimed all of them
+        patch.setattr("proxbench.bench.measure.measuring_core.CLAIM", f"test-{os.getpid()}")
+        return run(
+            problems=["hard-counterexample", "hard-immovable", "funnel-30"],
+            solvers=["SORprox(relaxation=0.5)", "SORprox", "ClarabelSOCP", Misbehaving("lie"), Misbehaving("raise")],
+            results=tmp_path_factory.mktemp("results"),
+            run_id="little",
+            tolerances=[1e-2, 1e-4, 1e-6],
+            solve_seconds=2.0,
+            passes=2,
+        ).folder
 
 
 @pytest.fixture

@@ -4,10 +4,11 @@ import contextlib
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import replace as spec_replace
+from time import perf_counter
 
 import numpy as np
 import pytest
-from habitual_solvers import STOP, Wrapped, directions, sorted_sum
+from habitual_solvers import STOP, Wrapped, directions
 from msgspec.structs import replace
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.contacts import clock_account
@@ -33,8 +34,16 @@ from times_under_load import restore_limits
 PROBLEM = load("funnel-100")
 LIMITS = Limits(solve_seconds=30.0)
 MICROSECOND = 1e-6
-LOADING_SECONDS = 4e-3
-"""Less than loading a kernel takes [s]."""
+
+
+def repeated_seconds(solver: Wrapped) -> float:
+    """Return the median time of solves that have loaded all kernels, in this process [s]."""
+    ready, seconds = solver.prepare(PROBLEM), []
+    for _ in range(9):
+        began = perf_counter()
+        ready.solve(STOP)
+        seconds.append(perf_counter() - began)
+    return float(np.median(seconds[1:]))
 
 
 @pytest.fixture(autouse=True)
@@ -66,9 +75,15 @@ def test_a_solver_that_compiles_on_its_way_is_not_accused(controls: Controls) ->
 
 @pytest.mark.parametrize("controls", [Wrapped("load", directions(PROBLEM))], indirect=True)
 def test_a_solver_that_loads_a_kernel_on_the_problem_alone_is_not_accused(controls: Controls) -> None:
-    sorted_sum(PROBLEM.free_velocity)  # as the timed solves do, which store it
-    found = controls.first_solves(STOP, 2e-3, lambda: 2e-3)
-    assert np.median([solve.seconds for solve in found]) < LOADING_SECONDS
+    solver = Wrapped("load", directions(PROBLEM))
+
+    def again() -> float:
+        return 2 * repeated_seconds(solver)  # a load takes much longer than two solves
+
+    seconds = again()  # stores the kernel
+    loading = controls.first_solves(STOP, 1.0, never)[-1].seconds
+    found = controls.first_solves(STOP, seconds, again)
+    assert np.median([solve.seconds for solve in found]) < 0.5 * loading
 
 
 @pytest.mark.parametrize("controls", [Wrapped()], indirect=True)
