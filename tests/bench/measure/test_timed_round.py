@@ -10,7 +10,7 @@ from times_under_load import restore_limits
 
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    restore_limits(monkeypatch, "timed_round.TOLERATED_SECONDS")
+    restore_limits(monkeypatch, "measure.timed_round.TOLERATED_SECONDS")
 
 
 PLAIN = {

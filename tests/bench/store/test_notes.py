@@ -15,9 +15,15 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import MAX_ANSWERS, Point
 from proxbench.problems import ContactProblem, judge
 from stored_cases import case_record, measured_in, timed_round
+from times_under_load import restore_limits
 
 FAST, FALL = 80.0, 0.005
 """Speed of a ball that touches a pile, and free fall of a step [m/s]."""
+
+
+@pytest.fixture(autouse=True)
+def _allowance_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    restore_limits(monkeypatch, "store.notes.ALLOWANCE_SECONDS")
 
 
 def pile_under_a_fast_ball() -> ContactProblem:

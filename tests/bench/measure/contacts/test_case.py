@@ -29,7 +29,12 @@ from times_under_load import restore_limits
 
 @pytest.fixture(autouse=True)
 def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    restore_limits(monkeypatch, "timed_round.TOLERATED_SECONDS", "contacts.clock_account.ALLOWANCE_SECONDS")
+    restore_limits(
+        monkeypatch,
+        "measure.timed_round.TOLERATED_SECONDS",
+        "measure.contacts.clock_account.ALLOWANCE_SECONDS",
+        "store.notes.ALLOWANCE_SECONDS",
+    )
 
 
 def point(

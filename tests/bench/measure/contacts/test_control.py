@@ -48,7 +48,12 @@ def repeated_seconds(solver: Wrapped) -> float:
 
 @pytest.fixture(autouse=True)
 def _allowance_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    restore_limits(monkeypatch, "contacts.control.MAX_ALLOWANCE_SECONDS", "contacts.clock_account.ALLOWANCE_SECONDS")
+    restore_limits(
+        monkeypatch,
+        "measure.contacts.control.MAX_ALLOWANCE_SECONDS",
+        "measure.contacts.clock_account.ALLOWANCE_SECONDS",
+        "store.notes.ALLOWANCE_SECONDS",
+    )
 
 
 @pytest.fixture
