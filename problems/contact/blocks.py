@@ -70,7 +70,7 @@ class BlockLayout:
             laws.friction_coefficient,
             laws.fixed_bound,
         )
-        sliding, width, n, n_joints = map(int, _lay_out(*arguments, slot, numbers, bounds, is_bilateral))
+        sliding, width, n, n_joints = map(int, write_layout(*arguments, slot, numbers, bounds, is_bilateral))
         read_only(slot, numbers, bounds, is_bilateral)
         owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
         limits = (bounds[0, :n], bounds[1, :n], bounds[2, :n], bounds[3, :n])
@@ -156,7 +156,7 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
 
 @interpretable
 @njit(cache=True)
-def _lay_out(  # type: ignore[no-untyped-def]
+def write_layout(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
 ):
     """Return the numbers of tangential lanes and of all lanes per block, of blocks, and of joints.

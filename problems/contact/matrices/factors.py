@@ -106,8 +106,14 @@ class InverseMass:
         return product
 
     def fresh(self) -> "InverseMass":
-        """Return a copy that shares no memory with this object."""
-        return InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
+        """Return a copy that shares no memory with this object; it has the root, as every object that was checked."""
+        copy = InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
+        copy.__dict__["is_diagonal"] = self.is_diagonal
+        if self.is_diagonal:
+            copy.__dict__["root_diagonal"] = self.root_diagonal.copy()
+        else:
+            copy.__dict__["root"] = self.root.copy()
+        return copy
 
     def root_blocks(self, length: int) -> FloatArray | None:
         """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them; None if it has other entries."""

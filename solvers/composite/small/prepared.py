@@ -7,20 +7,18 @@ that costs less than a tenth of their time.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
+from typing import Any
 
 import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.compilation import DeferredKernels
-from ....problems.contact.blocks import BlockLayout
-from ....problems.contact.laws import Laws
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
 from ..sweeping import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from .laws import law_arguments
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
 
@@ -40,42 +38,6 @@ _KERNELS = DeferredKernels(
     uses_before_compiling=20_000,
 )
 """They take about 0.1 s to load and 10 s to compile."""
-
-
-class LawArguments(NamedTuple):
-    """Arguments of kernels that depend on the laws alone.
-
-    Attributes:
-        preparation: those of the functions in ``preparation``, after G or its factors and c.
-        sweeps: those of the functions in ``sweeps``, after c.
-    """
-
-    preparation: tuple[Any, ...]
-    sweeps: tuple[Any, ...]
-
-    @staticmethod
-    def of(laws: Laws, layout: BlockLayout) -> "LawArguments | None":
-        """Return the arguments, or None if the laws are not contacts with equal numbers of rows."""
-        if not (layout.has_contacts_only and layout.is_dense):
-            return None
-        of_rows = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
-        of_blocks = layout.slot, layout.contact_of_row, layout.partner
-        partner_lanes = (layout.width * layout.partner).view(np.uint64)
-        bounds = layout.friction_coefficient, layout.fixed_bound, partner_lanes
-        residual = laws.sets, laws.row_count, laws.first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner
-        return LawArguments((*of_rows, *of_blocks), (*bounds, *residual))
-
-
-_ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
-
-
-def law_arguments(problem: ContactProblem) -> LawArguments | None:
-    """Return the arguments for the laws of ``problem``, the same ones at each call."""
-    laws = problem.laws
-    found = _ARGUMENTS.get(laws)
-    if found is None and laws not in _ARGUMENTS:
-        found = _ARGUMENTS[laws] = LawArguments.of(laws, problem.layout)
-    return found
 
 
 class PreparedSmall:
@@ -116,7 +78,7 @@ def prepare_small(
 ) -> PreparedSmall | None:
     """Return the prepared sweeps of a small problem, or None where ``Robust`` does not begin with these sweeps."""
     free = problem.free_velocity
-    laws = law_arguments(problem) if 0 < len(free) <= FEW_ROWS else None
+    laws = law_arguments(problem.laws) if 0 < len(free) <= FEW_ROWS else None
     if laws is None or not _KERNELS.should_use():
         return None
     coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)

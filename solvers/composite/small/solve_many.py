@@ -21,8 +21,9 @@ from ....problems.exchange.catalog import load
 from ..robust import Robust
 from ..sweeping import FEW_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
+from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
-from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE, LawArguments, law_arguments
+from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE
 
 PARTS_PER_THREAD = 4
 """Ranges of problems for each thread, since some take longer than others."""
@@ -132,7 +133,7 @@ def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
     """Yield the small problems given by G, and those given by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
     for at, problem in enumerate(problems):
-        laws = law_arguments(problem) if 0 < problem.n_rows <= FEW_ROWS else None
+        laws = law_arguments(problem.laws) if 0 < problem.n_rows <= FEW_ROWS else None
         if laws is None:
             continue
         if problem.matrix is not None:

@@ -76,9 +76,10 @@ def test_names_stay_in_one_line_where_no_terminal_shows_them(
 ) -> None:
     monkeypatch.delenv("COLUMNS")
     monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
-    print_listing(listing_rows("scenes"))
+    listed = listing_rows("scenes")
+    print_listing(listed)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
-    assert len(rows) == len(SCENES)
+    assert len(rows) == len(listed["scenes"]) >= len(SCENES)
 
 
 def test_suites_are_counted_with_a_few_of_their_members(capsys: pytest.CaptureFixture[str]) -> None:

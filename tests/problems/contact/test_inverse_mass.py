@@ -59,6 +59,16 @@ def test_the_mass_is_kept_bit_by_bit_also_in_a_file() -> None:
         assert again.digest == problem.digest
 
 
+@pytest.mark.parametrize("is_diagonal", [False, True])
+def test_a_fresh_copy_has_the_root_and_shares_no_memory(is_diagonal: bool) -> None:
+    inverse = InverseMass.create(np.ones(4)) if is_diagonal else InverseMass.of_mass(mass_of_bodies(2, shuffled=True))
+    fresh = inverse.fresh()
+    assert {"root_diagonal" if is_diagonal else "root", "is_diagonal"} <= vars(fresh).keys()
+    for one, other in ((fresh.matrix, inverse.matrix), (fresh.root, inverse.root)):
+        assert np.array_equal(one.toarray(), other.toarray())
+        assert not np.shares_memory(one.data, other.data)
+
+
 def test_what_is_no_mass_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     upper = np.eye(3)
     upper[0, 1] = 0.5

@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from proxbench.problems import LawKind, Laws, ProblemError
-from proxbench.problems.contact.blocks import BlockLayout, _lay_out, layout_of
+from proxbench.problems.contact.blocks import BlockLayout, layout_of, write_layout
 
 
 def planar_contact(**changes: object) -> Laws:
@@ -136,7 +136,7 @@ def test_the_layout_of_blocks_does_not_depend_on_what_its_memory_held() -> None:
     given = laws.sets, laws.row_count, laws.is_rolling, laws.partner, laws.friction_coefficient, laws.fixed_bound
     layout = layout_of(laws)
     numbers, bounds, is_bilateral = np.full((5, 4), 7), np.full((4, 4), 7.0), np.ones(4, np.bool_)
-    _lay_out(*given, np.full(laws.n_rows, 7), numbers, bounds, is_bilateral)
+    write_layout(*given, np.full(laws.n_rows, 7), numbers, bounds, is_bilateral)
     assert numbers[:4, :2].tolist() == [[0, 1], [-1, 2], [-1, 3], [0, 1]]
     assert bounds[:, :2].tolist() == [[0.0, 0.3], [0.0, 0.0], [0.0, 0.01], [0.0, 0.0]]
     assert is_bilateral[:2].tolist() == [False, False] == layout.is_bilateral.tolist()

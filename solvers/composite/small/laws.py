@@ -1,0 +1,83 @@
+"""Arguments of the kernels for small problems that depend on the laws alone, computed once per ``Laws`` object."""
+
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numba import njit
+
+from ....problems.arrays import read_only
+from ....problems.compilation import interpretable
+from ....problems.contact.blocks import write_layout
+from ....problems.contact.laws import ROWS_OF_KIND, SET_OF_KIND, LawKind, Laws
+
+_FIRST_ROLLING = int(LawKind.PLANAR_ROLLING)
+
+
+class LawArguments(NamedTuple):
+    """Arguments of kernels that depend on the laws alone.
+
+    Attributes:
+        preparation: those of the functions in ``preparation``, after G or its factors and c.
+        sweeps: those of the functions in ``sweeps``, after c.
+    """
+
+    preparation: tuple[Any, ...]
+    sweeps: tuple[Any, ...]
+
+    @staticmethod
+    def of(laws: Laws) -> "LawArguments | None":
+        """Return the arguments, or None if the laws are not contacts with equal numbers of rows."""
+        given = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound
+        are_equal_contacts, *arrays = _lay_out_contacts(*given)
+        if not are_equal_contacts:
+            return None
+        sets, row_count, is_rolling, slot, contact_of_row, partner, friction, fixed, partner_lanes = arrays
+        read_only(sets, row_count, slot, partner, friction, fixed)
+        first_row = laws.first_row
+        preparation = sets, row_count, is_rolling, first_row, laws.partner, slot, contact_of_row, partner
+        residual = sets, row_count, first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner
+        return LawArguments(preparation, (friction, fixed, partner_lanes, *residual))
+
+
+_ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
+
+
+def law_arguments(laws: Laws) -> LawArguments | None:
+    """Return the arguments for ``laws``, the same ones at each call."""
+    found = _ARGUMENTS.get(laws)
+    if found is None and laws not in _ARGUMENTS:
+        found = _ARGUMENTS[laws] = LawArguments.of(laws)
+    return found
+
+
+@interpretable
+@njit(cache=True)
+def _lay_out_contacts(kind, partner_law, mu, fixed):  # type: ignore[no-untyped-def]
+    """Return whether the laws are contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
+
+    These are the set and the number of rows of each law, whether it rolls, the slot and the contact of each row, and
+    for each contact its partner, μ, a and the normal lane of its partner.
+    """
+    n_laws, n_rows = len(kind), 0
+    sets, row_count = np.empty(n_laws, dtype=np.int8), np.empty(n_laws, dtype=np.int64)
+    is_rolling = np.empty(n_laws, dtype=np.bool_)
+    for law in range(n_laws):
+        sets[law], row_count[law] = SET_OF_KIND[kind[law]], ROWS_OF_KIND[kind[law]]
+        is_rolling[law] = kind[law] >= _FIRST_ROLLING
+        n_rows += row_count[law]
+    slot, numbers, bounds = (
+        np.empty(n_rows, dtype=np.int64),
+        np.empty((5, n_laws), dtype=np.int64),
+        np.empty((4, n_laws)),
+    )
+    is_bilateral = np.empty(n_laws, dtype=np.bool_)
+    laws = (sets, row_count, is_rolling, partner_law, mu, fixed)
+    sliding, width, n_blocks, n_joints = write_layout(*laws, slot, numbers, bounds, is_bilateral)
+    are_equal_contacts = width == 1 + sliding and n_joints == 0 and n_rows == width * n_blocks
+    partner, partner_lanes = numbers[3, :n_blocks], np.empty(n_blocks, dtype=np.uint64)
+    for b in range(n_blocks):
+        partner_lanes[b] = width * partner[b]
+    friction, fixed_bound = bounds[0, :n_blocks], bounds[1, :n_blocks]
+    arrays = (sets, row_count, is_rolling, slot, slot // width, partner, friction, fixed_bound, partner_lanes)
+    return (are_equal_contacts, *arrays)
