@@ -91,7 +91,8 @@ def _stack() -> Description:
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
     """Return the largest penetration [mm], drift [mm] and final speed [mm/s], and the energy gained [m g L]."""
     heights = motion.positions[:, :, 2]
-    gaps = np.diff(heights, axis=1, prepend=-heights[0, 0]) - 2.0 * scene.bodies[0].half
+    half = scene.bodies[0].half
+    gaps = np.diff(heights, axis=1, prepend=-half) - 2.0 * half  # as if a cube lay below the floor at height 0
     penetration, speed = -1e3 * min(0.0, float(gaps.min())), 1e3 * float(_speeds(motion)[-1].max())
     return penetration, _drift(motion), speed, scene.energy_gained(motion)
 
