@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...problems.contact.solver import Solver, Status, Stop
-from ...problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
+from ...problems.contact.transformations import TransformedProblem, duplicated, in_units, permuted, rotated
 from ...problems.errors import ProblemError
 from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation, checks
@@ -79,7 +79,7 @@ def _solved_samples(solver: Solver) -> Iterator[Trial]:
         raise NotApplicable(none)
 
 
-def _solve_transformed(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
+def _solve_transformed(solver: Solver, trial: Trial, other: TransformedProblem, how: str) -> Trial | None:
     """Solve the transformed problem; return None if the solver does not support it or reaches the time limit.
 
     Raises:

@@ -18,7 +18,7 @@ from importlib import import_module
 from .child import Assignment
 from .pipe import is_readable, read_message, write_message
 from .process_tree import send_signal
-from .supervisor import ENDING, NUMBER, keep
+from .supervisor import ENDING, NUMBER, supervise
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
@@ -221,6 +221,6 @@ def serve(descriptor: int) -> None:
             requests.close()
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             pipe, orders, output = descriptors
-            keep(pipe, orders, output, assignment)
+            supervise(pipe, orders, output, assignment)
         for received in descriptors:
             os.close(received)

@@ -142,7 +142,7 @@ def exempt_from_collection() -> None:
     gc.freeze()
 
 
-def replaced_names(before: ProcessState) -> str:
+def replacement_text(before: ProcessState) -> str:
     """Return a sentence about what has been replaced since ``before``, empty if nothing has."""
     replaced = before.replaced()
     more = " and more" if replaced[1:] else ""

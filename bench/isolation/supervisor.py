@@ -36,7 +36,7 @@ _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 """Signals that wake a supervisor: the first ends its case, the second reports that a child may have ended."""
 
 
-def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
+def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     """Fork the process of the case, monitor it, and report its end. Never returns.
 
     Args:

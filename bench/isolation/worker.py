@@ -68,13 +68,13 @@ class Fault(Exception):  # noqa: N818 - a failure of the case, not of the progra
     traceback: str = ""
 
 
-NO_ANSWER = "its process sent an invalid answer"
+INVALID_ANSWER = "its process sent an invalid answer"
 """Reason reported for a process whose answer cannot be read."""
 
 
-def no_answer() -> Fault:
+def invalid_answer_fault() -> Fault:
     """Return the fault of a process whose answer cannot be read."""
-    return Fault(Outcome.MISBEHAVED, NO_ANSWER)
+    return Fault(Outcome.MISBEHAVED, INVALID_ANSWER)
 
 
 class Task(Protocol):
@@ -143,7 +143,7 @@ class Worker:
         except (EOFError, OSError):
             raise self._death() from None
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
-            raise no_answer() from None
+            raise invalid_answer_fault() from None
         finally:
             self._supervisor.send(STOP)
             self._is_stopped = True
@@ -180,11 +180,11 @@ class Worker:
         self.dismiss()
         if self._supervisor.wait_for_end(END_SECONDS)[0] is None:
             self._supervisor.kill()
-            self._end_what_it_left()
+            self._kill_orphans()
         self._supervisor.close()
         self._let_go()
 
-    def _end_what_it_left(self) -> None:
+    def _kill_orphans(self) -> None:
         """Kill the processes that a killed or stopped supervisor has left; they print to the output of the case."""
         deadline = time.monotonic() + END_SECONDS
         while (left := writers(self._output)) and time.monotonic() < deadline:
@@ -226,7 +226,7 @@ def numbers_of(content: bytes) -> FloatArray:
         Fault: if the content is not such an array.
     """
     if len(content) % np.dtype(np.float64).itemsize:
-        raise no_answer()
+        raise invalid_answer_fault()
     return np.frombuffer(content, dtype=np.float64)
 
 

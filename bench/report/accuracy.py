@@ -31,7 +31,7 @@ def accuracies(frames: RunFrames) -> tuple[float, ...]:
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
         return ladder
-    return within(ACCURACIES, ladder) or ladder[-1:]
+    return reachable_accuracies(ACCURACIES, ladder) or ladder[-1:]
 
 
 def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
@@ -39,14 +39,14 @@ def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES) and not set(SUMMARY_ACCURACIES) <= set(ladder):
         return ladder[-2:]
-    return within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
+    return reachable_accuracies(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
 
 
 def _ladder(frames: RunFrames) -> tuple[float, ...]:
     return tuple(sorted(frames.info.plan.tolerances, reverse=True))
 
 
-def within(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
+def reachable_accuracies(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
     """Return the accuracies that are not finer than the finest tolerance."""
     return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - 1e-9))
 

@@ -23,7 +23,7 @@ from ...problems.errors import suggestion
 from ..errors import BenchError
 from ..store.frames import RunFrames
 from ..store.ratios import reaching
-from .accuracy import common_problems, counted_cases, excluded_cases, families, summary_accuracies, within
+from .accuracy import common_problems, counted_cases, excluded_cases, families, reachable_accuracies, summary_accuracies
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
 """Judged residuals of profiles, unless they are finer than all tolerances of the run."""
@@ -64,7 +64,7 @@ def check_view(name: str) -> None:
 
 def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals of the profiles of a run, from coarse to fine."""
-    return within(PROFILE_ACCURACIES, frames.info.plan.tolerances) or summary_accuracies(frames)
+    return reachable_accuracies(PROFILE_ACCURACIES, frames.info.plan.tolerances) or summary_accuracies(frames)
 
 
 def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
@@ -165,7 +165,7 @@ def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") ->
     return kept
 
 
-def other_threads(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:
+def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:
     """Return a note that names the solvers that ``with_threads`` leaves out; empty if there are none."""
     names = list(solvers)
     kept = with_threads(frames, pd.DataFrame(columns=names), baseline).columns

@@ -14,7 +14,7 @@ from ...problems.contact.solver import Status
 from ...problems.motion.scenes.scene import SceneEnding
 from ...problems.motion.state import State
 from ...problems.motion.stepping.step import AcceptedStep, LawStates, SwitchingPoint
-from ...problems.motion.trajectories.limit_cycle import Incident
+from ...problems.motion.trajectories.limit_cycle import SwitchEvent
 from ..report.layout.text import counted
 from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
@@ -175,10 +175,10 @@ class Simulation:
         return self._switches.all[: self._progress.n_switches]
 
     @property
-    def incidents(self) -> list[Incident]:
+    def switch_events(self) -> list[SwitchEvent]:
         """The switching points in order of time, in words."""
         return [
-            Incident(0.5 * (begin + end), LAWS[law], contact, LAW_STATES[before], LAW_STATES[after])
+            SwitchEvent(0.5 * (begin + end), LAWS[law], contact, LAW_STATES[before], LAW_STATES[after])
             for begin, end, law, contact, before, after in self.switches.tolist()
         ]
 
@@ -224,7 +224,7 @@ class Simulation:
         return self.unsolved & claimed
 
     @property
-    def hiding(self) -> NDArray[np.bool_]:
+    def has_hidden_errors(self) -> NDArray[np.bool_]:
         """Whether fast contacts hide the errors of others in each step, shape (n_steps,)."""
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
@@ -267,11 +267,11 @@ class Simulation:
         self.kept_states.offer(state)
 
 
-def describe_switches(found: Sequence[Incident]) -> str:
+def describe_switches(found: Sequence[SwitchEvent]) -> str:
     """Return the number of switching points, one per law that switches, and of their instants, in words."""
     if not found:
         return "no switching points"
-    instants = len({incident.time for incident in found})
+    instants = len({event.time for event in found})
     return f"{counted(len(found), 'switching point')} at {counted(instants, 'instant')}"
 
 

@@ -25,7 +25,7 @@ from ..contact.problem import FREE_FALL, ContactProblem
 from ..engine_model import EngineModel, judge_own_model
 from ..errors import ProblemError
 from .contact_keys import distinct_keys
-from .installed import mujoco
+from .mujoco_import import mujoco
 from .rows import CapturedRows, RefusedRow, captured_rows, engine_sets
 
 STEP_ERROR = 1e-9

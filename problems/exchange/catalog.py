@@ -25,7 +25,7 @@ from .plugins.offers import Offer, offers
 FUNNEL_SIZES = (30, 100, 300, 1000)
 PILE_SIZES = (100, 300, 1000)
 MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
-WOODPECKER_INCIDENTS = (
+WOODPECKER_SWITCHES = (
     "lower-release",
     "upper-impact",
     "beak-impact",
@@ -99,7 +99,7 @@ SEQUENCE_MEMBERS = {name: [f"sequence-{name}-{step}" for step in range(SEQUENCE_
 
 _SEQUENCES = [step for steps in SEQUENCE_MEMBERS.values() for step in steps]
 
-_WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]
+_WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_SWITCHES]
 
 SUITES: dict[str, list[str]] = {
     "quick": [
@@ -151,7 +151,7 @@ def suite_members(name: str) -> list[str]:
 def problem_names() -> list[str]:
     """Return the names of all standard problems, of those of plugins, and of those in the cache folder."""
     cached = {path.name.removesuffix(SUFFIX) for path in cache_folder().glob(f"*{SUFFIX}")}
-    known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.refusal)]
+    known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.rejection)]
     return [*known, *sorted(cached.difference(known))]
 
 
@@ -160,14 +160,14 @@ def plugin_problems() -> list[Offer]:
     return offers("problem", SUITES["all"])
 
 
-def is_held(name: str) -> bool:
+def is_shipped(name: str) -> bool:
     """Whether the problem is part of the package, as a hard case or in the frozen library."""
     return name in HARD_CASES or _frozen(name) is not None
 
 
 def is_available(name: str) -> bool:
     """Whether ``load`` finds the problem without generating it."""
-    return is_held(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
+    return is_shipped(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
 
 
 def is_path(name: str | Path) -> bool:

@@ -68,11 +68,11 @@ def _judged(step: "CapturedStep") -> dict[str, Any]:
         "laws": step.problem.laws.n_laws,
         "rows": len(step.forces),
         "refused": len(step.refused),
-        **engine_verdict(step),
+        **engine_quality(step),
     }
 
 
-def engine_verdict(step: "CapturedStep") -> dict[str, Any]:
+def engine_quality(step: "CapturedStep") -> dict[str, Any]:
     """Return the quality of the engine's forces as JSON values; an infinite residual is ``None``."""
     from ....problems.capture.step import judge_step
 

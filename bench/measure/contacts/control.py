@@ -35,7 +35,7 @@ from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from ..timed_round import TimedRound
-from .protocol import MeasuringTask
+from .case_process import MeasuringTask
 from .variants import disguised_copy, in_other_units
 
 MIN_FAST_SOLVES = 2
@@ -122,7 +122,7 @@ class Controls:
         if self._worker is not None:
             self._worker.dismiss()
 
-    def occupy(self, core: MeasuringCore) -> None:
+    def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin the process to a core from now on."""
         self.core = core
         if self._worker is not None:

@@ -30,7 +30,7 @@ from .drawing import (
     stacked,
     write_drawing,
 )
-from .palette import Look, looks
+from .palette import SolverStyle, solver_styles
 from .summary import summary_charts
 
 MIN_RESIDUAL = 1e-16
@@ -106,7 +106,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     Bars go from the least to the largest error of a member, or are a standard error of the mean deviation; a dashed
     line is the standard error, over seeds, of the reference itself.
     """
-    trajectory, named = frames.info.plan.trajectory(problem), looks(frames.info.plan.solvers)
+    trajectory, named = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)
     points = frames.points[frames.points["problem"] == problem].merge(
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
@@ -152,7 +152,7 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     Marks are at the judged residual, not at the tolerance: filled for solved solves, hollow for the best iterate of
     other solves, and crosses for wrong claims.
     """
-    rows, named = _costs(frames, problem), looks(frames.info.plan.solvers)
+    rows, named = _costs(frames, problem), solver_styles(frames.info.plan.solvers)
     residual = f"{frames.residual} residual (velocity error, relative)"
     panel = cost_panel(named, rows, residual, "milliseconds", solver_legend(named, rows["solver"]))
     return _titled(panel, "What accuracy costs", [COST_NOTE, _absent(frames, problem, rows)])
@@ -163,13 +163,13 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
 
     Curves are cut at MAX_RESIDUAL.
     """
-    rows, named = _curves(frames, problem), looks(frames.info.plan.solvers)
+    rows, named = _curves(frames, problem), solver_styles(frames.info.plan.solvers)
     panel = convergence_panel(named, rows, solver_legend(named, rows["solver"], has_marks=False))
     return _titled(panel, "Convergence", [CONVERGENCE_NOTE, _absent(frames, problem, rows)])
 
 
 def cost_panel(
-    named: Mapping[str, Look],
+    named: Mapping[str, SolverStyle],
     data: Any,
     residual: str,
     work: str,
@@ -214,7 +214,7 @@ def cost_panel(
     return alt.LayerChart(layer=layers)
 
 
-def convergence_panel(named: Mapping[str, Look], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
+def convergence_panel(named: Mapping[str, SolverStyle], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
     """Return judged residual over iterations of rows with the columns solver, iteration and residual."""
     data = data if not isinstance(data, pd.DataFrame) else data[["solver", "iteration", "residual"]]
     base = alt.Chart(data).encode(
@@ -233,7 +233,9 @@ def convergence_panel(named: Mapping[str, Look], data: Any, legend: alt.Legend |
     return alt.LayerChart(layer=[base.mark_line(strokeWidth=1.8).encode(strokeDash=dash)])
 
 
-def _solve_marks(base: alt.Chart, named: Mapping[str, Look], work: str, legend: alt.Legend | None) -> list[alt.Chart]:
+def _solve_marks(
+    base: alt.Chart, named: Mapping[str, SolverStyle], work: str, legend: alt.Legend | None
+) -> list[alt.Chart]:
     """Return the marks of solves: filled if solved, hollow if not, crossed if the claim is wrong."""
     shaped = base.encode(
         shape=by_name(alt.Shape, "solver", named, "shape", legend),

@@ -22,10 +22,10 @@ from ...store.records import Machine
 SAME_SPEED = 0.08
 """Largest relative difference between the median probes of two comparable runs."""
 
-MOST_EXCLUDED = 0.5
+MAX_EXCLUDED_SHARE = 0.5
 """Share of excluded rounds above which the times of a run are not compared."""
 
-MOST_NAMES = 5
+MAX_NAMES = 5
 """Largest number of names in a sentence."""
 
 CASE = ["problem", "solver"]
@@ -131,8 +131,8 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
 
 
 def _listing(what: str, names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return f"{what}: {', '.join(names[:MOST_NAMES])}{more}" if names else ""
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return f"{what}: {', '.join(names[:MAX_NAMES])}{more}" if names else ""
 
 
 def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float]) -> RunFrames:
@@ -148,7 +148,7 @@ def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
         return ""
     for run in (before, after):
         share, busy = float((run.rounds["excluded"] != "").mean()), busy_cores(run.info)
-        if share > MOST_EXCLUDED:
+        if share > MAX_EXCLUDED_SHARE:
             return f"other programs used the core in {100.0 * share:.0f} % of the rounds of {run.folder}"
         if busy > MAX_BUSY_CORES:
             return f"other programs used {busy:.1f} cores while {run.folder} was measured"

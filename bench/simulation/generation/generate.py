@@ -34,9 +34,9 @@ from ....problems.motion.scenes.woodpecker import PERIOD, section_start, woodpec
 from ....problems.motion.stepping.midpoint import MidpointRule
 from ....problems.motion.stepping.step import Step
 from ....solvers.registry import create
-from ...plugins.describing import plugin_problem
+from ...plugins.descriptions import plugin_problem
 from .body_problems import BodyRecipe, body_problem, body_recipes
-from .sequence_problems import MEMBERS, SEQUENCE_RECIPES, SequenceRecipe, sequence_problems
+from .sequence_problems import SEQUENCE_OF_PROBLEM, SEQUENCE_RECIPES, SequenceRecipe, sequence_problems
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
@@ -117,7 +117,7 @@ def recipes() -> dict[str, Recipe]:
     return {
         **dict(_funnel_recipes()),
         **body_recipes(),
-        **{member: SEQUENCE_RECIPES[name] for member, name in MEMBERS.items()},
+        **{member: SEQUENCE_RECIPES[name] for member, name in SEQUENCE_OF_PROBLEM.items()},
         "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
         "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
         "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
@@ -182,7 +182,7 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
         elif isinstance(recipe, WoodpeckerRecipe):
             pecks[name] = recipe
         elif isinstance(recipe, SequenceRecipe):
-            sequences.setdefault(MEMBERS[name], set()).add(name)
+            sequences.setdefault(SEQUENCE_OF_PROBLEM[name], set()).add(name)
         elif isinstance(recipe, BodyRecipe):
             yield body_problem(name)
         else:

@@ -14,8 +14,8 @@ from ...compilation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
 from .block_diagonal import block_cholesky, block_inverse
-from .given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
 from .pieces import Pieces, cut_into_pieces
+from .user_matrices import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from ...arrays import compressed_arrays, compressed_matrix
 from ...contact.answer import Answer
 from ...contact.laws import Laws
 from ...contact.matrices.factors import Factors, InverseMass
-from ...contact.matrices.given import check_finite
+from ...contact.matrices.user_matrices import check_finite
 from ...contact.problem import ContactProblem
 from ...engine_model import EngineModel
 from ...errors import ProblemError
@@ -37,7 +37,7 @@ SUFFIX = ".npz"
 SUFFIXES = (SUFFIX, JSON_SUFFIX)
 """Suffixes of problem files."""
 
-AGAIN = "create it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
+REWRITE_REMEDY = "create it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
 """Remedy for a file that is not a problem."""
 
 _OF_LAWS = [field.name for field in fields(Laws)]
@@ -76,10 +76,10 @@ def write_whole(path: Path, content: bytes) -> None:
         raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
 
 
-def packed_problem(problem: ContactProblem, beside: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """Return ``problem`` as the content of a problem file, compressed, with the further arrays ``beside``."""
+def packed_problem(problem: ContactProblem, extra_arrays: Mapping[str, NDArray[Any]] | None = None) -> bytes:
+    """Return ``problem`` as the content of a problem file, compressed, with the further arrays ``extra_arrays``."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **{**_arrays(problem), **(beside or {})})
+    np.savez_compressed(buffer, **{**_arrays(problem), **(extra_arrays or {})})
     return buffer.getvalue()
 
 
@@ -116,13 +116,13 @@ def read_problem(
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
-        raise ProblemError(f"{name} is damaged or not a problem file: {error}; {AGAIN}.") from None
+        raise ProblemError(f"{name} is damaged or not a problem file: {error}; {REWRITE_REMEDY}.") from None
     except ProblemError:
         raise
     except (OSError, *DAMAGE_ERRORS):
-        raise ProblemError(f"{name} is damaged or not a problem file; {AGAIN}.") from None
+        raise ProblemError(f"{name} is damaged or not a problem file; {REWRITE_REMEDY}.") from None
     if problem.digest != digest:
-        raise ProblemError(f"{name} does not match its digest; {AGAIN}.")
+        raise ProblemError(f"{name} does not match its digest; {REWRITE_REMEDY}.")
     return problem
 
 

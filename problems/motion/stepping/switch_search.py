@@ -61,7 +61,7 @@ class Search(ABC):
         max_step: Δt_max [s].
     """
 
-    takes_back = False
+    withdraws_last_step = False
     """Whether the accepted step before a switch is withdrawn as well."""
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
@@ -94,7 +94,7 @@ class Search(ABC):
 class NestedIntervals(Search):
     """Halve the step, and repeat both steps between which the laws differ."""
 
-    takes_back = True
+    withdraws_last_step = True
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         super().__init__(system, min_step, max_step)
@@ -119,7 +119,7 @@ class NestedIntervals(Search):
 class LastStepOnly(NestedIntervals):
     """Halve the step, and repeat only the step in which the laws differ from those before; the error stalls."""
 
-    takes_back = False
+    withdraws_last_step = False
 
 
 class Anticipating(Search):
@@ -155,7 +155,7 @@ class Anticipating(Search):
 
     def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
         """Whether a gap has closed within the step, or a force has ended after its last evaluation."""
-        return self._margins.penetrates(begin, end) or self._margins.outlasts(attempt.substeps, attempt.states)
+        return self._margins.penetrates(begin, end) or self._margins.has_ended_force(attempt.substeps, attempt.states)
 
     def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
         """Note the margins of all laws."""
@@ -205,7 +205,7 @@ class Margins:
         closed = self._system.gaps_below(after.position, 0.0)[0]
         return not np.isin(closed, self._system.gaps_below(before.position, 0.0)[0], assume_unique=True).all()
 
-    def outlasts(self, substeps: Substeps, states: LawStates) -> bool:
+    def has_ended_force(self, substeps: Substeps, states: LawStates) -> bool:
         """Whether a force ends after the middle of the last of several equal steps, and before their end.
 
         Laws are evaluated at the middle of each step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the

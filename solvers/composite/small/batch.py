@@ -11,7 +11,7 @@ from numba import njit
 from ....problems.contact.matrices.accurate import write_accurate_over_factors, write_accurate_over_matrix
 from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED, write_squared_violations
 from ...iteration.stopping import MAX_CHECK_INTERVAL
-from ..sweeping import ROWS_PER_CHECK
+from ..sweep_selection import ROWS_PER_CHECK
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
 from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
 

@@ -20,7 +20,7 @@ from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
-from ..sweeping import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from ..sweep_selection import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
 

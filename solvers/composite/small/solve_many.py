@@ -19,7 +19,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
 from ..robust import Robust
-from ..sweeping import FEW_ROWS
+from ..sweep_selection import FEW_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .preparation import COUPLED
 from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE, LawArguments, law_arguments

@@ -25,7 +25,7 @@ from ...sweeps.delassus import (
     write_spatial_velocity,
     write_velocity,
 )
-from ...sweeps.safeguarded import INTERVALS, cut_where_opposed
+from ...sweeps.safeguarded import INTERVALS, reduce_opposed_steps
 from ..windows import SHORT_WINDOW
 from .preparation import N_WORK, ROWS_OF_NUMBERS
 
@@ -97,7 +97,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
             count -= step
             if step == left:
                 since_check, checks_since_cut = 0, checks_since_cut + 1
-                if cut_where_opposed(width, width - 1, 2, before, previous, impulses, sizes, fraction):
+                if reduce_opposed_steps(width, width - 1, 2, before, previous, impulses, sizes, fraction):
                     checks_since_cut = 0
                     for i in range(n_blocks):
                         scaled[2 * i] = sizes[2 * i] * fraction[i]

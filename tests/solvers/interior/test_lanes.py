@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ContactProblem, load
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.solvers.interior import cones
 from proxbench.solvers.interior.lanes import lanes_of
 
-ROLLING = {axes: with_linked_solution(LinkedFamily(6, 3, 30, rolling_rows=axes), 0) for axes in (1, 2, 3)}
+ROLLING = {axes: random_linked_problem(LinkedFamily(6, 3, 30, rolling_rows=axes), 0) for axes in (1, 2, 3)}
 PROBLEMS = [load("funnel-planar-30"), load("funnel-30"), *ROLLING.values()]
 
 pytestmark = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: f"{problem.layout.width}-lanes")

@@ -219,7 +219,7 @@ class Integration:
         after = self._contact_velocity()
         closed = taking_part & (after[:, 0] <= margin)
         self._settle(Modes(closed, self._slip(closed, after, margin)), hitting, impulses)
-        self._look_for_accumulation(hitting & (after[:, 0] > margin))
+        self._check_accumulation(hitting & (after[:, 0] > margin))
 
     def _settle(
         self, candidates: Modes, hitting: NDArray[np.bool_] | None = None, impulses: FloatArray | None = None
@@ -286,7 +286,7 @@ class Integration:
                 friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
                 note("friction", i, *friction, nothing)
 
-    def _look_for_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
+    def _check_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
         """Raise ``AccumulationError`` where flights become shorter and fall below the resolution."""
         for i in np.flatnonzero(bouncing).tolist():
             times = self._impacts.setdefault(i, [])

@@ -69,7 +69,7 @@ def can_accelerate(problem: ContactProblem) -> bool:
     return UNCOUPLED < density(problem) <= MAX_MOMENTUM_DENSITY
 
 
-def last_digits_for(problem: ContactProblem) -> Sweeps | NesterovSORprox:
+def refining_sweeps(problem: ContactProblem) -> Sweeps | NesterovSORprox:
     """Return the sweeps that refine an approximate solution of another method."""
     return NesterovSORprox() if can_accelerate(problem) else select_sweeps(problem)
 
