@@ -133,7 +133,7 @@ def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArr
     arrays = read_arrays(source)
     about = json.loads(arrays.pop("about").tobytes().decode()) if "about" in arrays else {}
     if not isinstance(about, dict):
-        raise ValueError("it does not say what it is")
+        raise ValueError("its array 'about' is not a JSON object")
     return about, arrays
 
 
@@ -193,7 +193,7 @@ def _compressed(label: str, matrix: Any) -> dict[str, Any]:
 
 def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
     if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
-        raise ValueError("it does not say what it is")
+        raise ValueError("'about' has no name or no provenance")
     if about["format"] not in (CONTACTS_ONLY, ALL_LAWS, FORMAT):
         raise ProblemError(f"{name} has format {about['format']}, but this version reads formats up to {FORMAT}.")
     laws = Laws(*(content[key] for key in _OF_LAWS))

@@ -1,8 +1,8 @@
 """Sweeps of a small problem from the first impulses to the outcome, in one kernel.
 
-Both kernels do what ``Robust`` does while nothing unusual happens: they sweep, check the residual after as many sweeps,
-and end when it reaches the tolerance. They stop without an outcome where ``Robust`` would do something else: where a
-window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may hide the
+Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same intervals, and end
+when it reaches the tolerance. They stop without an outcome if ``Robust`` would continue with another method: if a
+window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the
 residual.
 """
 
