@@ -239,11 +239,11 @@ def _sizes(summary: ProblemSummary) -> Row:
     return {"available": True, **asdict(summary), "laws": list(summary.laws)}
 
 
-def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
+def _offered(offer: Offer, describe: Callable[[Offer], Row]) -> Row:
     """Return the row of a solver, problem or scene of a plugin."""
     if offer.rejection:
         return {"name": offer.name, "source": offer.source, "error": offer.rejection}
-    return _row(offer.name, offer.source, lambda: described(offer))
+    return _row(offer.name, offer.source, lambda: describe(offer))
 
 
 def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:

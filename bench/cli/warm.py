@@ -25,7 +25,7 @@ MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconn
 """Problems without factors."""
 
 DEMANDING_PROBLEMS = ("bodies-table-4-1e4", "bodies-train-10", "hard-tower-100")
-"""Problems on which a solver of several methods needs its later ones."""
+"""Problems that need the later methods of composite solvers."""
 
 MAX_ITERATIONS, MAX_SECONDS = 60, 600.0
 """Limits of each solve, except those of demanding problems."""

@@ -1,4 +1,4 @@
-"""Tests that a solution is invariant to the statement of the problem: units, order, tangents, duplicated contacts."""
+"""Tests that a solution does not depend on how a problem is stated: units, order, tangents, duplicated contacts."""
 
 from collections.abc import Iterator
 
@@ -70,7 +70,7 @@ def _solved_samples(solver: Solver) -> Iterator[Trial]:
     """Yield the small problems that the solver solves, with their solutions."""
     none = f"it solves none of the small problems to {STOP.tolerance:g}"
     is_any_solved = False
-    for problem in supported(solver, none=none):
+    for problem in supported(solver, reason=none):
         trial = run_trial(solver, problem, STOP)
         if trial.is_solved:
             is_any_solved = True

@@ -116,7 +116,7 @@ class Worker:
         try:
             self._supervisor = fork_supervisor(assignment, self._output)
         except OSError as error:
-            self._let_go()
+            self._release()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
 
     def ask(self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES) -> tuple[dict[str, Any], bytes]:
@@ -139,9 +139,9 @@ class Worker:
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _reported_fault(answer)
         except TimeoutError:
-            raise self._timeout() from None
+            raise self._timeout_fault() from None
         except (EOFError, OSError):
-            raise self._death() from None
+            raise self._exit_fault() from None
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
             raise invalid_answer_fault() from None
         finally:
@@ -182,7 +182,7 @@ class Worker:
             self._supervisor.kill()
             self._kill_orphans()
         self._supervisor.close()
-        self._let_go()
+        self._release()
 
     def _kill_orphans(self) -> None:
         """Kill the processes that a killed or stopped supervisor has left; they print to the output of the case."""
@@ -191,11 +191,11 @@ class Worker:
             send_signal(signal.SIGKILL, left)
             time.sleep(1e-3)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
         os.close(self._output)
 
-    def _timeout(self) -> Fault:
+    def _timeout_fault(self) -> Fault:
         """End a case at its time limit, and return its fault: a timeout, or out of memory if its memory is full."""
         self.dismiss()
         _, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
@@ -204,7 +204,7 @@ class Worker:
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
-    def _death(self) -> Fault:
+    def _exit_fault(self) -> Fault:
         """Return the fault of a case that exited or was killed by another program."""
         status, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if status is None and not self._supervisor.is_gone:

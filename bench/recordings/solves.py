@@ -78,7 +78,7 @@ class RecordedSolves:
                 "solver": trace.solver,
                 "iterations": trace.iterations[-1] if trace.iterations else None,
                 "residual": trace.residual[-1] if np.isfinite(trace.residual[-1:]).any() else None,
-                "ended": trace.ended,
+                "ended": trace.ending,
             }
             for trace in self.traces
         ]

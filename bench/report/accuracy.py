@@ -182,7 +182,7 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     return pd.concat(parts).sort_index(kind="stable").reset_index(drop=True)
 
 
-OF_ACCURACIES = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
+ACCURACY_COLUMNS = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
 """Prefixes of the columns of a summary for each accuracy."""
 
 
@@ -353,7 +353,7 @@ def shown_means(summary: pd.DataFrame) -> dict[str, str]:
 
 
 def _keys(accuracy: float) -> list[str]:
-    return [f"{kind}_{accuracy_tag(accuracy)}" for kind in OF_ACCURACIES]
+    return [f"{kind}_{accuracy_tag(accuracy)}" for kind in ACCURACY_COLUMNS]
 
 
 def claimed_cases(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:

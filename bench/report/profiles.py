@@ -34,7 +34,7 @@ RESIDUALS = tuple(float(f"1e-{power}") for power in range(2, 13))
 BUDGETS = (1e-3, 1e-2, 1e-1, 1.0)
 """Times of the table of a data profile [s]."""
 
-ROOM = 1.1
+PADDING = 1.1
 """Ratio of the last corner of a profile to the largest value, so that the last step is visible."""
 
 ALL = "all problems"
@@ -99,7 +99,7 @@ def performance_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         The corners of the steps: solver, ratio (from 1 to slightly beyond the largest), share.
     """
     ratios = seconds.div(seconds.min(axis=1), axis=0)
-    return _steps(ratios, "ratio", 1.0, ROOM * np.fmax(_largest(ratios), 1.0))
+    return _steps(ratios, "ratio", 1.0, PADDING * np.fmax(_largest(ratios), 1.0))
 
 
 def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
@@ -114,7 +114,7 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
     """
     least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
     first = least if np.isfinite(least) else BUDGETS[0]
-    return _steps(seconds, "seconds", first, np.fmax(ROOM * _largest(seconds), BUDGETS[-1]))
+    return _steps(seconds, "seconds", first, np.fmax(PADDING * _largest(seconds), BUDGETS[-1]))
 
 
 def budget_table(seconds: pd.DataFrame) -> pd.DataFrame:
@@ -158,7 +158,7 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
 
 
 def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") -> pd.DataFrame:
-    """Return the columns of solvers that compute in as many threads as a baseline, or in the fewest if it is empty."""
+    """Return the columns of solvers that use as many threads as a baseline, or the fewest threads if it is empty."""
     threads = frames.cases.drop_duplicates("solver").set_index("solver")["threads"]
     own = threads.reindex(values.columns).to_numpy(dtype=np.float64)
     kept: pd.DataFrame = values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))]]
@@ -170,7 +170,7 @@ def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str 
     names = list(solvers)
     kept = with_threads(frames, pd.DataFrame(columns=names), baseline).columns
     left_out = [name for name in names if name not in kept]
-    return f"without solvers in other numbers of threads: {', '.join(left_out)}" if left_out else ""
+    return f"without solvers that use another number of threads: {', '.join(left_out)}" if left_out else ""
 
 
 def baseline_of(frames: RunFrames, wanted: str = "") -> str:

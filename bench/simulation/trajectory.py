@@ -63,7 +63,7 @@ class GrowingArray:
         self._array[self._count] = row
         self._count += 1
 
-    def cut(self, count: int) -> None:
+    def truncate(self, count: int) -> None:
         """Discard all except the first ``count`` rows."""
         self._count = min(self._count, count)
 
@@ -176,7 +176,7 @@ class Simulation:
 
     @property
     def switch_events(self) -> list[SwitchEvent]:
-        """The switching points in order of time, in words."""
+        """The switching points in order of time, as events with names of laws and states."""
         return [
             SwitchEvent(0.5 * (begin + end), LAWS[law], contact, LAW_STATES[before], LAW_STATES[after])
             for begin, end, law, contact, before, after in self.switches.tolist()
@@ -231,8 +231,8 @@ class Simulation:
     def append(self, row: StepRow, taken: AcceptedStep) -> None:
         """Add one accepted step with its row; an interruption discards an incomplete one."""
         progress = self._progress
-        self._rows.cut(progress.n_steps)
-        self._switches.cut(progress.n_switches)
+        self._rows.truncate(progress.n_steps)
+        self._switches.truncate(progress.n_switches)
         self._rows.append(row.values)
         for switch in taken.switches:
             self._switches.append(_switch_row(switch))

@@ -39,7 +39,7 @@ UNSUPPORTED_INTEGRATORS = {
     "IMPLICIT": "has a mass matrix that is not symmetric",
 }
 
-SUPPORTED = 'set integrator to "implicitfast", "Euler" or "discrete"'
+INTEGRATOR_REMEDY = 'set integrator to "implicitfast", "Euler" or "discrete"'
 
 
 class EmptyStepError(ProblemError):
@@ -203,7 +203,7 @@ def _require_supported_options(module: Any, model: Any) -> None:
     integrator = module.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
     if integrator in UNSUPPORTED_INTEGRATORS:
         reason = UNSUPPORTED_INTEGRATORS[integrator]
-        raise ProblemError(f"the integrator {integrator} {reason}; {SUPPORTED}.")
+        raise ProblemError(f"the integrator {integrator} {reason}; {INTEGRATOR_REMEDY}.")
     if model.opt.enableflags & module.mjtEnableBit.mjENBL_IPC:
         raise ProblemError("the flag ipc replaces contact forces by barriers, which are not force laws; disable it.")
 

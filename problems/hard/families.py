@@ -5,7 +5,7 @@ random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions 
 c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
 
 Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
-solutions, unless normal impulses alone bear the load (see ``random_braced_problem``).
+solutions, unless normal impulses alone carry the load (see ``random_braced_problem``).
 """
 
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ def random_linked_problem(family: LinkedFamily, seed: int) -> ContactProblem:
 
 
 def random_braced_problem(family: Family, seed: int) -> ContactProblem:
-    """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
+    """Return a random problem in which normal impulses λ > 0 alone carry the load, so that ξ = 0 for any μ.
 
     c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0 (see ``supports``); Λ itself is unique only if W has full rank
     and no body can be wedged. The states of the family are ignored.

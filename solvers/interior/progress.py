@@ -24,11 +24,11 @@ PATIENCE = 20
 """Steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends if the last steps, this share of them, brought no gain."""
+"""Number of steps from which a run ends if it makes no progress, and the share of its last steps that this requires."""
 
 MIN_WARM_STEPS = 20
-"""The same number for a run from a given start, which may be stuck at the boundary of a cone. A run from zero takes
-about as many steps in all."""
+"""Smallest number of steps for this test in a run from a given start, which may be stuck at the boundary of a cone. A
+run from zero takes about as many steps in all."""
 
 LARGE = 1e6
 """Larger scaled impulses may be growing without bound."""

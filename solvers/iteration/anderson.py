@@ -22,19 +22,19 @@ from ...problems.arrays import FloatArray
 from .loop import Iterates, WrappedIterates
 
 MIN_SINGULAR_VALUE = 1e-10
-"""Relative to the largest one; directions below it are left out of the least-squares problem."""
+"""Smallest singular value relative to the largest; smaller ones are omitted from the least-squares problem."""
 
 FIRST_WINDOW = 3
-"""Sweeps per window at first; without progress windows double."""
+"""Number of sweeps in the first window; it doubles without progress."""
 
 MAX_WINDOW = 48
-"""Longer windows are not extrapolated: there may be progress without acceleration."""
+"""Largest number of sweeps in an extrapolated window; longer windows may progress without acceleration."""
 
 RISE = 2.0
 """An extrapolation is undone if its window moves Λ more than this many times as far as the window before."""
 
 MIN_EIGENVALUE = 1e-14
-"""Relative to the largest one of the normal equations; directions below it are left out."""
+"""Smallest eigenvalue of the normal equations relative to the largest; smaller ones are omitted."""
 
 
 class Anderson:

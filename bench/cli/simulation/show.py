@@ -56,7 +56,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
         FailedSimulationError: if a step failed; everything else is printed and drawn first.
         InterruptedSimulationError: if it was stopped.
     """
-    simulation = _begun(request)
+    simulation = _start_or_resume(request)
     live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
     # raise a failure after everything is printed
     with deferred_interrupts() as should_stop, live, contextlib.suppress(FailedSimulationError):
@@ -131,7 +131,7 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
     _record(read_simulation(file), recording, force)
 
 
-def _begun(request: Request) -> Simulation:
+def _start_or_resume(request: Request) -> Simulation:
     if request.resume is not None:
         given = {**({"scene": request.scene} if request.scene else {}), **request.plan_arguments}
         simulation = resumable_simulation(request.resume, given, request.duration)

@@ -52,7 +52,7 @@ MAX_EXCLUDED_SECONDS = 0.2
 
 
 MAX_RESTS = 20
-"""Largest number of pauses in which processes that a solver has started may end before it has misbehaved."""
+"""Number of pauses in which processes of a solver may still end; afterwards, the solver has misbehaved."""
 
 
 @dataclass(frozen=True)

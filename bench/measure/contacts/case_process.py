@@ -57,7 +57,7 @@ class TimedSolve:
     """One timed solve.
 
     Attributes:
-        solution: with impulses of the harness's own.
+        solution: the solution, with a copy of its impulses.
         prepare: wall seconds of ``prepare`` [s].
         solve: wall seconds of ``solve`` and of copying its impulses [s].
         processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of

@@ -1,4 +1,7 @@
-"""Measure a stepper with a solver on a trajectory, in a child process; a round is one member."""
+"""Measure a stepper with a solver on a trajectory, in a child process; a round is one member.
+
+Members are the seeds of a scene, or factors of the steps or tolerances.
+"""
 
 import math
 from collections.abc import Sequence
@@ -43,7 +46,7 @@ class SimulationRound(TimedRound, frozen=True):
 
 
 class Member(NamedTuple):
-    """A simulated member of a problem, with its record."""
+    """The simulation of a member, and its record."""
 
     run: SimulationRound
     record: Round

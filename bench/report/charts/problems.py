@@ -179,7 +179,7 @@ def cost_panel(
     """Return the cost over the residual, or error, of solves, more accurate to the right.
 
     Args:
-        named: the look of each solver.
+        named: the style of each solver.
         data: rows with the columns solver, tolerance, residual, low, high, iterations, outcome and that of the work, or
             data of altair that are filled in later. Low and high are ends of bars: of times, or of errors.
         residual: title of the horizontal axis.

@@ -78,7 +78,7 @@ def compare_times(pairing: Pairing) -> Times:
     passes, points = _reached_passes(pairing)
     cases = _with_noise(_cases(points), passes)
     solvers = _solvers(cases)
-    scale, spread = _scale(solvers[solvers["solver"].isin(pairing.yardsticks)], pairing.is_known)
+    scale, spread = _scale(solvers[solvers["solver"].isin(pairing.yardsticks)], pairing.is_same_software)
     corrected = 1.0 - (1.0 - ONE_SIDED_CONFIDENCE) / max(len(cases), 1)
     half_cases = float(special.stdtrit(DEGREES_OF_FREEDOM, corrected)) * np.hypot(cases["noise"], spread)
     half_solvers = HALF_WIDTH * np.hypot(solvers["noise"], spread)
@@ -171,12 +171,12 @@ def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["solver", "problems", "before", "after", "difference", "noise"])
 
 
-def _scale(yardsticks: pd.DataFrame, is_known: bool) -> tuple[float, float]:
+def _scale(yardsticks: pd.DataFrame, is_same_software: bool) -> tuple[float, float]:
     """Return the logarithm of the scale and its standard deviation, from the differences of the yardsticks."""
     if len(yardsticks) < MIN_YARDSTICKS:
         return 0.0, RUN_SPREAD
     scale = float(yardsticks["difference"].median())
-    if not is_known and abs(scale) > MAX_DRIFT:
+    if not is_same_software and abs(scale) > MAX_DRIFT:
         return 0.0, RUN_SPREAD
     return scale, float(yardsticks["noise"].median() * np.sqrt(MEDIAN_VARIANCE / len(yardsticks)))
 

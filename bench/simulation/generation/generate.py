@@ -71,9 +71,9 @@ class WoodpeckerRecipe:
 
 @dataclass(frozen=True)
 class RollingRecipe:
-    """The problem ``of`` with the additional ``rolling_friction`` μ_r [m] at all contacts."""
+    """The named ``problem`` with the additional ``rolling_friction`` μ_r [m] at all contacts."""
 
-    of: str
+    problem: str
     rolling_friction: float
 
 
@@ -88,6 +88,7 @@ _OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
 """Outlet radius in ball radii: few balls would fall through the wide outlet before they pile up over it."""
 
 _SETTLED = 2.0
+"""Time at which a pile has settled [s]."""
 
 MIXED = (0.1, 0.95)
 """Range of friction coefficients of the mixed piles."""
@@ -214,7 +215,7 @@ def _funnel_problems(
 
 
 def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
-    for problem in remake_problems([recipe.of]):
+    for problem in remake_problems([recipe.problem]):
         resisting = with_rolling_friction(problem, recipe.rolling_friction)
         yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
 

@@ -24,6 +24,7 @@ TOLERANCE = 1e-10
 """Error of gaps [m]; gaps of curved shapes err by 2e-6 with 1e-6, the default of coal."""
 
 MAX_ITERATIONS = 256
+"""Iteration limit of coal for one pair of shapes."""
 
 APART = 0.005
 """Gap at which the nearest points are found, divided by the size of the smaller body."""

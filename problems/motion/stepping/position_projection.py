@@ -39,7 +39,7 @@ ACCURACY = 0.1
 """A projection ends when no contact is deeper than (1 + ``ACCURACY``) times the allowed depth."""
 
 MAX_OPENING = 1e-6
-"""Largest residual of a joint after the last pass [m or rad]. A larger one shows that the passes do not converge, because
+"""Largest residual of a joint after the last pass [m or rad]; a larger one shows that passes do not converge, because
 the directions at the midpoint differ too much from those at the end of the step."""
 
 REDUNDANT = 1e-12

@@ -12,7 +12,7 @@ from ..state import State
 
 @dataclass(frozen=True)
 class SwitchEvent:
-    """A switching point, with the middle of its interval as its time.
+    """A switching point as an event at the middle of its interval.
 
     Attributes:
         time: middle of the interval in which it lies [s].
@@ -65,7 +65,7 @@ class Cycle:
 
     Attributes:
         known: the limit cycle.
-        switch_events: in order of time.
+        switch_events: its switching points, in order of time.
         section: time at which it crosses the section [s].
         height: first coordinate at that time [m].
     """

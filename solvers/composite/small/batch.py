@@ -78,7 +78,10 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
     iterations,
     residuals,
 ):
-    """Do the same for problems given by W in CSC and a diagonal M⁻¹, whose root has the entries d_k … d_{k+1}."""
+    """Solve the problems ``first`` to ``last`` − 1, given by W in CSC and a diagonal M⁻¹; write the results of each.
+
+    The root of M⁻¹ has the entries d_k … d_{k+1}.
+    """
     for k in range(first, last):
         begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
         starts = indptr[begin + k : end + k + 1]

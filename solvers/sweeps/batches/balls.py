@@ -105,7 +105,7 @@ class BallSweep:
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
-        """Return the sweep with step sizes as in ``step_size``, or None if contacts are too few or not those of balls."""
+        """Return the sweep with step sizes as in ``step_size``; None for few contacts or other bodies."""
         balls = balls_of(problem)
         if balls is None:
             return None

@@ -26,7 +26,8 @@ ACCURATE_RESIDUAL = 1e-8
 """Residual to which Proxbench solves the problems of an engine again."""
 
 MAX_BODIES_SOLVED_AGAIN = 10
-"""Largest number of bodies for which it does; problems of hundreds of balls would take longer than the motion."""
+"""Largest number of bodies in scenes whose problems are solved again; hundreds of balls would take longer than the
+motion."""
 
 
 class Measurement(msgspec.Struct, frozen=True, kw_only=True):

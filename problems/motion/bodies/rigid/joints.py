@@ -1,16 +1,15 @@
 """Joints between rigid bodies: constraints, limits, friction and motors, and their rows of W.
 
-A ball joint holds three distances along axes at zero, a revolute joint these and two orientations, a prismatic one two
-distances and three orientations, a fixed one three of each, and a distance joint holds |d| at its length; see
-``joint_rows``. Joints constrain velocities; a stepper with a depth removes the drift of positions
-(``stepping.position_projection``). In addition to its constraints,
+Joints hold scalars at zero; see ``joint_rows``. A ball joint holds three distances along axes. A revolute joint also
+holds two orientations. A prismatic joint holds two distances and three orientations, and a fixed joint three of each. A
+distance joint holds |d| at its length. Joints constrain velocities; a stepper with a depth removes the drift of
+positions (``stepping.position_projection``). Further laws act on the coordinate s of a joint, which is the angle of a
+revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
 
-    limits      s ≥ s_min and s ≤ s_max, gaps of unilateral laws that are active while g(q_M) < 0, like contacts
-    a rope      |d| ≤ length, likewise
-    friction    −ξ ∈ N_[−aΔt, aΔt](Λ) with ξ = ṡ: a force of at most a against ṡ
-    a motor     the same with ξ = ṡ − w: a force of at most a until ṡ has the target speed w
-
-act on the coordinate s of the joint, the angle of a revolute joint or the displacement of a prismatic one.
+    limits      s ≥ s_min and s ≤ s_max: gaps of unilateral laws, active if g(q_M) < 0 like contacts
+    rope        |d| ≤ length, a gap like that of a limit
+    friction    −ξ ∈ N_[−aΔt, aΔt](Λ) with ξ = ṡ: a force of at most ``a`` opposes ṡ
+    motor       the same with ξ = ṡ − w: a force of at most ``a`` until ṡ reaches the target speed w
 """
 
 from collections.abc import Iterator, Sequence
