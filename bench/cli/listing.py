@@ -22,6 +22,7 @@ from ..plugins.descriptions import describe_scene, describe_solver, option_texts
 from ..report.layout.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
+"""Kinds of entries that can be listed."""
 
 SHOWN_MEMBERS = 4
 """Number of members of a suite that a summary names."""

@@ -25,6 +25,7 @@ MEMORY_BYTES = 2**31
 """Memory limit of checks, in addition to the memory that the framework needs [bytes]."""
 
 RESULTS = ("passed", "failed", "not applicable")
+"""Possible results of a check."""
 
 OnCheck = Callable[[str, int, int], None]
 """Called before each check with ``"SUBJECT: CHECK"``, the number of finished checks, and the number of all checks."""

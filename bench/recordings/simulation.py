@@ -28,6 +28,7 @@ BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
 
 NO_IMPULSES = rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3)))
+"""Arrows of a step without impulses."""
 
 MAX_COORDINATES = 12
 """Largest number of curves of a scene without named coordinates."""

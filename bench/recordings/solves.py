@@ -52,6 +52,7 @@ TOLERANCE = 1e-8
 """Tolerance of recorded solvers; most need too many iterations for the finest one of a run."""
 
 MAX_ITERATIONS = 1000
+"""Iteration limit of recorded solvers."""
 
 FOLDER = "recordings"
 """Name of the folder of recordings in the folder of a run."""

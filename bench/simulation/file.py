@@ -39,6 +39,7 @@ from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 from .view.outputs import read_outputs
 
 SUFFIX = ".npz"
+"""Suffix of result files."""
 
 ABOUT = "about"
 """The name of the JSON among the arrays."""

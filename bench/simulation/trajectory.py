@@ -30,8 +30,10 @@ SWITCH = np.dtype(
 """One switching point: its interval [s]; an index into ``LAWS``; the contact; indices into ``LAW_STATES``."""
 
 LAWS = ("unilateral", "friction")
+"""Names of laws by the index that rows of switching points store."""
 
 LAW_STATES = ("open", "closed", "stick", "slip")
+"""Names of the states of laws by the stored index."""
 
 SLACK = 1.001
 """Multiple of the tolerance up to which a step is solved; solver and judge sum velocities in different orders."""

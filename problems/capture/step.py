@@ -38,8 +38,10 @@ UNSUPPORTED_INTEGRATORS = {
     "RK4": "solves the constraints four times in a step",
     "IMPLICIT": "has a mass matrix that is not symmetric",
 }
+"""Reasons for which an integrator of MuJoCo is not supported, by its name."""
 
 INTEGRATOR_REMEDY = 'set integrator to "implicitfast", "Euler" or "discrete"'
+"""Remedy for an unsupported integrator."""
 
 
 class EmptyStepError(ProblemError):

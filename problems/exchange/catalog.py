@@ -23,8 +23,14 @@ from .files.problem_file import SUFFIX, SUFFIXES, read_problem
 from .plugins.offers import Offer, offers
 
 FUNNEL_SIZES = (30, 100, 300, 1000)
+"""Numbers of balls in the problems of the suite ``funnel``."""
+
 PILE_SIZES = (100, 300, 1000)
+"""Numbers of balls in the piles of that suite."""
+
 MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
+"""Names of the piles with different friction coefficients."""
+
 WOODPECKER_SWITCHES = (
     "lower-release",
     "upper-impact",
@@ -36,8 +42,10 @@ WOODPECKER_SWITCHES = (
     "lower-slip-to-stick",
     "lower-stick-to-slip",
 )
+"""Switching points after which the problems of the suite ``woodpecker`` are named."""
 
 ARCH_STONES = (7, 9, 13, 27, 51)
+"""Numbers of stones in the arches of the suite ``bodies``."""
 
 BODY_GROUPS: dict[str, list[str]] = {
     "box stacks": [

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ....problems.exchange.survey import Survey
 
 PROBLEM_SUFFIX = ".npz"
+"""Suffix of problem files."""
 
 EXPORT_SUFFIXES = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
 """Suffix of the files of each export format."""

@@ -34,6 +34,7 @@ ARROW_RADII = 3.0
 impulse."""
 
 REFERENCE_SECONDS = 0.01
+"""Time over which the weight of a ball gives the reference impulse of arrows [s]."""
 
 
 class BallRecorder(SceneRecorder):

@@ -8,6 +8,7 @@ from ....problems.contact.matrices.contact_frame import contact_frames
 from ..contact_states import ContactState, States
 
 NO_PATCHES = rr.LineStrips3D([])
+"""Contact patches of a step without loaded contacts."""
 
 
 def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: States) -> rr.LineStrips3D:

@@ -17,6 +17,7 @@ AROUND = 64
 """Number of faces around a surface of revolution."""
 
 WHITE = (236, 240, 245)
+"""Colour of the lighter octants of balls (red, green, blue)."""
 
 Colours = NDArray[np.uint8]
 

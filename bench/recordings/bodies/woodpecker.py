@@ -26,6 +26,7 @@ ARROW_LENGTH = 0.012
 of the impulse."""
 
 REFERENCE_SECONDS = 0.001
+"""Time over which the weight of the toy gives the reference impulse of arrows [s]."""
 
 FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Axes N and T of every contact; without friction, only N is used."""

@@ -15,6 +15,7 @@ from ..layout.output_file import picture_files, write_file
 from .palette import SolverStyle
 
 PNG_SCALE = 2.0
+"""Pixels of a PNG file per unit of length of a chart."""
 
 Panel = alt.Chart | alt.LayerChart | alt.HConcatChart
 

@@ -44,6 +44,7 @@ RESIDUAL_AXIS: dict[str, Any] = {
     "values": [10.0**power for power in range(-16, 4)],
     "labelOverlap": True,
 }
+"""Ticks of axes of residuals."""
 
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
@@ -60,18 +61,22 @@ MIN_SHARE = 0.05
 """Share of the upper end of a bar below which a mean deviation is noise, and drawn at this share."""
 
 TIME = "time, preparation included [ms]"
+"""Title of axes of times."""
 
 WORKS = {"milliseconds": TIME, "wall": "wall time [s]", "iterations": "one-step solves"}
 """Titles of the cost of accuracy, by column."""
 
 ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
+"""Outcomes that are drawn as filled marks."""
 
 COST_NOTE = (
     "Each curve is a solver, each mark a solve: lower is faster, further to the right is more accurate. "
     "Vertical lines are quartiles, hollow marks stop short of their tolerance, × is a wrong claim."
 )
+"""Explanation of the chart of cost against accuracy."""
 
 CONVERGENCE_NOTE = "Each curve is a solver: the sooner it falls, the fewer iterations it needs."
+"""Explanation of the chart of convergence."""
 
 
 def write_charts(frames: RunFrames, folder: Path) -> list[Path]:

@@ -208,7 +208,7 @@ class Factors:
         return with_entries(directions, *entries)
 
     def delassus_diagonal(self) -> FloatArray | None:
-        """Return the diagonal of G [1/kg], shape (n_rows,), or None where it takes the pieces of W̃."""
+        """Return the diagonal of G [1/kg], shape (n_rows,), or None if it requires the pieces of W̃."""
         if isinstance(self.directions, Pieces) and self.inverse_mass.is_diagonal:
             return self.directions.delassus_diagonal(self.inverse_mass.matrix.data)
         return None

@@ -33,6 +33,7 @@ CONTACTS_ONLY, ALL_LAWS = 1, 2
 """Versions for problems with contacts only, and for those with all laws but without the model of an engine."""
 
 SUFFIX = ".npz"
+"""Suffix of compressed problem files."""
 
 SUFFIXES = (SUFFIX, JSON_SUFFIX)
 """Suffixes of problem files."""

@@ -18,6 +18,7 @@ from ...errors import PluginError, first_line
 from .files import Kind, PluginFile, make_importable
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
+"""Kinds of names that plugins offer."""
 
 _NAMES: dict[Kind, tuple[str, str]] = {
     "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, like that of a class"),

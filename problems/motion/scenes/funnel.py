@@ -266,5 +266,7 @@ FUNNEL = SceneKind(
     _build,
     _STUDY,
 )
+"""The scene ``funnel``."""
 
 PILE = SceneKind("balls settling in a closed funnel", _OPTIONS, _build, _STUDY)
+"""The scene ``pile``."""

@@ -24,7 +24,10 @@ SPRING_ARM, BIRD_ARM = 1e-2, 1.5e-2
 BEAK_HEIGHT, BEAK_ARM = 2e-2, 2.01e-2
 SPRING_STIFFNESS, GRAVITY = 5.6e-3, 9.81
 FRICTION = 0.3
+"""Default μ of all contacts."""
+
 RESTITUTION = (0.5, 0.0, 0.0)
+"""Default ε_N of beak, lower edge and upper edge."""
 
 PERIOD = 0.14597606514375183
 """Duration of one limit cycle [s], computed event by event in 45-digit arithmetic."""
@@ -198,3 +201,4 @@ WOODPECKER = SceneKind(
     _build,
     StudyDefaults({"start": "cycle"}, duration=PERIOD, is_limit_cycle=True),
 )
+"""The scene ``woodpecker``."""

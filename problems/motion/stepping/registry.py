@@ -15,6 +15,7 @@ STEPPERS: dict[str, type[Stepper]] = {kind.__name__: kind for kind in (Moreau, E
 """Steppers by name."""
 
 EXAMPLE = "Extrapolated(tolerance=1e-8)"
+"""A stepper with an option, for error messages."""
 
 _TYPES = {str: (str, "a name"), int: (int, "a whole number")}
 """Types of values, and words for them, by the type of the default; all other options are numbers."""
