@@ -77,7 +77,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
 
 
 def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases for whose time to an accuracy all rounds are excluded.
+    """Return problem and solver of the cases that reach an accuracy in a time all of whose rounds are excluded.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
@@ -241,9 +241,9 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over those solved in both ways. Those of them without excluded times (timed) have geometric mean times [s]
-    (cold_seconds, warm_seconds), their ratio (gain), and the number that a warm start slows down by ``MARGIN`` or more
-    (slower).
+    over those solved in both ways. The others are over those of them without excluded times (timed, their number):
+    geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems that a
+    warm start slows down by ``MARGIN`` or more (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points

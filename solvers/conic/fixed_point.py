@@ -56,7 +56,7 @@ LOOSENING = 100.0
 PROGRESS = 0.95
 """A residual below this fraction of the best one is progress."""
 
-RISE = 10.0
+RESTART_GROWTH = 10.0
 """The acceleration restarts when the residual exceeds its best value by this factor."""
 
 INNER_ITERATIONS = 1_000_000
@@ -266,7 +266,7 @@ class _Outer:
                 impulses, shift = found, lift(problem, problem.relative_velocity(found))
                 anderson.restart()
                 continue
-            if residual > RISE * lowest:
+            if residual > RESTART_GROWTH * lowest:
                 anderson.restart()
             point, image = [shift], [lift(problem, velocity)]
             if phase.weight > 0.0:

@@ -9,7 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.stopping import MARK, Clock, Outcome
+from ..iteration.stopping import RECORD_RATIO, Clock, Outcome
 
 FLOPS_PER_SECOND = 3e9
 """Lower estimate of the speed of a factorisation; the first measured step replaces it."""
@@ -98,7 +98,7 @@ class Progress:
             self.end(Status.STALLED, f"all steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
         if not np.isfinite(residual):
             self.end(Status.DIVERGED, f"the iterates are not finite, best residual {self.best_residual:.1e}")
-        if residual < MARK * self._marked:
+        if residual < RECORD_RATIO * self._marked:
             self._marked, self._gained = residual, self._iteration
         if self._waited >= PATIENCE and self.best_residual <= self._residual.rounding(self.best):
             self.end(Status.STALLED, f"rounding limits the residual to {self.best_residual:.1e}")
@@ -120,7 +120,7 @@ class Progress:
             self._is_warm, self._of_warm_run = False, (self.best, self.best_residual)
             self.best, self._marked = np.zeros_like(self.best), np.inf
             self.best_residual = self._residual.judged(self._problem, self.best)
-        elif not self.best_residual < MARK * self._began_at:
+        elif not self.best_residual < RECORD_RATIO * self._began_at:
             return False
         self.outcome, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         self._gained = self._run_began = self._iteration
