@@ -50,8 +50,8 @@ MIN_TOLERANCE = 1e-13
 INNER_ERROR = 1e-2
 """Error of the solution of a cone program, relative to the best residual so far."""
 
-LOOSENING = 100.0
-"""Factor of the smallest tolerance when the conic solver gives up without progress."""
+TOLERANCE_GROWTH = 100.0
+"""The smallest tolerance grows by this factor when the conic solver gives up without progress."""
 
 PROGRESS = 0.95
 """A residual below this fraction of the best one is progress."""
@@ -250,7 +250,7 @@ class _Outer:
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual.judged(problem, result.impulses)
             if result.status is ConicStatus.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
-                floor *= LOOSENING
+                floor *= TOLERANCE_GROWTH
             waited = 0 if residual < phase.progress * lowest else waited + 1
             found, reached = self.correction.correct(result.impulses, residual, waited == phase.patience)
             self._record(found, reached)

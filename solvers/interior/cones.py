@@ -154,7 +154,7 @@ def couple(kind, friction, share, r, u, matrices, shifts, target, second, couple
 
 
 @njit(cache=True, error_model="numpy")
-def follow(  # type: ignore[no-untyped-def]
+def write_changes(  # type: ignore[no-untyped-def]
     kind, friction, share, u, matrices, shifts, coupled, right, lag, dr, du, ds
 ):
     """Write dû and ds for dr; ``lag`` is s − ‖û_T‖, which ds removes."""

@@ -24,14 +24,14 @@ PATIENCE = 20
 """Steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""Number of steps from which a run ends if it makes no progress, and the share of its last steps that this requires."""
+"""A run of at least this many steps ends if none of its last steps, this share of all, made progress."""
 
 MIN_WARM_STEPS = 20
 """Smallest number of steps for this test in a run from a given start, which may be stuck at the boundary of a cone. A
 run from zero takes about as many steps in all."""
 
 LARGE = 1e6
-"""Larger scaled impulses may be growing without bound."""
+"""Scaled impulses above this may be growing without bound, so that a proof of infeasibility is tried."""
 
 PROOF_TOLERANCE = 1e-12
 """Tolerance for ‖Gd‖ and c·d in a proof of infeasibility, relative to the sum of the sizes of their terms."""

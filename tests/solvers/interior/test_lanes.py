@@ -53,7 +53,7 @@ def test_the_steps_of_the_cones_add_up_to_that_of_their_block(problem: ContactPr
     cones.linearise(kind, r, u, 0.3, second, matrices, shifts)
     cones.couple(kind, none, none, r, u, matrices, shifts, 0.3, second, coupled, right)
     dr = layout.pad(np.ones(problem.n_rows)) * random_arrays(problem)[0]
-    cones.follow(kind, none, none, u, matrices, shifts, coupled, right, zeros, lanes.from_block(dr), du, ds)
+    cones.write_changes(kind, none, none, u, matrices, shifts, coupled, right, zeros, lanes.from_block(dr), du, ds)
     block = lanes.sum_to_block(right) - (lanes.matrices_to_block(coupled) @ dr[:, :, None])[:, :, 0]
     used = layout.pad(np.ones(problem.n_rows)) > 0.0
     assert lanes.sum_to_block(du)[used] == pytest.approx(block[used], rel=1e-10, abs=1e-10)
