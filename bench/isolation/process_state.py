@@ -30,7 +30,7 @@ _CACHES = {"__slotnames__", "__protocol_attrs__", "__non_callable_proto_members_
 """Attributes that Python itself adds to classes."""
 
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
-"""Resource limits that the system knows."""
+"""Resource limits that the system supports."""
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,10 @@ from ..prox.safeguarded_sorprox import SafeguardedSORprox
 from ..prox.sorprox import SORprox
 
 Sweeps = NSGS | SORprox | SafeguardedSORprox
+"""Methods among which the sweeps of a composite solver are chosen."""
 
 MIN_MOMENTUM_CONTACTS = 100
-"""Number of spatial contacts from which momentum saves time."""
+"""Least number of spatial contacts with which momentum saves time."""
 
 RELAXATION = 1.5
 """Relaxation without momentum."""

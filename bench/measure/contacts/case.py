@@ -42,7 +42,7 @@ ROUNDS = 2
 """Number of rounds of a point in a pass that must not be excluded."""
 
 ENOUGH_SECONDS = 0.02
-"""Wall time of a counted round from which one round per pass suffices [s]."""
+"""If a counted round takes at least this wall time, one round per pass suffices [s]."""
 
 MAX_EXCLUDED = 3
 """Largest number of excluded rounds of a point in a pass."""

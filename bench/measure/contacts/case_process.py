@@ -49,7 +49,7 @@ WARM_SECONDS = 0.004
 """Wall time of solving another problem before a first solve, to warm the caches [s]."""
 
 MAX_NUMBERS = 2**22
-"""Number of values in different answers at which a round ends."""
+"""A round ends when its different answers contain this many values in all."""
 
 
 @dataclass

@@ -74,5 +74,6 @@ class ProblemPassFinished:
 
 
 Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseFinished | ProblemPassFinished
+"""What an observer of a run receives."""
 
 OnEvent = Callable[[Event], None]

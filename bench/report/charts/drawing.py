@@ -18,6 +18,7 @@ PNG_SCALE = 2.0
 """Pixels of a PNG file per unit of length of a chart."""
 
 Panel = alt.Chart | alt.LayerChart | alt.HConcatChart
+"""A part of a figure."""
 
 FONT_SIZE = 11
 """Font size of small texts [pixels]."""

@@ -81,7 +81,7 @@ def profile_charts(
         frames: the run.
         tables: its ``profile_tables``.
         baseline: reference solver of speed-ups.
-        view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title tells so.
+        view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title says so.
     """
     shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
     solvers = shown["accuracy"]["solver"].unique()

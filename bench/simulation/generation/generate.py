@@ -110,6 +110,7 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
 
 
 Recipe = FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe | SequenceRecipe
+"""How problems are generated."""
 
 
 @cache

@@ -43,6 +43,7 @@ KINDS = {"unilateral": "contact opens or closes", "friction": "slips or sticks"}
 """Names of switching points by law."""
 
 Panel = alt.Chart | alt.LayerChart
+"""A part of the chart."""
 
 
 def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> alt.VConcatChart:

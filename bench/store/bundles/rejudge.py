@@ -39,7 +39,7 @@ RELATIVE = 1e-6
 """Relative difference that is not a disagreement."""
 
 MAX_SIDES = 10**6
-"""Number of sides from which a pyramid is a cone up to rounding."""
+"""Largest number of sides of a pyramid; with more, it is a cone up to rounding."""
 
 
 OnCase = Callable[[int, int], None]

@@ -21,7 +21,7 @@ CHUNK_LENGTHS = (1, 2, 3, 6)
 """Candidate chunk lengths: degrees of freedom of discs and balls, without and with rotation."""
 
 SAMPLED_ROWS = 300
-"""Number of rows from which the chunk length is chosen."""
+"""Number of rows that are examined to choose the chunk length."""
 
 
 class BallRecords(NamedTuple):
