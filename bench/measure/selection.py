@@ -13,7 +13,7 @@ from pathlib import Path
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, ProxbenchError
 from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
-from ...problems.exchange.families import Sampling, family_of, sample_names
+from ...problems.exchange.families import Sampling, family_of, sampled
 from ...problems.exchange.folder import Member, list_folder
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolve_problem
@@ -55,7 +55,7 @@ def select(
         suite: name of a suite, or a folder, see ``list_folder``.
         sample: number of problems of a sample; all problems if None.
         seed: seed of the sample.
-        sampling: how the sample is divided among families, see ``sample_names``.
+        sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
         ProblemError: for an unknown problem or suite, with the nearest name, a file without a problem, a folder without
@@ -66,7 +66,7 @@ def select(
     given, name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
     if sample is not None:
-        chosen = set(sample_names({one.name: one.family for one in candidates}, sample, seed, sampling))
+        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
         candidates = [one for one in candidates if one.name in chosen]
     taken: dict[str, str | ContactProblem] = {}
     for one in candidates:

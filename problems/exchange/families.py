@@ -31,7 +31,7 @@ def family_of(problem: str | ContactProblem) -> str:
     return _grouped_families().get(problem) or re.split("[-(]", problem, maxsplit=1)[0] or problem
 
 
-def sample_names(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
+def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
     """Return the names of ``count`` problems in the given order, or all names if there are fewer.
 
     "proportional" rounds the share of each family by the largest-remainder method. "even" takes the same number from
