@@ -253,7 +253,7 @@ def test_a_start_that_touches_up_to_rounding_is_put_onto_its_contact_and_stays_t
 
 def test_a_start_in_penetration_is_named() -> None:
     ball = BouncingBall()
-    with pytest.raises(MotionError, match=r"contact 0 is 1\.00e-03 m deep"):
+    with pytest.raises(MotionError, match=r"contact 0 penetrates by 1\.00e-03 m"):
         simulate(general_system(ball), State(0.0, np.array([ball.radius - 1e-3]), np.zeros(1)), 1.0)
 
 
@@ -305,7 +305,7 @@ class Refusing:
 
 def test_a_wrong_solution_is_never_taken_and_the_motion_up_to_there_is_kept() -> None:
     ball = BouncingBall()
-    with pytest.raises(MotionError, match="impact law at residual") as raised:
+    with pytest.raises(MotionError, match="residual .* of the impact law") as raised:
         simulate(general_system(ball), general_start(ball), 1.0, Refusing())
     assert raised.value.motion.end.time == pytest.approx(ball.fall_time, abs=1e-13)
     assert raised.value.motion.end.velocity[0] == pytest.approx(-9.81 * ball.fall_time, rel=1e-12)
