@@ -32,7 +32,7 @@ from .store.bundles.rejudge import OnCase
 from .store.bundles.rejudge import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
 from .store.plans import Limits, RunSettings
-from .store.store import UNFIT_NAME, plain_name
+from .store.store import INVALID_NAME, plain_name
 
 
 def _ignore(*shown: object) -> None:
@@ -305,7 +305,7 @@ def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Pa
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
         return next(folder for folder in itertools.chain([first], numbered) if not folder.exists())
     if run_id != plain_name(run_id):
-        raise BenchError(f"`run_id` {run_id!r} {UNFIT_NAME}")
+        raise BenchError(f"`run_id` {run_id!r} {INVALID_NAME}")
     return Path(results) / run_id
 
 

@@ -24,6 +24,7 @@ SECONDS_BEFORE_NOTICE = 1.0
 """Compilation time before the notice [s]."""
 
 NOTICE = "Compiling kernels for the first use; they are cached for the next time."
+"""Text of the notice on standard error."""
 
 
 class CompilationListener(event.Listener):

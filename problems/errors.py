@@ -27,7 +27,7 @@ class PluginError(ProxbenchError, ValueError):
 MAX_NAMES = 12
 """Largest number of known names that a message lists."""
 
-ALIKE = 0.6
+MIN_SIMILARITY = 0.6
 """Smallest similarity by difflib for a name to be suggested."""
 
 PROBLEMS_LISTED = "proxbench list problems --suite all"
@@ -47,7 +47,7 @@ def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
     """
     names = sorted(known)
     lowered = {candidate.lower(): candidate for candidate in names}
-    close = get_close_matches(name.lower(), lowered, n=1, cutoff=ALIKE)
+    close = get_close_matches(name.lower(), lowered, n=1, cutoff=MIN_SIMILARITY)
     if close:
         return f"; did you mean {lowered[close[0]]!r}?"
     if len(names) > MAX_NAMES:

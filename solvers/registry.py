@@ -83,7 +83,7 @@ _PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'
 
 def available() -> list[str]:
     """Return the names of built-in solvers, of parts of ``Robust``, and of plugins, which are not imported."""
-    return [*BUILT_IN, *PARTS, *(offer.name for offer in plugin_solvers() if not offer.refusal)]
+    return [*BUILT_IN, *PARTS, *(offer.name for offer in plugin_solvers() if not offer.rejection)]
 
 
 def parts() -> list[str]:
@@ -235,7 +235,7 @@ def _offer(name: str) -> Offer:
     for offer in found:
         if offer.name == name:
             return offer
-    usable = [offer.name for offer in found if not offer.refusal]
+    usable = [offer.name for offer in found if not offer.rejection]
     raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_OWN, *usable], 'proxbench list solvers')}")
 
 

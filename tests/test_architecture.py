@@ -69,7 +69,7 @@ AT_HOME = {
         "bench/report/comparison/comparison.py",
         "bench/report/comparison/page.py",
         "bench/report/comparison/pairing.py",
-        "bench/report/comparison/solved.py",
+        "bench/report/comparison/solved_changes.py",
         "bench/report/comparison/times.py",
         "bench/simulation/view/chart.py",
     },

@@ -18,10 +18,11 @@ from ...problems.motion.scenes.registry import SCENES
 from ...solvers.peers.installed import check_installed
 from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
-from ..plugins.describing import describe_scene, describe_solver, option_texts, plugin_problem
+from ..plugins.descriptions import describe_scene, describe_solver, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
+"""Kinds of entries that can be listed."""
 
 SHOWN_MEMBERS = 4
 """Number of members of a suite that a summary names."""
@@ -166,7 +167,7 @@ def _option_rows(scene: str) -> list[tuple[str, str]]:
 
 def _solvers() -> list[Row]:
     offers = plugin_solvers()
-    of_plugins = {offer.name for offer in offers if not offer.refusal}
+    of_plugins = {offer.name for offer in offers if not offer.rejection}
     own = [name for name in available() if name not in of_plugins] + peers()
     rows = [_row(name, "", partial(_solver, name)) for name in own]
     rows += [_row(name, "", partial(_on_device, name)) for name in on_devices()]
@@ -218,7 +219,7 @@ def _plugin_scene(offer: Offer) -> Row:
 
 def _problems() -> list[Row]:
     offers = plugin_problems()
-    of_plugins = {offer.name for offer in offers if not offer.refusal}
+    of_plugins = {offer.name for offer in offers if not offer.rejection}
     rows = [_standard_problem(name) for name in problem_names() if name not in of_plugins]
     return rows + [_offered(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
 
@@ -239,11 +240,11 @@ def _sizes(summary: ProblemSummary) -> Row:
     return {"available": True, **asdict(summary), "laws": list(summary.laws)}
 
 
-def _offered(offer: Offer, described: Callable[[Offer], Row]) -> Row:
+def _offered(offer: Offer, describe: Callable[[Offer], Row]) -> Row:
     """Return the row of a solver, problem or scene of a plugin."""
-    if offer.refusal:
-        return {"name": offer.name, "source": offer.source, "error": offer.refusal}
-    return _row(offer.name, offer.source, lambda: described(offer))
+    if offer.rejection:
+        return {"name": offer.name, "source": offer.source, "error": offer.rejection}
+    return _row(offer.name, offer.source, lambda: describe(offer))
 
 
 def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:

@@ -29,6 +29,7 @@ from .simulation.statics import statics
 from .warm import warm
 
 LOOK_UP = "Find or generate problems"
+"""Heading of the last group of commands."""
 
 COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
     "Compare and test solvers": {

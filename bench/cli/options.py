@@ -48,7 +48,7 @@ def given_parameters(context: typer.Context) -> set[str]:
 
 
 _OTHER_NAMES = {"results": "output", "plugins": "plugin"}
-"""Options whose names differ from those of the parameters in Python."""
+"""Options, without dashes, by the parameters in Python whose names differ."""
 
 
 def option_name(name: str) -> str:
@@ -159,7 +159,9 @@ def _check_view(name: str) -> str:
 
 Profiles = Annotated[
     str,
-    output(metavar="common|all", help="Profiles over problems that all solvers support, or all.", callback=_check_view),
+    output(
+        metavar="common|all", help="Problems in profiles: those that all solvers support, or all.", callback=_check_view
+    ),
 ]
 """Problems that charts of profiles cover."""
 

@@ -119,12 +119,12 @@ class RunProgress(ProgressBar):
 
 def _problem_table(folder: Path, problem: str, width: int) -> Text:
     """Return the table of one problem of an unfinished run."""
-    from ..report.tables import print_first_look
+    from ..report.tables import print_unfinished
     from ..store.frames import read_frames
 
     console = Console(file=io.StringIO(), width=width, force_terminal=True)
     with console.capture() as captured:
-        print_first_look(read_frames(folder, problem).only([problem]), console)
+        print_unfinished(read_frames(folder, problem).only([problem]), console)
     return Text.from_ansi(captured.get())
 
 

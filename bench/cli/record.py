@@ -74,7 +74,7 @@ def record(
         print(f"watch it with: rerun {file}")
         for name, path in pictures.items():
             print(f"{name}: {path}")
-    return int(any(trace.failed for trace in traces))
+    return int(any(trace.has_failed for trace in traces))
 
 
 def _require_consistent_options(

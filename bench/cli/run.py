@@ -53,7 +53,7 @@ def run(
     dask: Annotated[str, _measuring(metavar="ADDRESS", help="Address of a dask cluster, or local.")] = "",
     thorough: Annotated[bool, _switch("--thorough", help="Measure ten tolerances in five passes.")] = False,
     passes: Annotated[int | None, _measuring(metavar="NUMBER", help="Number of passes over all problems.")] = None,
-    seed: Annotated[int, _measuring(metavar="NUMBER", help="Seed of orders and of --sample.")] = 0,
+    seed: Annotated[int, _measuring(metavar="NUMBER", help="Seed of random orders and of --sample.")] = 0,
     solve_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one solve.")] = 0.5,
     case_seconds: Annotated[float, _measuring(metavar="SECONDS", help="Time limit of one case.")] = 60.0,
     memory: Annotated[int, _measuring(metavar="MiB", help="Memory limit of one case.")] = 2048,

@@ -25,7 +25,7 @@ MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconn
 """Problems without factors."""
 
 DEMANDING_PROBLEMS = ("bodies-table-4-1e4", "bodies-train-10", "hard-tower-100")
-"""Problems on which a solver of several methods needs its later ones."""
+"""Problems on which composite solvers go on to the methods after their first one."""
 
 MAX_ITERATIONS, MAX_SECONDS = 60, 600.0
 """Limits of each solve, except those of demanding problems."""
@@ -66,8 +66,8 @@ def warm(
         print_json(done)
     elif not quiet:
         print(
-            f"Compiled {done['compiled']} functions in {done['compile_seconds']:.0f} s "
-            f"({done['seconds']:.0f} s in total); kernels are cached in {done['cache']}."
+            f"Compiled {done['compiled']} kernels in {done['compile_seconds']:.0f} s "
+            f"({done['seconds']:.0f} s in total); they are cached in {done['cache']}."
         )
 
 

@@ -37,7 +37,7 @@ class Check(Generic[Subject]):
         return self.name
 
 
-def of_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None]:
+def requires_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None]:
     """Restrict a test to solvers with observable iterates."""
 
     @wraps(test)

@@ -12,7 +12,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Solver, Status, Stop
 from ...problems.hard import CASE_GROUPS, hard_case
-from .checks import Check, Violation, checks, of_iterates
+from .checks import Check, Violation, checks, requires_iterates
 from .samples import supported
 from .trial import require_known_answer, run_trial
 
@@ -56,7 +56,7 @@ def improves_with_tolerance(solver: Solver) -> None:
             before, looser = trial.residual, tolerance
 
 
-@of_iterates
+@requires_iterates
 def reports_cycles(solver: Solver) -> None:
     """A solve whose iterates alternate between two values ends as OSCILLATING, not at the iteration limit."""
     stop = Stop(1e-10, max_iterations=2000, max_seconds=2.0)

@@ -1,11 +1,11 @@
-"""Tests that a solution is invariant to the statement of the problem: units, order, tangents, duplicated contacts."""
+"""Tests that a solution does not depend on how a problem is stated: units, order, tangents, duplicated contacts."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from ...problems.contact.solver import Solver, Status, Stop
-from ...problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
+from ...problems.contact.transformations import TransformedProblem, duplicated, in_units, permuted, rotated
 from ...problems.errors import ProblemError
 from ..store.outcome import WRONG_FACTOR
 from .checks import Check, NotApplicable, Violation, checks
@@ -70,7 +70,7 @@ def _solved_samples(solver: Solver) -> Iterator[Trial]:
     """Yield the small problems that the solver solves, with their solutions."""
     none = f"it solves none of the small problems to {STOP.tolerance:g}"
     is_any_solved = False
-    for problem in supported(solver, none=none):
+    for problem in supported(solver, reason=none):
         trial = run_trial(solver, problem, STOP)
         if trial.is_solved:
             is_any_solved = True
@@ -79,7 +79,7 @@ def _solved_samples(solver: Solver) -> Iterator[Trial]:
         raise NotApplicable(none)
 
 
-def _solve_transformed(solver: Solver, trial: Trial, other: Transformed, how: str) -> Trial | None:
+def _solve_transformed(solver: Solver, trial: Trial, other: TransformedProblem, how: str) -> Trial | None:
     """Solve the transformed problem; return None if the solver does not support it or reaches the time limit.
 
     Raises:

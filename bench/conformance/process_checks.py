@@ -5,7 +5,7 @@ import os
 import time
 
 from ...problems.contact.solver import Solver, Stop
-from ..isolation.process_state import ProcessState, replaced_names
+from ..isolation.process_state import ProcessState, replacement_text
 from ..isolation.process_tree import descendants
 from .checks import Violation
 from .samples import supported
@@ -23,7 +23,7 @@ def has_no_side_effects(solver: Solver) -> None:
     before, others = ProcessState.now(), _n_running()
     for problem in problems:
         solver.prepare(problem).solve(STOP)
-    if fault := replaced_names(before):
+    if fault := replacement_text(before):
         raise Violation(f"{fault}.")
     if changed := before.changed():
         raise Violation(f"it changed {_join_words(changed)}; restore global state before solve returns.")

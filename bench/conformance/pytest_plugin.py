@@ -19,6 +19,7 @@ from .checks import NotApplicable, Violation
 from .solver_checks import SOLVER_CHECKS
 
 FIXTURE = "proxbench_check"
+"""Name of the fixture that returns a check."""
 
 
 def pytest_configure(config: pytest.Config) -> None:

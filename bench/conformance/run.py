@@ -12,7 +12,7 @@ from ...problems.exchange.plugins.offers import forget, registered
 from ...solvers.registry import available, composites, natives, on_devices, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
-from ..plugins.describing import solver_spec
+from ..plugins.descriptions import solver_spec
 from ..plugins.files import use_plugin_files
 from ..report.layout.text import output_width
 from ..store.outcome import Outcome
@@ -25,6 +25,7 @@ MEMORY_BYTES = 2**31
 """Memory limit of checks, in addition to the memory that the framework needs [bytes]."""
 
 RESULTS = ("passed", "failed", "not applicable")
+"""Possible results of a check."""
 
 OnCheck = Callable[[str, int, int], None]
 """Called before each check with ``"SUBJECT: CHECK"``, the number of finished checks, and the number of all checks."""

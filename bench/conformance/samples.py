@@ -43,16 +43,16 @@ def samples() -> list[ContactProblem]:
 def supported(
     solver: Solver,
     problems: Iterable[ContactProblem] | None = None,
-    none: str = "it supports none of the small problems",
+    reason: str = "it supports none of the small problems",
 ) -> list[ContactProblem]:
     """Return the problems, or samples, that ``solver`` supports.
 
     Raises:
-        NotApplicable: if it supports none, with the sentence ``none``.
+        NotApplicable: if it supports none, for this ``reason``.
     """
     found = [problem for problem in (samples() if problems is None else problems) if solver.supports(problem) is None]
     if not found:
-        raise NotApplicable(none)
+        raise NotApplicable(reason)
     return found
 
 

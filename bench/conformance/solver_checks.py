@@ -23,11 +23,11 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solution, Solver, Status, Stop
 from ...solvers.contract import form_fault, prepared_fault, reason_fault
-from .checks import Check, NotApplicable, Violation, checks, of_iterates
+from .checks import Check, NotApplicable, Violation, checks, requires_iterates
 from .hard_checks import HARD_CHECKS
 from .invariance_checks import INVARIANCE_CHECKS
-from .memory_checks import solves_each_time
 from .process_checks import has_no_side_effects
+from .repetition_checks import solves_each_time
 from .samples import at_rest, empty, infeasible, random_contacts, samples, supported
 from .trial import confirmed_residual, own_residual, require_finite, require_unchanged, solution_of
 
@@ -184,7 +184,7 @@ def solves_no_contacts(solver: Solver) -> None:
             )
 
 
-@of_iterates
+@requires_iterates
 @on_samples
 def equal_when_observed(solver: Solver, problem: ContactProblem) -> None:
     """Observed and unobserved solves give identical results, and the observer is called once per iteration."""
@@ -206,7 +206,7 @@ def equal_when_observed(solver: Solver, problem: ContactProblem) -> None:
         raise Violation(f"on {problem.name} the observed solve differs from the unobserved one; ignore the observer.")
 
 
-@of_iterates
+@requires_iterates
 def stops_at_solution(solver: Solver) -> None:
     """Started at its own solution, a solve ends within one iteration."""
     is_any_solved = False

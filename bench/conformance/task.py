@@ -10,7 +10,7 @@ from ...problems.errors import ProxbenchError, first_line
 from ...problems.exchange.catalog import load
 from ...solvers.registry import create
 from ..isolation.child import MisbehaviourError
-from ..isolation.process_state import ProcessState, replaced_names
+from ..isolation.process_state import ProcessState, replacement_text
 from .checks import Check, NotApplicable, Violation
 from .problem_checks import PROBLEM_CHECKS
 from .solver_checks import SOLVER_CHECKS
@@ -36,7 +36,7 @@ class CheckingTask:
         """
         self._before = self._before or ProcessState.now()
         answer = _run_check(*arguments)
-        if fault := replaced_names(self._before):
+        if fault := replacement_text(self._before):
             raise MisbehaviourError(fault)
         return answer, b""
 

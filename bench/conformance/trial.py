@@ -78,7 +78,7 @@ def require_finite(problem: ContactProblem, solution: Solution) -> None:
 
 
 def confirmed_residual(solver: Solver, problem: ContactProblem, solution: Solution, tolerance: float) -> float:
-    """Return ``own_residual``; raise ``Violation`` if it contradicts the solver's claim."""
+    """Return the residual under the solver's own model; raise ``Violation`` if it contradicts the solver's claim."""
     residual = own_residual(solver, problem, solution.impulses)
     if solution.status is Status.SOLVED and not residual <= WRONG_FACTOR * tolerance:
         raise Violation(

@@ -18,7 +18,7 @@ from importlib import import_module
 from .child import Assignment
 from .pipe import is_readable, read_message, write_message
 from .process_tree import send_signal
-from .supervisor import ENDING, NUMBER, keep
+from .supervisor import END_REPORT, PROCESS_ID, supervise
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
@@ -82,10 +82,10 @@ class SupervisorLink:
         while not self.is_gone and is_readable(self.orders.fileno(), seconds):
             report = b""
             with contextlib.suppress(OSError):
-                report = self.orders.recv(ENDING.size)
+                report = self.orders.recv(END_REPORT.size)
             self._report += report
             self.is_gone = not report
-        return ENDING.unpack(self._report) if len(self._report) == ENDING.size else (None, False)
+        return END_REPORT.unpack(self._report) if len(self._report) == END_REPORT.size else (None, False)
 
     def kill(self) -> None:
         """Kill the supervisor, unless it has ended."""
@@ -128,9 +128,9 @@ class _ServerClient:
             socket.send_fds(self._socket, [_REQUEST], descriptors)
             write_message(self._socket.fileno(), content)
         if is_readable(orders.fileno(), START_SECONDS):
-            report = orders.recv(NUMBER.size)
-        if len(report) == NUMBER.size:
-            return SupervisorLink(pipe, orders, NUMBER.unpack(report)[0])
+            report = orders.recv(PROCESS_ID.size)
+        if len(report) == PROCESS_ID.size:
+            return SupervisorLink(pipe, orders, PROCESS_ID.unpack(report)[0])
         pipe.close()
         orders.close()
         return None
@@ -221,6 +221,6 @@ def serve(descriptor: int) -> None:
             requests.close()
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             pipe, orders, output = descriptors
-            keep(pipe, orders, output, assignment)
+            supervise(pipe, orders, output, assignment)
         for received in descriptors:
             os.close(received)

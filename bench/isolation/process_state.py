@@ -23,14 +23,14 @@ import numpy as np
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
-_BORROWED = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
+_RELIED_ON = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
 """Modules that the framework relies on."""
 
 _CACHES = {"__slotnames__", "__protocol_attrs__", "__non_callable_proto_members__", "__annotations__", "_abc_impl"}
 """Attributes that Python itself adds to classes."""
 
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
-"""Resource limits that the system knows."""
+"""Resource limits that the system supports."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class ProcessState:
     Attributes:
         modules: names of the loaded modules.
         names: objects by name, for each module of the framework and those that it relies on.
-        state: global settings of the process, by description.
+        settings: global settings of the process, by description.
         n_threads: number of Python threads besides the main one, including those unknown to ``threading``.
     """
 
     modules: frozenset[str]
     names: dict[str, dict[str, object]]
-    state: dict[str, Any]
+    settings: dict[str, Any]
     n_threads: int
 
     @staticmethod
@@ -54,7 +54,7 @@ class ProcessState:
         """Return the present state."""
         return ProcessState(
             frozenset(sys.modules),
-            {name: _names_of(name) for name in sys.modules if name in _BORROWED or f"{name}.".startswith(_FRAMEWORK)},
+            {name: _names_of(name) for name in sys.modules if name in _RELIED_ON or f"{name}.".startswith(_FRAMEWORK)},
             {what: _read(reading) for what, reading in _STATE.items()},
             _thread._count(),
         )
@@ -63,14 +63,14 @@ class ProcessState:
         """Return this state, with present values of settings that libraries change if any was imported since."""
         if self.modules.issuperset(sys.modules):
             return self
-        return replace(self, state=self.state | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
+        return replace(self, settings=self.settings | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
 
     def replaced(self) -> list[str]:
         """Return the replaced names, and those added to modules and classes of the framework."""
         found: list[str] = []
         for module, before in self.names.items():
             now = _names_of(module)
-            known = before if module in _BORROWED else before | now
+            known = before if module in _RELIED_ON else before | now
             found += [f"{module}.{name}" for name in known if now.get(name, _NOTHING) is not before.get(name, _NOTHING)]
         return found
 
@@ -83,7 +83,7 @@ class ProcessState:
         return self._changed(_FOR_TIMING)
 
     def _changed(self, names: Iterable[str]) -> list[str]:
-        return [what for what in names if _read(_STATE[what]) != self.state[what]]
+        return [what for what in names if _read(_STATE[what]) != self.settings[what]]
 
 
 _NOTHING = object()
@@ -93,7 +93,7 @@ def _names_of(module_name: str) -> dict[str, object]:
     """Return the objects of a module by name, with members of classes and code of functions for our own modules."""
     module, found = sys.modules.get(module_name), dict[str, object]()
     for key, value in list(vars(module).items()) if module else ():
-        if module_name in _BORROWED:
+        if module_name in _RELIED_ON:
             found |= {key: value} if callable(value) else {}
             continue
         if key.startswith("__") or isinstance(value, ModuleType):
@@ -142,8 +142,8 @@ def exempt_from_collection() -> None:
     gc.freeze()
 
 
-def replaced_names(before: ProcessState) -> str:
-    """Return a sentence about what has been replaced since ``before``, empty if nothing has."""
+def replacement_text(before: ProcessState) -> str:
+    """Return a sentence that names a replaced object and the remedy; empty if nothing was replaced since ``before``."""
     replaced = before.replaced()
     more = " and more" if replaced[1:] else ""
     return f"it replaced {replaced[0]}{more}; do not modify other modules" if replaced else ""

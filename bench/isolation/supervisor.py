@@ -23,10 +23,10 @@ from .process_tree import adopt_orphans, descendants, kill_all, send_signal
 STOP, GO_ON, END = b"S", b"G", b"E"
 """Orders: stop, continue or end the case. The case also ends when the connection is closed."""
 
-NUMBER = struct.Struct("!i")
+PROCESS_ID = struct.Struct("!i")
 """Format of the first report, the process id of the supervisor."""
 
-ENDING = struct.Struct("!i?")
+END_REPORT = struct.Struct("!i?")
 """Format of the last report: wait status of the case, and whether one of its processes used nearly all its memory."""
 
 FULL_MEMORY_SHARE = 0.9
@@ -36,19 +36,19 @@ _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 """Signals that wake a supervisor: the first ends its case, the second reports that a child may have ended."""
 
 
-def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
+def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     """Fork the process of the case, monitor it, and report its end. Never returns.
 
     Args:
         pipe: descriptor for requests to the case and its answers.
-        orders: descriptor for orders; the first report is the process id of the supervisor, the last is ``ENDING``.
+        orders: descriptor for orders; the first report is the process id of the supervisor, the last is ``END_REPORT``.
         output: descriptor for the output of the case.
         assignment: the assignment of the case.
     """
     supervisor = os.getpid()
     os.setsid()
     try:
-        os.write(orders, NUMBER.pack(supervisor))
+        os.write(orders, PROCESS_ID.pack(supervisor))
     except BrokenPipeError:  # the run no longer waits for this case
         os._exit(0)
     adopt_orphans()
@@ -66,7 +66,7 @@ def keep(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
     status = _watched(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
-        os.write(orders, ENDING.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= own + filled))
+        os.write(orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= own + filled))
     os._exit(0)
 
 

@@ -68,13 +68,13 @@ class Fault(Exception):  # noqa: N818 - a failure of the case, not of the progra
     traceback: str = ""
 
 
-NO_ANSWER = "its process sent an invalid answer"
+INVALID_ANSWER = "its process sent an invalid answer"
 """Reason reported for a process whose answer cannot be read."""
 
 
-def no_answer() -> Fault:
+def invalid_answer_fault() -> Fault:
     """Return the fault of a process whose answer cannot be read."""
-    return Fault(Outcome.MISBEHAVED, NO_ANSWER)
+    return Fault(Outcome.MISBEHAVED, INVALID_ANSWER)
 
 
 class Task(Protocol):
@@ -116,7 +116,7 @@ class Worker:
         try:
             self._supervisor = fork_supervisor(assignment, self._output)
         except OSError as error:
-            self._let_go()
+            self._release()
             raise Fault(Outcome.CRASHED, f"its process could not be started: {error}") from None
 
     def ask(self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES) -> tuple[dict[str, Any], bytes]:
@@ -139,11 +139,11 @@ class Worker:
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _reported_fault(answer)
         except TimeoutError:
-            raise self._timeout() from None
+            raise self._timeout_fault() from None
         except (EOFError, OSError):
-            raise self._death() from None
+            raise self._exit_fault() from None
         except (NoMessageError, ValueError, TypeError, OverflowError, KeyError):
-            raise no_answer() from None
+            raise invalid_answer_fault() from None
         finally:
             self._supervisor.send(STOP)
             self._is_stopped = True
@@ -180,22 +180,22 @@ class Worker:
         self.dismiss()
         if self._supervisor.wait_for_end(END_SECONDS)[0] is None:
             self._supervisor.kill()
-            self._end_what_it_left()
+            self._kill_orphans()
         self._supervisor.close()
-        self._let_go()
+        self._release()
 
-    def _end_what_it_left(self) -> None:
+    def _kill_orphans(self) -> None:
         """Kill the processes that a killed or stopped supervisor has left; they print to the output of the case."""
         deadline = time.monotonic() + END_SECONDS
         while (left := writers(self._output)) and time.monotonic() < deadline:
             send_signal(signal.SIGKILL, left)
             time.sleep(1e-3)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
         os.close(self._output)
 
-    def _timeout(self) -> Fault:
+    def _timeout_fault(self) -> Fault:
         """End a case at its time limit, and return its fault: a timeout, or out of memory if its memory is full."""
         self.dismiss()
         _, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
@@ -204,7 +204,7 @@ class Worker:
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
-    def _death(self) -> Fault:
+    def _exit_fault(self) -> Fault:
         """Return the fault of a case that exited or was killed by another program."""
         status, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
@@ -226,7 +226,7 @@ def numbers_of(content: bytes) -> FloatArray:
         Fault: if the content is not such an array.
     """
     if len(content) % np.dtype(np.float64).itemsize:
-        raise no_answer()
+        raise invalid_answer_fault()
     return np.frombuffer(content, dtype=np.float64)
 
 

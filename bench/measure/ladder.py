@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 from ...problems.arrays import FloatArray
 from ...problems.representation import counted
-from ..isolation.worker import MAX_CONTENT_BYTES, Fault, Task, Worker, no_answer, numbers_of
+from ..isolation.worker import MAX_CONTENT_BYTES, Fault, Task, Worker, invalid_answer_fault, numbers_of
 from ..store.outcome import Outcome
 from ..store.plans import Limits
 from ..store.records import CaseRecord, Curve, Point, Round
@@ -83,7 +83,7 @@ class LadderCase(ABC, Generic[Answer]):
             self._memory = stored.peak_memory_bytes
 
     @abstractmethod
-    def is_left(self, level: int) -> bool:
+    def is_pending(self, level: int) -> bool:
         """Return whether a level must be measured, or recorded as not attempted."""
 
     @abstractmethod
@@ -103,7 +103,7 @@ class LadderCase(ABC, Generic[Answer]):
         """Return a point of the ladder from its rounds."""
 
     @abstractmethod
-    def end_after(self, point: Point) -> str:
+    def reason_to_stop(self, point: Point) -> str:
         """Return why finer points are not attempted after this one; an empty text if they are."""
 
     @abstractmethod
@@ -115,7 +115,7 @@ class LadderCase(ABC, Generic[Answer]):
         """Number of threads that the subject of the case uses."""
         return 1
 
-    def occupy(self, core: MeasuringCore) -> None:
+    def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin the process to one core per thread."""
         self.core = core
         if self._worker is not None and core.number is not None and self.threads > len(core.allowed):
@@ -177,7 +177,7 @@ class LadderCase(ABC, Generic[Answer]):
         )
 
     def _end_before(self, level: int) -> str:
-        return self.end_after(self.points[level - 1]) if level > 0 else ""
+        return self.reason_to_stop(self.points[level - 1]) if level > 0 else ""
 
     def _start(self, task: Task) -> None:
         try:
@@ -199,7 +199,7 @@ class LadderCase(ABC, Generic[Answer]):
             return None
         refusal = answer.get("refusal", "")
         if not isinstance(refusal, str):
-            self._fail(no_answer())
+            self._fail(invalid_answer_fault())
         elif refusal:
             self._fail(Fault(Outcome.UNSUPPORTED, refusal[:MAX_REASON_LENGTH]))
         return None if refusal else (answer, numbers)
@@ -252,12 +252,12 @@ def measure_ladder(
     core = MeasuringCore(None) if core is None else core
     levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
-        _begin([case for case in cases if any(map(case.is_left, range(len(case.ladder))))])
+        _begin([case for case in cases if any(map(case.is_pending, range(len(case.ladder))))])
         with core.occupied(max((case.threads for case in cases), default=1)):
             for case in cases:
-                case.occupy(core)
+                case.pin_to_core(core)
             for level in levels:
-                left = [case for case in cases if level < len(case.ladder) and case.is_left(level)]
+                left = [case for case in cases if level < len(case.ladder) and case.is_pending(level)]
                 _measure_level(left, level, keep)
             for case in cases:
                 case.finish()

@@ -10,7 +10,7 @@ from ...problems.contact.solver import Solver
 from ...problems.exchange.catalog import SEQUENCES_SUITE
 from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
-from ..plugins.describing import solver_spec
+from ..plugins.descriptions import solver_spec
 from ..plugins.solver_specs import SolverSpec, warm
 from ..store.plans import PlanRecord, RunSettings
 from .selection import Given, problem_name, require_unique, select, select_shard

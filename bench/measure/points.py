@@ -34,8 +34,8 @@ def joined(before: Point, now: Point) -> Point:
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
-    if before.is_late_for_others is not now.is_late_for_others:
-        kept, measured = (now, now.measured) if before.is_late_for_others else (before, before.measured)
+    if before.is_late_under_load is not now.is_late_under_load:
+        kept, measured = (now, now.measured) if before.is_late_under_load else (before, before.measured)
         rounds = [*before.rounds, *now.rounds]
         return replace(kept, measured=replace(measured, **times_from_rounds(rounds), rounds=rounds))
     rank_before, rank_now = (_RANKS.get(point.outcome, 2) for point in (before, now))

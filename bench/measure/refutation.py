@@ -8,11 +8,11 @@ from ...problems.contact.model import Model
 from ..store.outcome import Outcome
 from ..store.records import CaseRecord, Point
 
-SOLUTION = 1e-8
+SOLUTION_RESIDUAL = 1e-8
 """Largest judged residual of impulses that count as a solution."""
 
 
-def find_refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
+def mark_refuted_claims(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[CaseRecord]:
     """Return the cases of one problem that falsely claim that it has no solution, with these claims marked as wrong.
 
     A claim is false if any case contains a judged solution of the same model. For Coulomb's law, ``is_solvable``
@@ -34,7 +34,7 @@ def find_refuted(cases: Sequence[CaseRecord], is_solvable: bool | None) -> list[
 
 def _is_solution(point: Point) -> bool:
     residual = None if point.measured is None else point.measured.model_residual
-    return point.outcome in (Outcome.SOLVED, Outcome.RELAXED) and residual is not None and residual <= SOLUTION
+    return point.outcome in (Outcome.SOLVED, Outcome.RELAXED) and residual is not None and residual <= SOLUTION_RESIDUAL
 
 
 def _without_claim(point: Point) -> Point:

@@ -7,8 +7,8 @@ from pathlib import Path
 from ...problems.contact.judge import JUDGE
 from ...problems.motion.scenes.registry import parse_scene
 from ..errors import BenchError
-from ..plugins.describing import solver_spec
-from ..plugins.files import check_plugins_unchanged, sources, use_plugin_files
+from ..plugins.descriptions import solver_spec
+from ..plugins.files import check_plugins_unchanged, plugin_uses, use_plugin_files
 from ..plugins.problems import check_known, store_problems
 from ..plugins.solver_specs import SolverSpec
 from ..store.condition import differences, software_differences
@@ -51,7 +51,7 @@ def measure(
             plan=plan.record,
             machine=this_machine(),
             judge=JUDGE,
-            plugins=sources([solver.name for solver in solvers], plan.record.problems, scenes),
+            plugins=plugin_uses([solver.name for solver in solvers], plan.record.problems, scenes),
             carried=store_problems(plan.problems, store),
         )
         record = record_of(content_of(record), RunRecord)

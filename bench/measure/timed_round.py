@@ -24,7 +24,7 @@ from msgspec import Meta, Struct
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
 from ...solvers.contract import MAX_ITERATIONS
-from ..isolation.worker import Fault, no_answer
+from ..isolation.worker import Fault, invalid_answer_fault
 from ..store.fields import MAX_NUMBER, Count
 from ..store.outcome import Outcome
 from ..store.records import Excluded, Round
@@ -79,9 +79,9 @@ class TimedRound(Struct, frozen=True):
         try:
             timed = msgspec.convert(answer, cls)
         except msgspec.ValidationError:
-            raise no_answer() from None
+            raise invalid_answer_fault() from None
         if not len(timed.prepare) == len(timed.solve) == len(timed.processor):
-            raise no_answer()
+            raise invalid_answer_fault()
         counted = float(timed.totals.sum())
         if not counted <= wall_seconds:
             clock = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"

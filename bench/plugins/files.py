@@ -11,7 +11,7 @@ from ...solvers import registry
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
 from ..store.records import PluginUse
-from .describing import all_offers, offers_of_file
+from .descriptions import all_offers, offers_of_file
 from .native_files import allow_native_file, is_native, is_native_use, native_uses, sha256_in_use
 
 
@@ -42,8 +42,8 @@ def _register_file(file: PluginFile, seconds: float) -> None:
     try:
         register(file, offers_of_file(file, seconds), runs_here=False)
         for offer in all_offers():
-            if offer.file == file and offer.refusal:
-                raise PluginError(offer.refusal)
+            if offer.file == file and offer.rejection:
+                raise PluginError(offer.rejection)
     except PluginError:
         forget(file)
         if before is not None:
@@ -51,7 +51,7 @@ def _register_file(file: PluginFile, seconds: float) -> None:
         raise
 
 
-def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[str] = ()) -> list[PluginUse]:
+def plugin_uses(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[str] = ()) -> list[PluginUse]:
     """Return the plugins that a run uses, each with its package, or its file and SHA-256.
 
     Args:
@@ -71,7 +71,7 @@ def sources(solvers: Iterable[str], problems: Iterable[str], scenes: Iterable[st
             sha256=offer.file.sha256 if offer.file else "",
         )
         for offer in all_offers()
-        if offer.name in used[offer.kind] and not offer.refusal
+        if offer.name in used[offer.kind] and not offer.rejection
     ]
     return of_offers + native_uses(solvers)
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
-from ...problems.exchange.catalog import SUITES, is_available, is_held, load, plugin_problems, problem_names
+from ...problems.exchange.catalog import SUITES, is_available, is_shipped, load, plugin_problems, problem_names
 from ...problems.exchange.sequences import Predecessors, predecessors
 from ..errors import BenchError
 from ..store.bundles.bundle import Bundle
 from ..store.records import RunRecord
 from ..store.store import Store
-from .describing import plugin_problem
+from .descriptions import plugin_problem
 
 
 def resolve_problem(problem: str | Path | ContactProblem) -> ContactProblem:
@@ -42,7 +42,7 @@ def check_known(names: Iterable[str]) -> None:
 
 def check_numbers(problem: ContactProblem) -> None:
     """Raise ``BenchError`` if a problem has the name of a built-in problem, but other numbers."""
-    if is_held(problem.name) and load(problem.name).digest != problem.digest:
+    if is_shipped(problem.name) and load(problem.name).digest != problem.digest:
         raise BenchError(
             f"the problem {problem.name!r} differs from the problem of that name in the library; rename it "
             "with problem.renamed(NAME)."
@@ -59,7 +59,7 @@ def store_problems(problems: Iterable[str | ContactProblem], store: Store) -> di
     carried = {}
     for given in problems:
         name = given if isinstance(given, str) else given.name
-        if not is_held(name) and (not isinstance(given, str) or is_available(given)):
+        if not is_shipped(name) and (not isinstance(given, str) or is_available(given)):
             problem = resolve_problem(given)
             store.write_problem(problem)
             carried[name] = problem.digest

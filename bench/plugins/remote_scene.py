@@ -20,11 +20,11 @@ from ...problems.motion.scenes.registry import make_scene, parse_scene
 from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding
 from ...problems.motion.state import State
 from ..errors import BenchError
-from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
 from ..store.outcome import Outcome
 from .ball_records import read_balls
 from .scene_arrays import (
-    UNFIT,
+    MALFORMED_ANSWER_ERRORS,
     Arrays,
     checked_array,
     finite_numbers,
@@ -92,8 +92,8 @@ class RemoteSystem(RenewedWorker):
             if any(index >= len(start.position) for index in about.coordinates.values()):
                 raise ValueError("no coordinate")
             balls = None if about.balls is None else read_balls(about.balls, arrays, *self._sizes)
-        except UNFIT:
-            raise self.failure(no_answer()) from None
+        except MALFORMED_ANSWER_ERRORS:
+            raise self.failure(invalid_answer_fault()) from None
         has = about.functions
         return Scene(
             self._name,
@@ -135,14 +135,14 @@ class RemoteSystem(RenewedWorker):
         _, content = self.ask(request, *arguments)
         try:
             return read(unpacked(content))
-        except UNFIT:
+        except MALFORMED_ANSWER_ERRORS:
             self.close()
-            raise self.failure(no_answer()) from None
+            raise self.failure(invalid_answer_fault()) from None
 
     def _number(self, request: str, *arguments: Any) -> float:
         _, content = self.ask("number", request, *arguments)
         if len(content) != NUMBER.size:
-            raise self.failure(no_answer())
+            raise self.failure(invalid_answer_fault())
         return float(NUMBER.unpack(content)[0])
 
     def _observable(self, index: int, record: ObservableRecord) -> Observable:
@@ -155,8 +155,8 @@ class RemoteSystem(RenewedWorker):
         answer, _ = self.ask("ending", steps)
         try:
             return msgspec.convert(answer["ending"], SceneEnding | None)
-        except UNFIT:
-            raise self.failure(no_answer()) from None
+        except MALFORMED_ANSWER_ERRORS:
+            raise self.failure(invalid_answer_fault()) from None
 
     def _exact(self, time: float) -> State:
         return self._arrays(lambda arrays: read_state(time, arrays, *self._sizes), "exact", time)

@@ -21,9 +21,9 @@ from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.contract import MAX_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, raise_fault
-from ..isolation.worker import MEMORY_BYTES, NO_ANSWER, REQUEST_SECONDS, Fault, RenewedWorker, no_answer
+from ..isolation.worker import INVALID_ANSWER, MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
 from ..store.outcome import LATE_PREPARING, Outcome, late_reason
-from .describing import solver_spec
+from .descriptions import solver_spec
 from .solver_specs import SolverSpec
 
 GRACE_SECONDS = 1.0
@@ -169,7 +169,7 @@ class RemotePrepared:
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
-            raise self.solver.failure(no_answer())
+            raise self.solver.failure(invalid_answer_fault())
         rows = np.frombuffer(content, dtype=np.float64).reshape(len(shown) + 1, n_rows)
         if observe is not None:
             for iteration, impulses in zip(shown, rows[1:], strict=True):
@@ -182,7 +182,7 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
     is_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
     if not (status in set(Status) and is_count and isinstance(message, str)):
-        return NO_ANSWER
+        return INVALID_ANSWER
     return None
 
 

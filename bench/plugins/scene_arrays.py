@@ -18,7 +18,7 @@ from ...problems.motion.state import State
 
 Arrays = dict[str, NDArray[Any]]
 
-UNFIT = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
+MALFORMED_ANSWER_ERRORS = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
 """Exceptions that reading a malformed answer raises."""
 
 LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
@@ -94,7 +94,7 @@ def checked_keys(values: NDArray[Any]) -> IntArray:
 
 
 def read_state(time: float, arrays: Arrays, n_coordinates: int, n_dofs: int) -> State:
-    """Return the state at ``time`` [s]; errors are those in ``UNFIT``."""
+    """Return the state at ``time`` [s]; errors are those in ``MALFORMED_ANSWER_ERRORS``."""
     position = finite_numbers(arrays["position"], (n_coordinates,))
     velocity = finite_numbers(arrays["velocity"], (n_dofs,))
     keys, impulses = checked_keys(arrays["state_keys"]), arrays["state_impulses"]
@@ -102,7 +102,7 @@ def read_state(time: float, arrays: Arrays, n_coordinates: int, n_dofs: int) -> 
 
 
 def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
-    """Return M⁻¹; errors are those in ``UNFIT``."""
+    """Return M⁻¹; errors are those in ``MALFORMED_ANSWER_ERRORS``."""
     parts = tuple(arrays[f"mass_{part}"] for part in ("data", "indices", "indptr"))
     matrix = sp.csr_array(parts, shape=(n_dofs, n_dofs))
     matrix.check_format(full_check=True)
@@ -122,7 +122,10 @@ def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
 
 
 def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
-    """Return contacts and joints after checking their indices for compiled code; errors are those in ``UNFIT``."""
+    """Return contacts and joints after checking their indices for compiled code.
+
+    Raises one of ``MALFORMED_ANSWER_ERRORS`` if an array is missing or invalid.
+    """
     keys, laws = checked_keys(arrays["keys"]), Laws.in_order(*(arrays[name] for name in LAW_FIELDS))
     count, (width,) = len(keys), arrays["width"].tolist()
     gap, restitution = finite_numbers(arrays["gap"], (count,)), finite_numbers(arrays["restitution"], (laws.n_rows,))

@@ -29,7 +29,7 @@ class SolverSpec:
         model: the model that it solves.
         has_iterates: whether its iterates can be observed.
         source: its plugin, for messages; empty for a built-in solver and for an object.
-        carried: a pickled object of the caller; empty if the name suffices to create the solver.
+        pickled: a pickled object of the caller; empty if the name suffices to create the solver.
         is_randomised: whether it declares that its answers differ between repeats.
         threads: number of threads that it uses.
         files: the files in other languages that it needs, with their digests.
@@ -40,7 +40,7 @@ class SolverSpec:
     model: Model
     has_iterates: bool = True
     source: str = ""
-    carried: bytes = b""
+    pickled: bytes = b""
     is_randomised: bool = False
     threads: int = 1
     files: tuple[PluginUse, ...] = ()
@@ -54,7 +54,7 @@ class SolverSpec:
     @property
     def is_built_in(self) -> bool:
         """Whether it is a built-in solver."""
-        return not self.source and not self.carried
+        return not self.source and not self.pickled
 
     def make(self) -> Solver:
         """Return the solver; in the judging process, call this only for built-in solvers.
@@ -64,7 +64,7 @@ class SolverSpec:
             Exception: any error of the caller's code.
         """
         check_unchanged(self.files)
-        made: Solver = cloudpickle.loads(self.carried) if self.carried else registry.create(self.name)
+        made: Solver = cloudpickle.loads(self.pickled) if self.pickled else registry.create(self.name)
         return made
 
 

@@ -27,11 +27,14 @@ BESIDE, ABOVE = 0.55, 2.2
 """Aspect ratio of each of two spatial views in a still, side by side or one above the other."""
 
 SOLVERS_IN_A_ROW = 4
+"""Largest number of solvers side by side."""
+
 SECONDS_TO_PLAY = 12.0
 SLOWEST, FASTEST = 4.0, 120.0
 """Range of iterations per second at which a recording of solves is played."""
 
 DRAWN_PER_SECOND = 60.0
+"""Number of drawn steps of a simulation that are played per second."""
 
 
 @dataclass(frozen=True, eq=False)

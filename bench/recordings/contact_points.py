@@ -59,7 +59,7 @@ class Bodies:
 
     @property
     def sentence(self) -> str:
-        """A sentence that tells how the bodies are drawn."""
+        """A sentence about how the bodies are drawn."""
         balls = int(self.is_ball.sum())
         others = len(self.radii) - balls
         ball_text = counted(balls, "ball") + " of the radius that the force directions show"
@@ -75,7 +75,7 @@ class Places:
         positions: positions of the contacts [m], shape (n_contacts, 3).
         frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for missing directions.
         size: median distance from a body to its contact, or spacing of the grid [m]; it scales arrows.
-        origin: a sentence that tells how the places were determined.
+        origin: a sentence about how the places were determined.
         bodies: the bodies in contact; None if they are unknown.
 
     Raises:

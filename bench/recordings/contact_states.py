@@ -28,6 +28,7 @@ class ContactState(IntEnum):
 
 
 STATE_COLOURS = {ContactState.OPEN: "#8a8f98", ContactState.STICK: "#2fb6a8", ContactState.SLIP: "#ff9f1c"}
+"""Colours of contacts by state."""
 
 
 def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:

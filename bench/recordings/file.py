@@ -14,6 +14,7 @@ from ..errors import BenchError, UnwritableError
 from ..store.store import check_links_inside
 
 SUFFIX = ".rrd"
+"""Suffix of recordings."""
 
 
 class RecordingFile:

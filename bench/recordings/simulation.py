@@ -28,6 +28,7 @@ BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
 
 NO_IMPULSES = rr.Arrows3D(vectors=np.zeros((0, 3)), origins=np.zeros((0, 3)))
+"""Arrows of a step without impulses."""
 
 MAX_COORDINATES = 12
 """Largest number of curves of a scene without named coordinates."""
@@ -104,10 +105,10 @@ class SceneRecorder:
             stream = recording.begin("simulation", self.title, blueprint)
             write_state_colours(stream, "scene")
             _log(stream, self._scenery(), static=True)
-            self._take(stream, 0, Step(start, None, np.zeros(0), None, None, 0))
+            self._draw_step(stream, 0, Step(start, None, np.zeros(0), None, None, 0))
             for number, step in drawn:
                 self._number, self._seconds = number, float(times[number] - times[number - 1])
-                self._take(stream, number, step)
+                self._draw_step(stream, number, step)
             about = rr.TextDocument(f"**{self.title}**\n\n{self._explanation()}", media_type="text/markdown")
             _log(stream, [("about", about), *self._summary()], static=True)
             for number, entities in self._drawn_last():
@@ -117,7 +118,7 @@ class SceneRecorder:
             self._write_curves(stream, times)
             if not any(self._values("contacts")):
                 plots = [view for view in plots if view.origin != "/curves/contacts"]
-            if self._frame_curves(plots):
+            if self._widen_axes(plots):
                 stream.send_blueprint(self._blueprint(plots), make_active=False)
 
     def _blueprint(self, plots: Sequence[rrb.TimeSeriesView]) -> rrb.Blueprint:
@@ -127,7 +128,7 @@ class SceneRecorder:
         """Return the explanation, in Markdown."""
         return "The bodies of this scene are not known; its coordinates are drawn over time."
 
-    def _take(self, stream: rr.RecordingStream, number: int, step: Step) -> None:
+    def _draw_step(self, stream: rr.RecordingStream, number: int, step: Step) -> None:
         """Draw a step, and store the curves of its contacts and its state."""
         states, counted = None, None
         if step.problem is not None:
@@ -149,7 +150,7 @@ class SceneRecorder:
             label, colour = name.rpartition("/")[2], _colour_of(name)
             write_curve(stream, f"curves/{name}", label, colour, at, [points[step] for step in kept])
 
-    def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
+    def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
         """Widen the axes of constant curves, to avoid magnified rounding; return whether there are any."""
         is_framed = False
         spans = MIN_SPANS | {name: MIN_OBSERVED / 10.0**exponent for name, exponent in self._exponents.items()}

@@ -13,11 +13,11 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver, Stop
 from ..errors import BenchError
-from ..plugins.describing import solver_spec
+from ..plugins.descriptions import solver_spec
 from ..plugins.problems import problem_of_run
 from ..plugins.remote_solver import open_solver
 from ..plugins.solver_specs import SolverSpec
-from ..report.charts.palette import look, on_dark, rgb
+from ..report.charts.palette import on_dark, rgb, solver_style
 from ..store.bundles.bundle import open_run, output_folder
 from ..store.outcome import Outcome
 from ..store.store import check_links_inside, plain_name
@@ -52,6 +52,7 @@ TOLERANCE = 1e-8
 """Tolerance of recorded solvers; most need too many iterations for the finest one of a run."""
 
 MAX_ITERATIONS = 1000
+"""Iteration limit of recorded solvers."""
 
 FOLDER = "recordings"
 """Name of the folder of recordings in the folder of a run."""
@@ -78,7 +79,7 @@ class RecordedSolves:
                 "solver": trace.solver,
                 "iterations": trace.iterations[-1] if trace.iterations else None,
                 "residual": trace.residual[-1] if np.isfinite(trace.residual[-1:]).any() else None,
-                "ended": trace.ended,
+                "ended": trace.ending,
             }
             for trace in self.traces
         ]
@@ -171,7 +172,7 @@ def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings
     """Write residual, complementarity and step change of one solver, and the states of its contacts."""
     if not trace.iterations:
         return
-    colour = on_dark(look(index).colour)
+    colour = on_dark(solver_style(index).colour)
     for name, first in FIRST_POINTS.items():
         at = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
         values = np.asarray(getattr(trace, name)[first:])

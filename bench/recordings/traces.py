@@ -43,8 +43,8 @@ class Trace:
     Attributes:
         solver: name of the solver.
         model: the model that the solver solves, in words.
-        ended: how the solve ended, as a sentence.
-        failed: whether the solver raised an error.
+        ending: how the solve ended, as a sentence.
+        has_failed: whether the solver raised an error.
         iterations: numbers of the iterations of the curves, ascending from 0 (the start).
         residual: judged residual.
         complementarity: largest |Λ_N ξ_N| [J].
@@ -57,8 +57,8 @@ class Trace:
 
     solver: str
     model: str
-    ended: str = ""
-    failed: bool = False
+    ending: str = ""
+    has_failed: bool = False
     iterations: list[int] = field(default_factory=list)
     residual: list[float] = field(default_factory=list)
     complementarity: list[float] = field(default_factory=list)
@@ -71,8 +71,8 @@ class Trace:
     def sentence(self) -> str:
         """The number of iterations, the last residual, and how the solve ended."""
         if not self.iterations:
-            return self.ended
-        return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ended}"
+            return self.ending
+        return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ending}"
 
 
 class _TraceObserver:
@@ -131,7 +131,7 @@ def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
     try:
         reason = solver.supports(problem)
         if reason:
-            trace.ended = f"{Status.UNSUPPORTED.sentence.rstrip('.')}: {reason}."
+            trace.ending = f"{Status.UNSUPPORTED.sentence.rstrip('.')}: {reason}."
             return trace
         observer = _TraceObserver(problem, trace)
         observer(0, np.zeros(problem.n_rows))
@@ -142,9 +142,9 @@ def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:
                 observer(max(solution.iterations, 1), np.asarray(solution.impulses, dtype=np.float64))
         finally:
             observer.finish()
-        trace.ended = solution.status.sentence
+        trace.ending = solution.status.sentence
     except FailedSolveError as error:
-        trace.ended, trace.failed = f"{error.reason[:1].upper()}{error.reason[1:]}.", True
+        trace.ending, trace.has_failed = f"{error.reason[:1].upper()}{error.reason[1:]}.", True
     except Exception as error:
-        trace.ended, trace.failed = f"It raised {type(error).__name__}: {error}", True
+        trace.ending, trace.has_failed = f"It raised {type(error).__name__}: {error}", True
     return trace

@@ -31,7 +31,7 @@ def accuracies(frames: RunFrames) -> tuple[float, ...]:
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES):
         return ladder
-    return within(ACCURACIES, ladder) or ladder[-1:]
+    return reachable_accuracies(ACCURACIES, ladder) or ladder[-1:]
 
 
 def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
@@ -39,14 +39,14 @@ def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
     ladder = _ladder(frames)
     if len(ladder) <= len(ACCURACIES) and not set(SUMMARY_ACCURACIES) <= set(ladder):
         return ladder[-2:]
-    return within(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
+    return reachable_accuracies(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
 
 
 def _ladder(frames: RunFrames) -> tuple[float, ...]:
     return tuple(sorted(frames.info.plan.tolerances, reverse=True))
 
 
-def within(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
+def reachable_accuracies(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
     """Return the accuracies that are not finer than the finest tolerance."""
     return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - 1e-9))
 
@@ -77,7 +77,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
 
 
 def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases for whose time to an accuracy all rounds are excluded.
+    """Return problem and solver of the cases that reach an accuracy in a time all of whose rounds are excluded.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
@@ -182,7 +182,7 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     return pd.concat(parts).sort_index(kind="stable").reset_index(drop=True)
 
 
-OF_ACCURACIES = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
+ACCURACY_COLUMNS = ("success", "correct", "mean_time", "mean_problems", "own_mean_time", "own_problems")
 """Prefixes of the columns of a summary for each accuracy."""
 
 
@@ -241,9 +241,9 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over those solved in both ways. Those of them without excluded times (timed) have geometric mean times [s]
-    (cold_seconds, warm_seconds), their ratio (gain), and the number that a warm start slows down by ``MARGIN`` or more
-    (slower).
+    over those solved in both ways. The others are over those of them without excluded times (timed, their number):
+    geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems that a
+    warm start slows down by ``MARGIN`` or more (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points
@@ -353,7 +353,7 @@ def shown_means(summary: pd.DataFrame) -> dict[str, str]:
 
 
 def _keys(accuracy: float) -> list[str]:
-    return [f"{kind}_{accuracy_tag(accuracy)}" for kind in OF_ACCURACIES]
+    return [f"{kind}_{accuracy_tag(accuracy)}" for kind in ACCURACY_COLUMNS]
 
 
 def claimed_cases(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:

@@ -23,7 +23,7 @@ from ...problems.errors import suggestion
 from ..errors import BenchError
 from ..store.frames import RunFrames
 from ..store.ratios import reaching
-from .accuracy import common_problems, counted_cases, excluded_cases, families, summary_accuracies, within
+from .accuracy import common_problems, counted_cases, excluded_cases, families, reachable_accuracies, summary_accuracies
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
 """Judged residuals of profiles, unless they are finer than all tolerances of the run."""
@@ -34,7 +34,7 @@ RESIDUALS = tuple(float(f"1e-{power}") for power in range(2, 13))
 BUDGETS = (1e-3, 1e-2, 1e-1, 1.0)
 """Times of the table of a data profile [s]."""
 
-ROOM = 1.1
+PADDING = 1.1
 """Ratio of the last corner of a profile to the largest value, so that the last step is visible."""
 
 ALL = "all problems"
@@ -64,7 +64,7 @@ def check_view(name: str) -> None:
 
 def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals of the profiles of a run, from coarse to fine."""
-    return within(PROFILE_ACCURACIES, frames.info.plan.tolerances) or summary_accuracies(frames)
+    return reachable_accuracies(PROFILE_ACCURACIES, frames.info.plan.tolerances) or summary_accuracies(frames)
 
 
 def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
@@ -99,7 +99,7 @@ def performance_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         The corners of the steps: solver, ratio (from 1 to slightly beyond the largest), share.
     """
     ratios = seconds.div(seconds.min(axis=1), axis=0)
-    return _steps(ratios, "ratio", 1.0, ROOM * np.fmax(_largest(ratios), 1.0))
+    return _steps(ratios, "ratio", 1.0, PADDING * np.fmax(_largest(ratios), 1.0))
 
 
 def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
@@ -114,7 +114,7 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
     """
     least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
     first = least if np.isfinite(least) else BUDGETS[0]
-    return _steps(seconds, "seconds", first, np.fmax(ROOM * _largest(seconds), BUDGETS[-1]))
+    return _steps(seconds, "seconds", first, np.fmax(PADDING * _largest(seconds), BUDGETS[-1]))
 
 
 def budget_table(seconds: pd.DataFrame) -> pd.DataFrame:
@@ -158,19 +158,19 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
 
 
 def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") -> pd.DataFrame:
-    """Return the columns of solvers that compute in as many threads as a baseline, or in the fewest if it is empty."""
+    """Return the columns of solvers that use as many threads as a baseline, or the fewest threads if it is empty."""
     threads = frames.cases.drop_duplicates("solver").set_index("solver")["threads"]
     own = threads.reindex(values.columns).to_numpy(dtype=np.float64)
     kept: pd.DataFrame = values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))]]
     return kept
 
 
-def other_threads(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:
+def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:
     """Return a note that names the solvers that ``with_threads`` leaves out; empty if there are none."""
     names = list(solvers)
     kept = with_threads(frames, pd.DataFrame(columns=names), baseline).columns
     left_out = [name for name in names if name not in kept]
-    return f"without solvers in other numbers of threads: {', '.join(left_out)}" if left_out else ""
+    return f"without solvers that use another number of threads: {', '.join(left_out)}" if left_out else ""
 
 
 def baseline_of(frames: RunFrames, wanted: str = "") -> str:

@@ -58,7 +58,7 @@ def headline(plan: PlanRecord, problem: str) -> str:
 
 def motion_warning(trajectory: TrajectoryRecord) -> str:
     """Return a warning if no coordinate of the reference changes, otherwise an empty text."""
-    if trajectory.way is None or trajectory.way > MIN_MOTION * trajectory.scale:
+    if trajectory.displacement is None or trajectory.displacement > MIN_MOTION * trajectory.scale:
         return ""
     return (
         f"nothing in {trajectory.name} moves in {trajectory.duration:g} s, so errors have no scale; "

@@ -74,7 +74,7 @@ _STARTS = (
 )
 """Legend of the table of starts."""
 
-MOST_TABLES = 20
+MAX_TABLES = 20
 """Largest number of problems for which each has its own printed table."""
 
 
@@ -174,7 +174,7 @@ def matrix_of_run(frames: RunFrames) -> str:
 def print_tables(frames: RunFrames, console: Console) -> None:
     """Print the state of the run, a table of each problem, the families and the summary.
 
-    The failures on a problem are explained below its table. With more than ``MOST_TABLES`` problems, a single table
+    The failures on a problem are explained below its table. With more than ``MAX_TABLES`` problems, a single table
     has one row per problem, and only faults are explained.
     """
     for warning in warnings(frames):
@@ -186,7 +186,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if results.empty:
         console.print(Text("no case of this run is finished"))
         return
-    if results["problem"].nunique() > MOST_TABLES and not frames.is_study:
+    if results["problem"].nunique() > MAX_TABLES and not frames.is_study:
         _print_problems(frames, results, console)
     else:
         of_study = (*FAULTS, Outcome.UNSUPPORTED)
@@ -201,7 +201,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     console.print(Text(_legend(frames, list(time_columns(results)), summary), style="dim"))
 
 
-def print_first_look(frames: RunFrames, console: Console) -> None:
+def print_unfinished(frames: RunFrames, console: Console) -> None:
     """Print the tables of the problems of an unfinished run, without notes."""
     _print_each_problem(frames, results_table(frames), console, ())
 

@@ -26,7 +26,7 @@ from ...problems.exchange.files.archive import ArchiveError, read_arrays
 from ...problems.exchange.files.atomic_file import replacing
 from ...problems.motion.stepping.step import LawStates
 from ..errors import BenchError
-from ..plugins.files import check_plugins_unchanged, sources
+from ..plugins.files import check_plugins_unchanged, plugin_uses
 from ..store.conversion import content_of, printable
 from ..store.fields import Count, Number, Record
 from ..store.records import PluginUse
@@ -39,6 +39,7 @@ from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 from .view.outputs import read_outputs
 
 SUFFIX = ".npz"
+"""Suffix of result files."""
 
 ABOUT = "about"
 """The name of the JSON among the arrays."""
@@ -91,7 +92,7 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     record = SimulationRecord(
         version=metadata.version("proxbench"),
         plan=plan.record,
-        plugins=sources(solvers, [], [plan.scene.name]),
+        plugins=plugin_uses(solvers, [], [plan.scene.name]),
         segments=list(simulation.segments),
         statuses=list(simulation.statuses),
         wall_seconds=simulation.wall_seconds,

@@ -19,7 +19,7 @@ from ...problems.representation import html_table
 from ...solvers.composite.warm import Warm
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
-from ..plugins.describing import require_own_name
+from ..plugins.descriptions import require_own_name
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote_solver
 from ..store.fields import Count, Positive, Record, Tolerance

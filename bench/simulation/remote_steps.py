@@ -22,12 +22,12 @@ from ...problems.motion.stepping.midpoint import step_problem
 from ...problems.motion.stepping.registry import make_stepper
 from ...problems.motion.stepping.step import AcceptedStep, LawStates, Step, SwitchingPoint
 from ..errors import BenchError
-from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, no_answer
-from ..plugins.describing import solver_spec
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
+from ..plugins.descriptions import solver_spec
 from ..plugins.remote_scene import RemoteSystem
 from ..plugins.remote_solver import RemoteSolver
 from ..plugins.scene_arrays import (
-    UNFIT,
+    MALFORMED_ANSWER_ERRORS,
     Arrays,
     contact_arrays,
     finite_numbers,
@@ -109,9 +109,9 @@ class RemoteSteps(RenewedWorker):
                 # a stepper may try the next step before it yields one, so only the sum is bounded
                 if taken.seconds < 0.0 or charged > time.monotonic() - began:
                     raise ValueError("the time of a step is out of range")
-            except UNFIT:
+            except MALFORMED_ANSWER_ERRORS:
                 self.close()
-                raise self.failure(no_answer()) from None
+                raise self.failure(invalid_answer_fault()) from None
             yield taken, values
             begin, allowed = taken.end, self.seconds
 

@@ -14,7 +14,7 @@ from ...problems.contact.solver import Status
 from ...problems.motion.scenes.scene import SceneEnding
 from ...problems.motion.state import State
 from ...problems.motion.stepping.step import AcceptedStep, LawStates, SwitchingPoint
-from ...problems.motion.trajectories.limit_cycle import Incident
+from ...problems.motion.trajectories.limit_cycle import SwitchEvent
 from ..report.layout.text import counted
 from ..store.notes import hides_contacts
 from ..store.outcome import ROUNDING
@@ -30,8 +30,10 @@ SWITCH = np.dtype(
 """One switching point: its interval [s]; an index into ``LAWS``; the contact; indices into ``LAW_STATES``."""
 
 LAWS = ("unilateral", "friction")
+"""Names of laws by the index that rows of switching points store."""
 
 LAW_STATES = ("open", "closed", "stick", "slip")
+"""Names of the states of laws by the stored index."""
 
 SLACK = 1.001
 """Multiple of the tolerance up to which a step is solved; solver and judge sum velocities in different orders."""
@@ -63,7 +65,7 @@ class GrowingArray:
         self._array[self._count] = row
         self._count += 1
 
-    def cut(self, count: int) -> None:
+    def truncate(self, count: int) -> None:
         """Discard all except the first ``count`` rows."""
         self._count = min(self._count, count)
 
@@ -175,10 +177,10 @@ class Simulation:
         return self._switches.all[: self._progress.n_switches]
 
     @property
-    def incidents(self) -> list[Incident]:
-        """The switching points in order of time, in words."""
+    def switch_events(self) -> list[SwitchEvent]:
+        """The switching points in order of time, as events with names of laws and states."""
         return [
-            Incident(0.5 * (begin + end), LAWS[law], contact, LAW_STATES[before], LAW_STATES[after])
+            SwitchEvent(0.5 * (begin + end), LAWS[law], contact, LAW_STATES[before], LAW_STATES[after])
             for begin, end, law, contact, before, after in self.switches.tolist()
         ]
 
@@ -224,15 +226,15 @@ class Simulation:
         return self.unsolved & claimed
 
     @property
-    def hiding(self) -> NDArray[np.bool_]:
+    def has_hidden_errors(self) -> NDArray[np.bool_]:
         """Whether fast contacts hide the errors of others in each step, shape (n_steps,)."""
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
     def append(self, row: StepRow, taken: AcceptedStep) -> None:
         """Add one accepted step with its row; an interruption discards an incomplete one."""
         progress = self._progress
-        self._rows.cut(progress.n_steps)
-        self._switches.cut(progress.n_switches)
+        self._rows.truncate(progress.n_steps)
+        self._switches.truncate(progress.n_switches)
         self._rows.append(row.values)
         for switch in taken.switches:
             self._switches.append(_switch_row(switch))
@@ -267,11 +269,11 @@ class Simulation:
         self.kept_states.offer(state)
 
 
-def describe_switches(found: Sequence[Incident]) -> str:
+def describe_switches(found: Sequence[SwitchEvent]) -> str:
     """Return the number of switching points, one per law that switches, and of their instants, in words."""
     if not found:
         return "no switching points"
-    instants = len({incident.time for incident in found})
+    instants = len({event.time for event in found})
     return f"{counted(len(found), 'switching point')} at {counted(instants, 'instant')}"
 
 

@@ -52,13 +52,13 @@ def record_of(content: dict[str, Any], kind: type[R]) -> R:
         raise ValueError("limits") from None
 
 
-def sealed(record: Record) -> bytes:
+def encode_record(record: Record) -> bytes:
     """Return the file content of a record: JSON with the version of the format and a checksum."""
     body = {"format": FORMAT, **content_of(record)}
     return msgspec.json.format(msgspec.json.encode({**body, "checksum": checksum(body)}), indent=1)
 
 
-def unsealed(text: bytes, kind: type[R], name: str, remedy: str) -> R:
+def decode_record(text: bytes, kind: type[R], name: str, remedy: str) -> R:
     """Return the record in the content of a file.
 
     Args:

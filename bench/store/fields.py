@@ -14,9 +14,17 @@ MAX_NUMBER = 1e300
 """Exclusive bound of the absolute value of stored numbers."""
 
 Number = Annotated[float, Meta(gt=-MAX_NUMBER, lt=MAX_NUMBER)]
+"""A finite number."""
+
 Positive = Annotated[float, Meta(gt=0.0, lt=MAX_NUMBER)]
+"""A positive finite number."""
+
 Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+"""A whole number of at least 0."""
+
 Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
+"""A tolerance, between 0 and 1."""
+
 Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
 """A judged residual; None in a record that was read means infinity."""
 

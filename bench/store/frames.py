@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from msgspec import Struct
 
-from ...problems.contact.judge import NO_NUMBERS, Verdict
+from ...problems.contact.judge import NON_NUMERIC_FIELDS, Verdict
 from ...problems.errors import suggestion
 from ..errors import BenchError
 from .bundles.bundle import open_run, output_folder
@@ -211,7 +211,7 @@ def _columns(kind: type[Struct], path: tuple[str, ...] = ()) -> Iterator[_Column
             yield from _columns(plain, place)
         elif get_origin(plain) is dict:  # the verdict, whose numbers are those of the judge
             for number in fields(Verdict):
-                if number.name not in NO_NUMBERS:
+                if number.name not in NON_NUMERIC_FIELDS:
                     dtype = object if number.type is bool else np.float64
                     yield _Column(number.name, (*place, number.name), dtype, np.nan)
         elif get_origin(plain) is not list:

@@ -108,7 +108,7 @@ class MethodRecord(Record, frozen=True, kw_only=True):
     start: str
 
 
-class KnownRecord(Record, frozen=True, kw_only=True):
+class ReferenceRecord(Record, frozen=True, kw_only=True):
     """Final values of one member of the reference of a trajectory, by name; if it failed, the reason instead."""
 
     member: Number
@@ -127,7 +127,8 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the simulated part of the reference, or the known end.
         scale: scale by which differences from the known end are divided.
-        way: largest displacement of a coordinate from the start to the known end [m]; None if unknown.
+        displacement: largest displacement of a coordinate from the start to the known end [m], stored as "way"; None if
+            unknown.
 
     Raises:
         ValueError: if members of the reference have values of different names.
@@ -138,9 +139,9 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     members: Annotated[list[Number], Meta(min_length=1)]
     error: Literal["limit cycle", "end position", "aggregates"]
     reference: MethodRecord | None = None
-    known: list[KnownRecord] = []
+    known: list[ReferenceRecord] = []
     scale: Positive = 1.0
-    way: Number | None = None
+    displacement: Number | None = msgspec.field(default=None, name="way")
 
     def __post_init__(self) -> None:
         if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:

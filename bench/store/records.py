@@ -251,7 +251,7 @@ class Point(Record, frozen=True, kw_only=True):
         return max((one.number for one in self.rounds), default=-1)
 
     @property
-    def is_late_for_others(self) -> bool:
+    def is_late_under_load(self) -> bool:
         """Whether the time limit was reached in excluded rounds only, so that it may be measured again."""
         return self.outcome is Outcome.TIME_LIMIT and self.measured is not None and self.measured.is_excluded
 
@@ -313,7 +313,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         """
         if self.outcome is not Outcome.MEASURED:
             return True
-        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_for_others, self.points)
+        repeated = itertools.takewhile(lambda point: point.is_repeated or point.is_late_under_load, self.points)
         is_measured = all(point.n_passes >= plan.passes or point.last_pass >= plan.passes - 1 for point in repeated)
         return self.is_tried(plan) and is_measured
 

@@ -20,7 +20,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.exchange.files.atomic_file import PART, replacing
 from ...problems.exchange.files.problem_file import SUFFIX, packed_problem, read_problem
 from ..errors import BenchError
-from .conversion import R, printable, sealed, unsealed
+from .conversion import R, decode_record, encode_record, printable
 from .records import CaseRecord, RunRecord
 
 RUN_FILE, CASES, PROBLEMS = "run.json", "cases", "problems"
@@ -32,7 +32,7 @@ BUNDLE_SUFFIX = ".bundle"
 ELSEWHERE = "choose another folder with `results`"
 """Remedy if a run cannot be written."""
 
-UNFIT_NAME = (
+INVALID_NAME = (
     "is not a valid name of a run; use at most 60 of the characters a-z, A-Z, 0-9, '.', '_' and '-', and begin and end "
     "with a letter, digit or '-'."
 )
@@ -125,7 +125,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        self._write(self.folder / RUN_FILE, sealed(run))
+        self._write(self.folder / RUN_FILE, encode_record(run))
 
     def read_run(self) -> RunRecord:
         """Return the content of run.json.
@@ -141,7 +141,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        self._write(self._case_file(case), sealed(case))
+        self._write(self._case_file(case), encode_record(case))
 
     def write_problem(self, problem: ContactProblem) -> None:
         """Write a problem, once for each digest.
@@ -257,7 +257,7 @@ def _read(path: Path, kind: type[R], remedy: str) -> R:
         text = path.read_bytes()
     except OSError as error:
         raise BenchError(f"{path.name} cannot be read: {error.strerror}; change its permissions.") from None
-    return unsealed(text, kind, path.name, remedy)
+    return decode_record(text, kind, path.name, remedy)
 
 
 def check_links_inside(place: Path, folder: Path) -> None:

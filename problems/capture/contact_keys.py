@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import FloatArray
 
 NO_ANCHORS = np.zeros((0, 2, 3))
+"""Anchors of a step without contacts."""
 
 
 def distinct_keys(

@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from ..arrays import FloatArray
 from ..contact.laws import LawKind, Laws
 from ..engine_model import EngineSet
-from .installed import mujoco
+from .mujoco_import import mujoco
 
 EMPTY = 1e-14
 """A contact row whose norm is below this fraction of the largest one of the contact moves nothing, for example friction

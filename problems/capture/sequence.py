@@ -18,7 +18,7 @@ from ..exchange.sequences import BEFORE, STEP
 from ..representation import counted
 from .contact_keys import NO_ANCHORS, distinct_keys, pair_of
 from .files import save_step
-from .installed import mujoco, without_log
+from .mujoco_import import mujoco, without_log
 from .rows import RefusedRow
 from .step import VELOCITY_ERROR, CapturedStep, EmptyStepError, captured_step, take_step
 

@@ -25,7 +25,7 @@ from ..contact.problem import FREE_FALL, ContactProblem
 from ..engine_model import EngineModel, judge_own_model
 from ..errors import ProblemError
 from .contact_keys import distinct_keys
-from .installed import mujoco
+from .mujoco_import import mujoco
 from .rows import CapturedRows, RefusedRow, captured_rows, engine_sets
 
 STEP_ERROR = 1e-9
@@ -38,8 +38,10 @@ UNSUPPORTED_INTEGRATORS = {
     "RK4": "solves the constraints four times in a step",
     "IMPLICIT": "has a mass matrix that is not symmetric",
 }
+"""Reasons for which an integrator of MuJoCo is not supported, by its name."""
 
-SUPPORTED = 'set integrator to "implicitfast", "Euler" or "discrete"'
+INTEGRATOR_REMEDY = 'set integrator to "implicitfast", "Euler" or "discrete"'
+"""Remedy for an unsupported integrator."""
 
 
 class EmptyStepError(ProblemError):
@@ -203,7 +205,7 @@ def _require_supported_options(module: Any, model: Any) -> None:
     integrator = module.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
     if integrator in UNSUPPORTED_INTEGRATORS:
         reason = UNSUPPORTED_INTEGRATORS[integrator]
-        raise ProblemError(f"the integrator {integrator} {reason}; {SUPPORTED}.")
+        raise ProblemError(f"the integrator {integrator} {reason}; {INTEGRATOR_REMEDY}.")
     if model.opt.enableflags & module.mjtEnableBit.mjENBL_IPC:
         raise ProblemError("the flag ipc replaces contact forces by barriers, which are not force laws; disable it.")
 

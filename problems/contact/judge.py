@@ -51,7 +51,7 @@ JUDGE = 3
 """Version of the judge; residuals of different versions are not comparable. Version 1 did not separate components, and
 version 2 returned 0 if huge impulses cancelled."""
 
-NO_NUMBERS = ("model", "component_residuals")
+NON_NUMERIC_FIELDS = ("model", "component_residuals")
 """Fields of a verdict that are not numbers."""
 
 UNITS = {
@@ -117,7 +117,7 @@ class Verdict:
 
     def numbers(self) -> dict[str, float | bool | None]:
         """Return the fields that are single numbers, by name."""
-        return {name: value for name, value in vars(self).items() if name not in NO_NUMBERS}
+        return {name: value for name, value in vars(self).items() if name not in NON_NUMERIC_FIELDS}
 
 
 @interprets_kernels
@@ -150,7 +150,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         scaled = in_units(problem, time=residual.unit).problem
         return _in_usual_units(judge(scaled, residual.unit * given, model), residual.unit)
     velocity, rounding = problem.accurate_velocity(given)
-    violation = np.maximum(violations(problem, residual, given, velocity, model), residual.hidden(rounding))
+    violation = np.maximum(violations(problem, residual, given, velocity, model), residual.law_rounding(rounding))
     speed = np.maximum(np.abs(velocity), rounding)
     root = residual.lengths * np.sqrt(residual.alpha)
     energy, energy_scale = _largest_ratio(violation, root), _largest_ratio(residual.speeds, root)
@@ -198,13 +198,13 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
         return local_residual(in_units(problem, time=unit).problem, unit * impulses, unit * free_fall)
     velocity, rounding = problem.accurate_velocity(impulses)
     violation = violations(problem, residual, impulses, velocity, Model.COULOMB)
-    violation = np.maximum(violation, residual.hidden(rounding))
+    violation = np.maximum(violation, residual.law_rounding(rounding))
     return float(_local(problem, residual, violation, max(problem.free_fall, free_fall)).max(initial=0.0))
 
 
 def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
     """Return the verdict on impulses that are not all finite; all of its errors are infinite or NaN."""
-    numbers: dict[str, Any] = {one.name: np.inf for one in fields(Verdict) if one.name not in NO_NUMBERS}
+    numbers: dict[str, Any] = {one.name: np.inf for one in fields(Verdict) if one.name not in NON_NUMERIC_FIELDS}
     if problem.answer is None or problem.answer.velocity is None:
         numbers["velocity_error"] = None
     numbers |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}

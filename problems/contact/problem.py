@@ -30,9 +30,9 @@ from .laws import Laws
 from .matrices.accurate import accurate_over_factors, accurate_over_matrix
 from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_pieces, diagonal_of
 from .matrices.factors import Factors
-from .matrices.given import sparse_numbers
 from .matrices.pieces import Pieces
 from .matrices.symmetric import checked_delassus
+from .matrices.user_matrices import sparse_numbers
 
 FREE_FALL = "free_fall"
 """The entry of the provenance with the velocity that free bodies gain in the problem's time step [m/s]."""

@@ -111,10 +111,10 @@ class Residual:
         if found > self.rounding(impulses):
             return found
         velocity, rounding = problem.accurate_velocity(impulses)
-        hidden = float((self.ratios * self.hidden(rounding)).max(initial=0.0))
+        hidden = float((self.ratios * self.law_rounding(rounding)).max(initial=0.0))
         return max(self(impulses, velocity), ratio(hidden, self.scale))
 
-    def hidden(self, rounding: FloatArray) -> FloatArray:
+    def law_rounding(self, rounding: FloatArray) -> FloatArray:
         """Return the possible rounding error [m/s] of the violation of each law, shape (n_laws,).
 
         ``rounding`` is the error bound of each row, shape (n_rows,), from ``ContactProblem.accurate_velocity``.

@@ -20,7 +20,7 @@ from .problem import FREE_FALL, ContactProblem
 
 
 @dataclass(frozen=True, eq=False)
-class Transformed:
+class TransformedProblem:
     """A transformed problem.
 
     Attributes:
@@ -37,7 +37,7 @@ class Transformed:
         return found
 
 
-def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
+def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
     """Return the problem with its contacts in another order; ``order`` contains the old index at each new position.
 
     Raises:
@@ -56,7 +56,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> Transformed:
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
-def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
+def rotated(problem: ContactProblem, angles: ArrayLike) -> TransformedProblem:
     """Return the problem with the first two axes of each friction law rotated by an angle [rad], shape (n_laws,).
 
     These are the tangents of spatial friction, and two of the axes of rolling about two or three axes.
@@ -70,7 +70,7 @@ def rotated(problem: ContactProblem, angles: ArrayLike) -> Transformed:
     return _congruent(problem, sp.csr_array(back), problem.laws, "rotated")
 
 
-def duplicated(problem: ContactProblem, contact: int) -> Transformed:
+def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
     """Return the problem with a copy of one contact at the end; the old Λ is the sum of both.
 
     A fixed bound is split between the copies.
@@ -91,7 +91,7 @@ def duplicated(problem: ContactProblem, contact: int) -> Transformed:
     return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
 
 
-def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> Transformed:
+def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> TransformedProblem:
     """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], including its answer.
 
     G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
@@ -102,7 +102,7 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
     return _in_plain_units(problem, mass, length, time)
 
 
-def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
+def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
     """Return a problem without rolling friction in other units."""
     speed, impulse = time / length, time / (mass * length)
     back = sp.csr_array(sp.eye_array(problem.n_rows) / impulse)
@@ -129,10 +129,10 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
         answer=answer,
         engine=None if problem.engine is None else problem.engine.over(back),
     )
-    return Transformed(made, back)
+    return TransformedProblem(made, back)
 
 
-def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> Transformed:
+def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
     """Return a problem with rolling friction in other units: scale its rows by ``length``, then change units."""
     laws = problem.laws
     rolls = np.repeat(laws.is_rolling, laws.row_count)
@@ -153,7 +153,7 @@ def _in_length(problem: ContactProblem, mass: float, length: float, time: float)
             witness=None if answer.witness is None else answer.witness / scale,
         )
     others = _in_plain_units(replace(scaled.problem, answer=known), mass, length, time)
-    return Transformed(replace(others.problem, name=f"{problem.name} in other units"), scaled.back @ others.back)
+    return TransformedProblem(replace(others.problem, name=f"{problem.name} in other units"), scaled.back @ others.back)
 
 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
@@ -188,7 +188,7 @@ def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
     )
 
 
-def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str) -> Transformed:
+def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str) -> TransformedProblem:
     """Return the problem with G' = Tᵀ G T, c' = Tᵀ c; its answer keeps only velocity and sums."""
     answer, forth = problem.answer, sp.csr_array(back.T)
     if answer is not None:
@@ -217,7 +217,7 @@ def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str
         answer=answer,
         engine=None if problem.engine is None else problem.engine.over(back),
     )
-    return Transformed(made, back)
+    return TransformedProblem(made, back)
 
 
 def _selection(problem: ContactProblem, rows: IntArray) -> sp.csr_array:

@@ -23,9 +23,15 @@ from .files.problem_file import SUFFIX, SUFFIXES, read_problem
 from .plugins.offers import Offer, offers
 
 FUNNEL_SIZES = (30, 100, 300, 1000)
+"""Numbers of balls in the problems of the suite ``funnel``."""
+
 PILE_SIZES = (100, 300, 1000)
+"""Numbers of balls in the piles of that suite."""
+
 MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
-WOODPECKER_INCIDENTS = (
+"""Names of the piles with different friction coefficients."""
+
+WOODPECKER_SWITCHES = (
     "lower-release",
     "upper-impact",
     "beak-impact",
@@ -36,8 +42,10 @@ WOODPECKER_INCIDENTS = (
     "lower-slip-to-stick",
     "lower-stick-to-slip",
 )
+"""Switching points after which the problems of the suite ``woodpecker`` are named."""
 
 ARCH_STONES = (7, 9, 13, 27, 51)
+"""Numbers of stones in the arches of the suite ``bodies``."""
 
 BODY_GROUPS: dict[str, list[str]] = {
     "box stacks": [
@@ -99,7 +107,7 @@ SEQUENCE_MEMBERS = {name: [f"sequence-{name}-{step}" for step in range(SEQUENCE_
 
 _SEQUENCES = [step for steps in SEQUENCE_MEMBERS.values() for step in steps]
 
-_WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_INCIDENTS]
+_WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_SWITCHES]
 
 SUITES: dict[str, list[str]] = {
     "quick": [
@@ -151,7 +159,7 @@ def suite_members(name: str) -> list[str]:
 def problem_names() -> list[str]:
     """Return the names of all standard problems, of those of plugins, and of those in the cache folder."""
     cached = {path.name.removesuffix(SUFFIX) for path in cache_folder().glob(f"*{SUFFIX}")}
-    known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.refusal)]
+    known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.rejection)]
     return [*known, *sorted(cached.difference(known))]
 
 
@@ -160,14 +168,14 @@ def plugin_problems() -> list[Offer]:
     return offers("problem", SUITES["all"])
 
 
-def is_held(name: str) -> bool:
+def is_shipped(name: str) -> bool:
     """Whether the problem is part of the package, as a hard case or in the frozen library."""
     return name in HARD_CASES or _frozen(name) is not None
 
 
 def is_available(name: str) -> bool:
     """Whether ``load`` finds the problem without generating it."""
-    return is_held(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
+    return is_shipped(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
 
 
 def is_path(name: str | Path) -> bool:

@@ -12,7 +12,7 @@ from ..hard import CASE_GROUPS
 from .catalog import BODY_GROUPS, SEQUENCE_MEMBERS
 
 FAMILY = "family"
-"""Entry of the provenance of a problem: the name of its family."""
+"""Key of the provenance of a problem under which the name of its family is stored."""
 
 Sampling = Literal["proportional", "even"]
 """How a sample is divided among families: in proportion to their sizes, or equally."""

@@ -31,6 +31,7 @@ MAX_DESCRIPTION_BYTES = 1_000_000
 """Largest size of that file."""
 
 KEYS = ("name", "order", "exclude", "groups")
+"""Keys that ``suite.toml`` may have."""
 
 
 @dataclass(frozen=True)

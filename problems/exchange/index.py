@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .. import library
 from ..contact.problem import ContactProblem
-from .catalog import SUITES, is_held, load
+from .catalog import SUITES, is_shipped, load
 
 INDEX = "index.json"
 """Name of the file in the folder of the library."""
@@ -50,7 +50,7 @@ def stored_summaries() -> Mapping[str, ProblemSummary]:
 
 def current_summaries() -> dict[str, ProblemSummary]:
     """Build all of these problems and return their summaries."""
-    return {name: summary_of(load(name)) for name in SUITES["all"] if is_held(name)}
+    return {name: summary_of(load(name)) for name in SUITES["all"] if is_shipped(name)}
 
 
 if __name__ == "__main__":

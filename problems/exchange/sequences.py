@@ -82,7 +82,7 @@ class Predecessors:
     """
 
     steps: tuple[ContactProblem, ...] = ()
-    missing: str = "it follows no step of a sequence from which to start"
+    missing: str = "it follows no step of a sequence, so there is no warm start"
 
 
 NO_PREDECESSORS = Predecessors()

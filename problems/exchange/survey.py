@@ -23,10 +23,10 @@ from .stored_solution import RESIDUAL_KEY
 RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled G below this fraction of the largest one count as zero."""
 
-MOST_RANK_ROWS = 8000
+MAX_RANK_ROWS = 8000
 """Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
 
-_WAYS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
+_REPAIRS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
 """Repairs in the order of trials, so that any asymmetric matrix can be described."""
 
 
@@ -85,7 +85,7 @@ def survey(path: Path) -> Survey:
         joints=joints,
         rows=problem.n_rows,
         dofs=None if problem.factors is None else problem.factors.n_dofs,
-        rank=estimated_rank(problem) if problem.n_rows <= MOST_RANK_ROWS else None,
+        rank=estimated_rank(problem) if problem.n_rows <= MAX_RANK_ROWS else None,
         friction=_range(laws.friction_coefficient[laws.is_friction & ~laws.is_rolling]),
         rolling_friction=_range(rolling) if len(rolling) else None,
         asymmetry=float(provenance.get(ASYMMETRY, 0.0)),
@@ -97,15 +97,15 @@ def survey(path: Path) -> Survey:
 
 def _read(path: Path) -> ContactProblem:
     """Return the problem of a file, read with the first repair that applies."""
-    for way in _WAYS[:-1]:
+    for way in _REPAIRS[:-1]:
         try:
-            return _read_so(path, way)
+            return _read_with(path, way)
         except ProblemError:
             continue
-    return _read_so(path, _WAYS[-1])
+    return _read_with(path, _REPAIRS[-1])
 
 
-def _read_so(path: Path, way: Repair) -> ContactProblem:
+def _read_with(path: Path, way: Repair) -> ContactProblem:
     if is_fclib_name(path.name):
         return read_fclib(path, way.symmetry, way.indefinite)
     return read_problem(path, repair=way)

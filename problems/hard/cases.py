@@ -13,11 +13,11 @@ from .bodies import WEIGHT
 from .families import (
     Family,
     LinkedFamily,
-    braced,
+    random_braced_problem,
+    random_linked_problem,
+    random_problem,
+    random_spectrum_problem,
     single_precision,
-    with_linked_solution,
-    with_solution,
-    with_spectrum,
 )
 from .rods import CRITICAL_FRICTION
 from .stacks import bottom_heavy_masses, top_heavy_masses
@@ -212,32 +212,34 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-mixed-laws-in-km-t": partial(_in_units, mixed.mixed_laws, **_TONNE, time=3600.0),
     },
     "random": {
-        "hard-random-frictionless": partial(with_solution, Family(40, 1, n_dofs=30), 1),
+        "hard-random-frictionless": partial(random_problem, Family(40, 1, n_dofs=30), 1),
         "hard-random-frictionless-masses": partial(
-            with_solution, Family(40, 1, n_dofs=60, mass_range=10, density=0.1), 2
+            random_problem, Family(40, 1, n_dofs=60, mass_exponent=10, density=0.1), 2
         ),
-        "hard-random-planar": partial(with_solution, Family(20, 2, n_dofs=50, friction=0.25), 3),
-        "hard-random-redundant": partial(with_solution, Family(30, 3, n_dofs=30, friction=0.25), 4),
-        "hard-random-sparse-300": partial(with_solution, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5),
-        "hard-random-mu8": partial(with_solution, Family(20, 3, n_dofs=90, friction=8.0), 6),
-        "hard-random-spectrum": partial(with_spectrum, np.geomspace(1e-4, 1.0, 60), 3, 0.25, 7),
-        "hard-random-rank": partial(with_spectrum, _RANK, 3, 0.25, 8),
-        "hard-braced": partial(braced, Family(20, 3, n_dofs=40, friction=0.5), 9),
-        "hard-braced-mu10": partial(braced, Family(20, 3, n_dofs=40, friction=10.0), 10),
-        "hard-braced-redundant-mu1": partial(braced, Family(60, 3, n_dofs=30, friction=1.0), 11),
+        "hard-random-planar": partial(random_problem, Family(20, 2, n_dofs=50, friction=0.25), 3),
+        "hard-random-redundant": partial(random_problem, Family(30, 3, n_dofs=30, friction=0.25), 4),
+        "hard-random-sparse-300": partial(random_problem, Family(300, 3, n_dofs=900, density=0.004, friction=0.5), 5),
+        "hard-random-mu8": partial(random_problem, Family(20, 3, n_dofs=90, friction=8.0), 6),
+        "hard-random-spectrum": partial(random_spectrum_problem, np.geomspace(1e-4, 1.0, 60), 3, 0.25, 7),
+        "hard-random-rank": partial(random_spectrum_problem, _RANK, 3, 0.25, 8),
+        "hard-braced": partial(random_braced_problem, Family(20, 3, n_dofs=40, friction=0.5), 9),
+        "hard-braced-mu10": partial(random_braced_problem, Family(20, 3, n_dofs=40, friction=10.0), 10),
+        "hard-braced-redundant-mu1": partial(random_braced_problem, Family(60, 3, n_dofs=30, friction=1.0), 11),
         **{
             f"hard-linked-{axes}-axes": partial(
-                with_linked_solution,
+                random_linked_problem,
                 LinkedFamily(6, 3, n_dofs=30, states=("open", "stick", "slip"), n_joints=4, rolling_rows=axes),
                 20 + axes,
             )
             for axes in (1, 2, 3)
         },
         "hard-linked-planar": partial(
-            with_linked_solution, LinkedFamily(6, 2, n_dofs=20, n_joints=4, rolling_rows=1), 24
+            random_linked_problem, LinkedFamily(6, 2, n_dofs=20, n_joints=4, rolling_rows=1), 24
         ),
         "hard-linked-redundant": partial(
-            with_linked_solution, LinkedFamily(20, 3, n_dofs=30, friction=0.25, n_joints=10, rolling_friction=0.125), 25
+            random_linked_problem,
+            LinkedFamily(20, 3, n_dofs=30, friction=0.25, n_joints=10, rolling_friction=0.125),
+            25,
         ),
         "hard-float32": partial(single_precision, Family(10, 3, n_dofs=40, friction=0.25), 12),
         "hard-float32-frictionless-20": partial(single_precision, Family(20, 1, n_dofs=15), 13),

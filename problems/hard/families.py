@@ -5,7 +5,7 @@ random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions 
 c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
 
 Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
-solutions, unless normal impulses alone bear the load (see ``braced``).
+solutions, unless normal impulses alone carry the load (see ``random_braced_problem``).
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Family:
         n_contacts: number of contacts.
         dim: rows per contact, 1, 2 or 3.
         n_dofs: degrees of freedom, the largest rank that G can have.
-        mass_range: largest exponent of masses, powers of two from 2^−mass_range to 2^mass_range kg; at most
+        mass_exponent: largest exponent of masses, powers of two from 2^−mass_exponent to 2^mass_exponent kg; at most
             ``MAX_MASS_EXPONENT``.
         density: fraction of nonzero entries of W; every column has at least one.
         friction: μ of all contacts, a multiple of 1/8.
@@ -42,13 +42,13 @@ class Family:
     n_contacts: int
     dim: int = 3
     n_dofs: int = 30
-    mass_range: int = 0
+    mass_exponent: int = 0
     density: float = 1.0
     friction: float = 0.5
     states: tuple[str, ...] = STATES
 
 
-def with_solution(family: Family, seed: int) -> ContactProblem:
+def random_problem(family: Family, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` with a known solution."""
     rng = np.random.default_rng(seed)
     directions, inverse_mass = _factors(family, rng, family.n_contacts * family.dim)
@@ -72,7 +72,7 @@ class LinkedFamily(Family):
     rolling_friction: float = 0.25
 
 
-def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
+def random_linked_problem(family: LinkedFamily, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` with a known solution, its joints after its contacts.
 
     A contact that slides or sticks may roll or not, independently.
@@ -99,8 +99,8 @@ def with_linked_solution(family: LinkedFamily, seed: int) -> ContactProblem:
     return _solved_by(impulses, velocity, is_unique, directions, inverse_mass, laws)
 
 
-def braced(family: Family, seed: int) -> ContactProblem:
-    """Return a random problem of ``family`` whose load normal impulses λ > 0 bear alone: ξ = 0 at any friction.
+def random_braced_problem(family: Family, seed: int) -> ContactProblem:
+    """Return a random problem in which normal impulses λ > 0 alone carry the load, so that ξ = 0 for any μ.
 
     c = −G (λ, 0). Every solution has u·M u ≤ −λ·ξ_N ≤ 0 (see ``supports``); Λ itself is unique only if W has full rank
     and no body can be wedged. The states of the family are ignored.
@@ -113,7 +113,7 @@ def braced(family: Family, seed: int) -> ContactProblem:
     return _solved_by(impulses, np.zeros(len(impulses)), True, directions, inverse_mass, _contacts(family))
 
 
-def with_spectrum(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
+def random_spectrum_problem(eigenvalues: FloatArray, dim: int, friction: float, seed: int) -> ContactProblem:
     """Return a random problem in Delassus form whose G has these eigenvalues [1/kg], with a known solution.
 
     Zero eigenvalues lower the rank. c is rounded, so the solution is exact only to rounding.
@@ -136,7 +136,7 @@ def single_precision(family: Family, seed: int, assembled: bool = False) -> Cont
 
     The problem has factors; if ``assembled``, it has G, which is exact for equal masses and few degrees of freedom.
     """
-    whole = with_solution(family, seed)
+    whole = random_problem(family, seed)
     assert whole.factors is not None
     c, friction = whole.free_velocity.astype(np.float32), np.float32(family.friction)
     if assembled:
@@ -171,7 +171,7 @@ def _factors(family: Family, rng: np.random.Generator, n_rows: int) -> tuple[Flo
     directions = rng.integers(-16, 17, size=shape) / 16.0 * (rng.random(shape) < family.density)
     empty = np.flatnonzero(~directions.any(axis=0))
     directions[rng.integers(0, family.n_dofs, size=len(empty)), empty] = 1.0
-    spread = min(family.mass_range, MAX_MASS_EXPONENT)
+    spread = min(family.mass_exponent, MAX_MASS_EXPONENT)
     return directions, 2.0 ** rng.integers(-spread, spread + 1, size=family.n_dofs).astype(np.float64)
 
 

@@ -30,7 +30,7 @@ from ..iteration.stopping import Clock
 from ..prox.sorprox import SORprox
 from .robust import Robust
 from .sequence import SolverRun, SolverSequence
-from .sweeping import FAST_MOMENTUM, FAST_RELAXATION
+from .sweep_selection import FAST_MOMENTUM, FAST_RELAXATION
 
 WARM_ITERATIONS = 500
 """Default of ``warm_iterations``. In flow both starts are equally good; in a pile at rest the impulses of the last step

@@ -37,7 +37,7 @@ from ..iteration.stopping import Clock
 from ..newton.proximal_point import ProximalPoint
 from .hybrid_newton import HybridNewton
 from .sequence import SolverRun, SolverSequence
-from .sweeping import FACTORS_DENSITY, density, last_digits_for
+from .sweep_selection import FACTORS_DENSITY, density, refining_sweeps
 from .work import MAX_STEPS, program_seconds, step_seconds
 
 MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS = 80, 500, 40
@@ -151,7 +151,7 @@ def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[Solver
     problem = sequence.problem
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
     yield sequence.plan(first_method(problem), zeros if start is None else start, MAX_FIRST_STEPS)
-    sweeps, end = last_digits_for(problem), sequence.latest
+    sweeps, end = refining_sweeps(problem), sequence.latest
     yield sequence.plan(sweeps, end, MAX_SWEEPS)
     programs = cone_programs(problem, count_operations(sequence))
     if programs is not None:

@@ -24,7 +24,7 @@ REFINEMENT = NewtonSettings(damping=1e-12, max_steps=4, patience=1)
 """Settings on identified states: each step must reduce the residual, and halve it if another one is to follow."""
 
 SUCCESS = 0.1
-"""After a refinement to below this fraction of the residual the next iterate is refined too."""
+"""If a refinement reduces the residual below this fraction, the next iterate is refined too."""
 
 MAX_WAIT = 8
 """Largest number of iterations between a failed refinement and the next one."""

@@ -36,7 +36,7 @@ MIN_WORK = 5.0
 """Nominal seconds that restarts may use even after little work: over a thousand Newton steps on a few contacts."""
 
 LIMIT_SHARE = 0.5
-"""Largest minimal work, relative to the time limit."""
+"""Upper limit of ``MIN_WORK``, relative to the time limit."""
 
 MAX_SWEEPS = 128
 """Largest number of sweeps of one predictor from one start."""

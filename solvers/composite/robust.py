@@ -38,7 +38,7 @@ from ..prox.accelerated_sorprox import AndersonSORprox
 from .interior_newton import run_sequence
 from .sequence import SolverSequence
 from .small.prepared import prepare_small
-from .sweeping import can_accelerate, select_sweeps, sweeps_between_checks
+from .sweep_selection import can_accelerate, select_sweeps, sweeps_between_checks
 from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
@@ -148,7 +148,7 @@ def run_sweeps(
     monitor = driver.monitor
     while True:
         latest, residual, outcome = check_convergence(sequence.problem, sequence.residual, driver)
-        if outcome is not None or window.is_lost(driver.iteration, monitor.best_residual):
+        if outcome is not None or window.is_slow(driver.iteration, monitor.best_residual):
             break
         driver.run_to_next_check(min_sweeps)
     best = first if monitor.best_impulses is None else monitor.best_impulses

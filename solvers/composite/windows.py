@@ -38,7 +38,7 @@ class Window:
     def __init__(self, length: int, begin: int = 0, longest: Callable[[], int] | None = None) -> None:
         self.length, self._begin, self._before, self._longest = length, begin, np.inf, longest
 
-    def is_lost(self, iteration: int, residual: float) -> bool:
+    def is_slow(self, iteration: int, residual: float) -> bool:
         """Whether the window that ends at this sweep, with this best residual, has gained less than a digit."""
         if self._before == np.inf:
             self._before = residual

@@ -50,13 +50,13 @@ MIN_TOLERANCE = 1e-13
 INNER_ERROR = 1e-2
 """Error of the solution of a cone program, relative to the best residual so far."""
 
-LOOSENING = 100.0
-"""Factor of the smallest tolerance when the conic solver gives up without progress."""
+TOLERANCE_GROWTH = 100.0
+"""The smallest tolerance grows by this factor when the conic solver gives up without progress."""
 
 PROGRESS = 0.95
 """A residual below this fraction of the best one is progress."""
 
-RISE = 10.0
+RESTART_GROWTH = 10.0
 """The acceleration restarts when the residual exceeds its best value by this factor."""
 
 INNER_ITERATIONS = 1_000_000
@@ -250,7 +250,7 @@ class _Outer:
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual.judged(problem, result.impulses)
             if result.status is ConicStatus.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
-                floor *= LOOSENING
+                floor *= TOLERANCE_GROWTH
             waited = 0 if residual < phase.progress * lowest else waited + 1
             found, reached = self.correction.correct(result.impulses, residual, waited == phase.patience)
             self._record(found, reached)
@@ -266,7 +266,7 @@ class _Outer:
                 impulses, shift = found, lift(problem, problem.relative_velocity(found))
                 anderson.restart()
                 continue
-            if residual > RISE * lowest:
+            if residual > RESTART_GROWTH * lowest:
                 anderson.restart()
             point, image = [shift], [lift(problem, velocity)]
             if phase.weight > 0.0:

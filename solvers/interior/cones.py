@@ -9,8 +9,8 @@ second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = 
     BOTH     as NORMAL and DISC               with b = a + μ r_N
     JOINT    û_N = 0                          for r_N of any sign
 
-at τ → 0; for τ > 0, iterates are inside the cones. There is at most one second-order cone, the pair (p, q) of
-``write_pairs``; on it dq = x₀ − D₀ dp is what linearising p ∘ q = τ e gives, and eliminating dû from all of them leaves
+at τ → 0; for τ > 0, iterates are inside the cones. Each kind has at most one second-order cone, with the pair (p, q) of
+``write_pairs``. Linearising p ∘ q = τ e gives dq = x₀ − D₀ dp there, and eliminating dû from all equations leaves
 (Ĝ + D) dr. Every determinant is a product, (x₀ − ‖x̄‖)(x₀ + ‖x̄‖), because a difference of squares would cancel near
 the boundary.
 """
@@ -154,7 +154,7 @@ def couple(kind, friction, share, r, u, matrices, shifts, target, second, couple
 
 
 @njit(cache=True, error_model="numpy")
-def follow(  # type: ignore[no-untyped-def]
+def write_changes(  # type: ignore[no-untyped-def]
     kind, friction, share, u, matrices, shifts, coupled, right, lag, dr, du, ds
 ):
     """Write dû and ds for dr; ``lag`` is s − ‖û_T‖, which ds removes."""

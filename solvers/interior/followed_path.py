@@ -8,7 +8,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
 from . import cones
-from .power_series import Direction, Series, local_product, products, write_right
+from .power_series import Direction, Series, local_product, write_lower_orders, write_right_side
 from .progress import Progress
 from .runs import NewtonSystem
 from .scaled_problem import ScaledProblem
@@ -171,12 +171,12 @@ class FollowedPath:
     ) -> Direction:
         """Return the solution of the linear system at the factorised point, with zero change of τ."""
         scaled, point = self._scaled, self._at
-        write_right(scaled.kind, self._p, point.r, point.u, heads, lifts, self._shifts, self._right)
+        write_right_side(scaled.kind, self._p, point.r, point.u, heads, lifts, self._shifts, self._right)
         total = self._right if primal is None else self._right + primal
         dr = np.where(scaled.uses, self._system.solve(np.where(scaled.uses, total, 0.0), refinements), 0.0)
         du, ds = np.empty_like(dr), np.empty(len(dr))
         laws = (scaled.kind, scaled.friction, self._full)
-        cones.follow(*laws, point.u, *self._linearised, *self._reduced, -lifts, dr, du, ds)
+        cones.write_changes(*laws, point.u, *self._linearised, *self._reduced, -lifts, dr, du, ds)
         return Direction(dr, du, ds, 0.0)
 
     def _product(self, x: Direction, y: Direction) -> float:
@@ -198,7 +198,9 @@ class FollowedPath:
         series = Series(self._order, point.r, point.u, point.s)
         series.put(1, tangent)
         for order in range(2, self._order + 1):
-            products(scaled.kind, scaled.friction, series.r, series.u, series.s, order, self._heads, self._lifts)
+            write_lower_orders(
+                scaled.kind, scaled.friction, series.r, series.u, series.s, order, self._heads, self._lifts
+            )
             particular = self._solve(self._heads, self._lifts, refinements=0)
             series.put(order, particular.plus(-self._product(tangent, particular), tangent))
         return series

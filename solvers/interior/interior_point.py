@@ -162,7 +162,9 @@ class _Iterate:
         uses = self._scaled.uses
         right = np.where(uses, self._right + self._primal, 0.0)
         found = np.where(uses, self._system.solve(right, self._refinements), 0.0)
-        cones.follow(*self._laws, self._u, *self._linearised, *self._reduced, self._lag, found, self._du, self._ds)
+        cones.write_changes(
+            *self._laws, self._u, *self._linearised, *self._reduced, self._lag, found, self._du, self._ds
+        )
         return found
 
     def _longest_step(self, dr: FloatArray) -> float:

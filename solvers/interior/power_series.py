@@ -57,7 +57,7 @@ class Direction:
 
 
 @njit(cache=True, error_model="numpy")
-def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-untyped-def]
+def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-untyped-def]
     """Write the sums over lower orders in the equations of order k, for each of m cones of w lanes.
 
     ``heads`` receives −Σ p_j∘q_{k−j} and, in its last column, −Σ r_j û_{k−j} of normal laws, shape (m, w + 1).
@@ -85,7 +85,7 @@ def products(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy")
-def write_right(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
+def write_right_side(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
     """Write L(p)⁻¹ times the heads, and the right-hand side over lanes, without De Saxcé's term."""
     width = r.shape[1]
     for i in range(len(kind)):

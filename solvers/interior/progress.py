@@ -9,7 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop
-from ..iteration.stopping import MARK, Clock, Outcome
+from ..iteration.stopping import RECORD_RATIO, Clock, Outcome
 
 FLOPS_PER_SECOND = 3e9
 """Lower estimate of the speed of a factorisation; the first measured step replaces it."""
@@ -24,14 +24,14 @@ PATIENCE = 20
 """Steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends if the last steps, this share of them, brought no gain."""
+"""A run of at least this many steps ends if none of its last steps, this share of all, made progress."""
 
 MIN_WARM_STEPS = 20
-"""The same number for a run from a given start, which may be stuck at the boundary of a cone. A run from zero takes
-about as many steps in all."""
+"""Smallest number of steps for this test in a run from a given start, which may be stuck at the boundary of a cone. A
+run from zero takes about as many steps in all."""
 
 LARGE = 1e6
-"""Larger scaled impulses may be growing without bound."""
+"""Scaled impulses above this may be growing without bound, so that a proof of infeasibility is tried."""
 
 PROOF_TOLERANCE = 1e-12
 """Tolerance for ‖Gd‖ and c·d in a proof of infeasibility, relative to the sum of the sizes of their terms."""
@@ -98,7 +98,7 @@ class Progress:
             self.end(Status.STALLED, f"all steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
         if not np.isfinite(residual):
             self.end(Status.DIVERGED, f"the iterates are not finite, best residual {self.best_residual:.1e}")
-        if residual < MARK * self._marked:
+        if residual < RECORD_RATIO * self._marked:
             self._marked, self._gained = residual, self._iteration
         if self._waited >= PATIENCE and self.best_residual <= self._residual.rounding(self.best):
             self.end(Status.STALLED, f"rounding limits the residual to {self.best_residual:.1e}")
@@ -120,7 +120,7 @@ class Progress:
             self._is_warm, self._of_warm_run = False, (self.best, self.best_residual)
             self.best, self._marked = np.zeros_like(self.best), np.inf
             self.best_residual = self._residual.judged(self._problem, self.best)
-        elif not self.best_residual < MARK * self._began_at:
+        elif not self.best_residual < RECORD_RATIO * self._began_at:
             return False
         self.outcome, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
         self._gained = self._run_began = self._iteration

@@ -19,6 +19,7 @@ from . import cones
 from .lanes import lanes_of
 
 Mask = np.ndarray[tuple[int], np.dtype[np.bool_]]
+"""Truth values, one for each cone."""
 
 
 class ScaledProblem:

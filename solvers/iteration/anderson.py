@@ -22,19 +22,19 @@ from ...problems.arrays import FloatArray
 from .loop import Iterates, WrappedIterates
 
 MIN_SINGULAR_VALUE = 1e-10
-"""Relative to the largest one; directions below it are left out of the least-squares problem."""
+"""Smallest singular value relative to the largest; smaller ones are omitted from the least-squares problem."""
 
 FIRST_WINDOW = 3
-"""Sweeps per window at first; without progress windows double."""
+"""Number of sweeps in the first window; it doubles without progress."""
 
 MAX_WINDOW = 48
-"""Longer windows are not extrapolated: there may be progress without acceleration."""
+"""Largest number of sweeps in an extrapolated window; longer windows may progress without acceleration."""
 
-RISE = 2.0
+MAX_GROWTH = 2.0
 """An extrapolation is undone if its window moves Λ more than this many times as far as the window before."""
 
 MIN_EIGENVALUE = 1e-14
-"""Relative to the largest one of the normal equations; directions below it are left out."""
+"""Smallest eigenvalue of the normal equations relative to the largest; smaller ones are omitted."""
 
 
 class Anderson:
@@ -83,7 +83,8 @@ class AndersonSweeps(WrappedIterates[MovableIterates]):
         """Take iterates, √α of each lane of ``padded``, and the number of differences."""
         self._iterates, self._padded, self._weights = iterates, iterates.padded, weights
         self._differences = WindowDifferences(memory, len(weights))
-        self._begin, self._end = self._padded.copy(), self._padded.copy()  # of the window, and of the one before
+        self._begin = self._padded.copy()  # Λ at the beginning of this window
+        self._end = self._padded.copy()  # Λ at the end of the window before
         self._done, self._moved, self._is_extrapolated, self._window = 0, np.inf, False, FIRST_WINDOW
 
     def reduce_acceleration(self) -> bool:
@@ -110,7 +111,7 @@ class AndersonSweeps(WrappedIterates[MovableIterates]):
         """Start the next window from extrapolated impulses, or undo the last extrapolation."""
         move = self._weights * (self._padded - self._begin)
         moved = float(np.linalg.norm(move))
-        if self._is_extrapolated and not moved <= RISE * self._moved:
+        if self._is_extrapolated and not moved <= MAX_GROWTH * self._moved:
             self._padded[:] = self._end
             self._iterates.note_jump()
             self._differences.restart()

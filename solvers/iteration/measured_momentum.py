@@ -1,11 +1,11 @@
 """Momentum whose memory follows the measured rate of convergence.
 
 Sweeps with momentum β remember the last m = 1/(1 − β) sweeps. In a mode that sweeps without momentum reduce by a small
-part δ a sweep, the error z obeys z_{k+1} = (1 − δ)(z_k + β (z_k − z_{k−1})), whose roots are real while 4δm² < 1:
+fraction δ per sweep, the error z obeys z_{k+1} = (1 − δ)(z_k + β (z_k − z_{k−1})), whose roots are real while 4δm² < 1:
 
-    4δm² < 1    the error falls by the factor exp(−δm) a sweep, so twice the memory doubles the rate
+    4δm² < 1    the error falls by the factor exp(−δm) per sweep, so twice the memory doubles the rate
     4δm² = 1    the fastest fall of this mode, about exp(−1/(2m))
-    4δm² > 1    the error oscillates within √β = exp(−1/(2m)), so a longer memory makes the rate lower
+    4δm² > 1    the error oscillates within √β = exp(−1/(2m)), so a longer memory is slower
 
 Let s be the measured rate, the logarithm of the gain of the residual per sweep. The first case holds if s = δm is below
 1/(4m), that is, if the residual falls by less than the factor e in 4m sweeps. Then m is doubled. The slow modes of a
@@ -27,7 +27,7 @@ DELAY = 4.0
 """d, the number of sweeps after which β may be one half."""
 
 MEMORIES_PER_WINDOW = 4.0
-"""Sweeps of a window over the memory; slow modes gain less than the factor e in this window."""
+"""Number of sweeps in a window, relative to the memory; slow modes gain less than the factor e in this window."""
 
 GROWTH = 2.0
 """Factor of the memory and of the waiting time."""
@@ -41,7 +41,7 @@ class MeasuredMomentum:
 
     def __init__(self) -> None:
         self._memory, self._pause = FIRST_MEMORY, 1.0
-        self._best, self._begin = np.inf, (0, np.inf)  # sweeps and best residual at the begin of the window
+        self._best, self._begin = np.inf, (0, np.inf)  # sweeps and best residual at the beginning of the window
         self._rate_before: float | None = None  # rate before the last growth, if it is on trial
 
     @property

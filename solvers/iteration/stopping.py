@@ -31,7 +31,7 @@ MIN_PLATEAU_SWEEPS = 2000
 PLATEAU_PROGRESS = 0.9
 """Progress: the last three quarters of all sweeps reduced the best residual below this fraction."""
 
-MARK = 0.99
+RECORD_RATIO = 0.99
 """A residual below this fraction of the last recorded one is recorded together with its sweep."""
 
 CLEARLY_BETTER = 0.5
@@ -132,10 +132,10 @@ class Monitor:
         self._iteration = iteration
         self._checks_without_progress += 1
         if residual < self.best_residual:
-            if residual < MARK * self.best_residual:
+            if residual < RECORD_RATIO * self.best_residual:
                 self._checks_without_progress = 0
             self.best_residual, self.best_impulses = residual, impulses
-        if not self._marks or self.best_residual < MARK * self._marks[-1][1]:
+        if not self._marks or self.best_residual < RECORD_RATIO * self._marks[-1][1]:
             self._marks.append((iteration, self.best_residual))
         if residual <= self.stop.tolerance:
             return Outcome(Status.SOLVED, "")

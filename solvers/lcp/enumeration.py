@@ -27,7 +27,7 @@ SINGULAR = 1e-12
 """Ratio of singular values below which a system is singular, and its solution of least norm is used."""
 
 NO_SOLUTION = 1e-3
-"""Residual above which rounding does not explain that the best combination is not a solution."""
+"""If the best combination has a larger residual, the problem has no solution; a smaller one may be due to rounding."""
 
 SAME_SOLUTION = 1e-9
 """Impulses that differ by less, relative to the largest, are the same solution."""

@@ -38,18 +38,18 @@ class Complementarity:
     Attributes:
         matrix: M, sparse, shape (n, n).
         vector: q, shape (n,).
-        back: Λ = back @ z + offset [N s], sparse, shape (n_rows, n).
+        to_impulses: Λ = to_impulses @ z + offset [N s], sparse, shape (n_rows, n).
         offset: the constant part of Λ [N s], shape (n_rows,).
     """
 
     matrix: sp.csr_array
     vector: FloatArray
-    back: sp.csr_array
+    to_impulses: sp.csr_array
     offset: FloatArray
 
     def impulses(self, unknowns: FloatArray) -> FloatArray:
         """Return Λ [N s], shape (n_rows,), of z, shape (n,)."""
-        found: FloatArray = self.back @ unknowns + self.offset
+        found: FloatArray = self.to_impulses @ unknowns + self.offset
         return found
 
 
@@ -93,8 +93,8 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
     matrix = sp.csr_array(velocity @ delassus @ impulse + _sparse(conditions.direct, (n, n)))
     free = scale * problem.free_velocity / speed
     vector = velocity @ (delassus @ conditions.offset + free) + conditions.constant
-    back = sp.csr_array(speed * diagonal @ impulse)
-    return Complementarity(matrix, vector, back, speed * scale * conditions.offset)
+    to_impulses = sp.csr_array(speed * diagonal @ impulse)
+    return Complementarity(matrix, vector, to_impulses, speed * scale * conditions.offset)
 
 
 class _Conditions:

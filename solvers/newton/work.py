@@ -11,7 +11,7 @@ SWEEP = 2e-6
 """Constant part of a sweep, with its share of a check of the residual [s]."""
 
 SWEEP_ENTRY = 1e-9
-"""Each entry of G in a sweep [s]."""
+"""Time per entry of G in a sweep [s]."""
 
 STEP = 1e-3
 """Constant part of a Newton step [s]."""
@@ -20,10 +20,10 @@ DENSE_STEP = 1e-4
 """Constant part of a Newton step with a dense system [s]."""
 
 FACTOR_ENTRY = 3e-8
-"""Each entry of the factors [s]."""
+"""Time per entry of the factors [s]."""
 
 MULTIPLICATION = 3e-10
-"""Each of the f²/n multiplications of a factorisation [s]."""
+"""Time of one of the f²/n multiplications of a factorisation [s]."""
 
 
 @dataclass

@@ -6,17 +6,17 @@ from importlib.util import find_spec
 from ...problems.contact.solver import SolverError
 
 
-def check_installed(solver: str, library: str, extra: str, tried: str = "") -> None:
+def check_installed(solver: str, library: str, extra: str, tested_version: str = "") -> None:
     """Raise ``SolverError`` unless a library is installed in a tested version.
 
     Args:
         solver: the solver that needs it.
-        library: its module, and its distribution if ``tried`` is given.
+        library: its module, and its distribution if ``tested_version`` is given.
         extra: the extra of Proxbench that installs it.
-        tried: beginning of the tested versions; any version if empty.
+        tested_version: beginning of the tested versions; any version if empty.
     """
     remedy = f'run pip install ".[{extra}]" in a clone of proxbench'
     if find_spec(library) is None:
         raise SolverError(f"{solver} needs {library}, which is not installed; {remedy}")
-    if tried and not (version := metadata.version(library)).startswith(f"{tried}."):
-        raise SolverError(f"{solver} does not support {library} {version}, only {tried}.x; {remedy}")
+    if tested_version and not (version := metadata.version(library)).startswith(f"{tested_version}."):
+        raise SolverError(f"{solver} does not support {library} {version}, only {tested_version}.x; {remedy}")

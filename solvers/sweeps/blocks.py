@@ -23,7 +23,7 @@ from .slip_angle import WORKSPACE_SIZE
 from .step_size import diagonal_step_sizes
 
 NO_STEP_SIZES = np.empty(0)
-"""Stands for the step sizes of laws, which block sweeps do not have."""
+"""Placeholder for the step sizes of laws, which block sweeps do not use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
 def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
     begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Do the end of a sweep from contact ``begin`` on."""
+    """Solve the contacts of one sweep from contact ``begin`` on, including those in unusual states."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     work = np.empty(WORKSPACE_SIZE)
     for i in range(uint64(begin), uint64(len(friction))):

@@ -5,8 +5,8 @@ only on the degrees of freedom that it touches:
 
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 
-W̃ is both read and written with, which halves the memory of W and M⁻¹ W. Contacts between two bodies have a specialised
-kernel without a loop over pieces of W̃; many such contacts are swept in batches.
+W̃ serves both to compute ξ and to update v, which needs half the memory of W and M⁻¹ W. Contacts between two bodies
+have a specialised kernel without a loop over pieces of W̃; many such contacts are swept in batches.
 """
 
 from collections.abc import Callable
@@ -162,7 +162,7 @@ class BatchIterates(FactorIterates, MomentumState):
 
 
 def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
-    """Return axes of a chunk, first coordinate of each piece, and the pieces flat, two a block.
+    """Return axes of a chunk, first coordinate of each piece, and the flat pieces, two per block.
 
     The axes are a tuple of known length, so that the compiler unrolls loops over it.
     """

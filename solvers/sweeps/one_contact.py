@@ -12,8 +12,8 @@ leaves part of Λ_T undetermined; that part stays unchanged, or moves as little 
 If no state is consistent (a singular block may have no solution, and rounding may exclude two neighbouring states), the
 result is the candidate with the smallest violation, as the judge measures it.
 
-``solve_usual_spatial`` finds the states of a regular block near the present impulse, which are nearly all, and tells
-where it fails. ``solve_spatial`` finds all states of any block, but takes seconds to compile.
+``solve_usual_spatial`` finds the state of a regular block near the present impulse, which almost always suffices, and
+reports whether it succeeded. ``solve_spatial`` finds all states of any block, but takes seconds to compile.
 """
 
 import numpy as np
@@ -137,7 +137,7 @@ def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyp
 
 @njit(cache=True, error_model="numpy")
 def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ignore[no-untyped-def]
-    """Return what ``solve_spatial`` does and True, or False as the last value where the state is not a usual one.
+    """Return what ``solve_spatial`` does and True, or False as the last value if the state is not a usual one.
 
     A usual state is open, stick of a regular block, or the slip to which Newton's method leads from the present one.
     """

@@ -93,7 +93,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
                 self._since_check, self._checks_since_cut = 0, self._checks_since_cut + 1
                 layout, sizes = self._iterates.layout, self._iterates.step_sizes
                 lanes, sizes = (layout.width, layout.sliding, sizes.shape[1]), sizes.reshape(-1)
-                if cut_where_opposed(*lanes, self._before, self._previous, newest, sizes, self._fraction):
+                if reduce_opposed_steps(*lanes, self._before, self._previous, newest, sizes, self._fraction):
                     self._checks_since_cut = 0
                     self._iterates.scale_steps(self._fraction)
                 self._interval = INTERVALS[min(self._checks_since_cut, len(INTERVALS) - 1)]
@@ -110,7 +110,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 
 @interpretable
 @njit(cache=True)
-def cut_where_opposed(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
+def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
     """Reduce the step of each contact whose increments are opposed and do not shrink; return whether one was."""
     lanes, groups = uint64(width), uint64(groups)
     was_cut = False

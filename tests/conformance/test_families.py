@@ -14,15 +14,15 @@ from proxbench.bench.conformance.trial import Trial, own_residual, require_known
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.residual import Residual
-from proxbench.problems.contact.transformations import Transformed, duplicated, in_units, permuted, rotated
+from proxbench.problems.contact.transformations import TransformedProblem, duplicated, in_units, permuted, rotated
 from proxbench.problems.hard.families import (
     STATES,
     Family,
     LinkedFamily,
-    braced,
-    with_linked_solution,
-    with_solution,
-    with_spectrum,
+    random_braced_problem,
+    random_linked_problem,
+    random_problem,
+    random_spectrum_problem,
 )
 from proxbench.solvers import Solver, Status, Stop, available, create
 
@@ -39,7 +39,7 @@ def families(draw: Any) -> Family:
         n_contacts=draw(st.integers(1, 6)),
         dim=draw(st.integers(1, 3)),
         n_dofs=draw(st.integers(1, 20)),
-        mass_range=draw(st.integers(0, 6)),
+        mass_exponent=draw(st.integers(0, 6)),
         density=draw(st.sampled_from([0.2, 0.6, 1.0])),
         friction=draw(st.sampled_from(FRICTION)),
         states=tuple(states),
@@ -62,15 +62,15 @@ def spectral_problems(draw: Any) -> ContactProblem:
     exponents = draw(st.lists(st.integers(-6, 3), min_size=dim * n_contacts, max_size=dim * n_contacts))
     rank = draw(st.integers(1, dim * n_contacts))
     eigenvalues = np.where(np.arange(dim * n_contacts) < rank, 10.0 ** np.array(exponents), 0.0)
-    return with_spectrum(eigenvalues, dim, draw(st.sampled_from(FRICTION)), draw(st.integers(0, 2**16)))
+    return random_spectrum_problem(eigenvalues, dim, draw(st.sampled_from(FRICTION)), draw(st.integers(0, 2**16)))
 
 
 seeds = st.integers(0, 2**32 - 1)
 problems = st.one_of(
-    st.builds(with_solution, families(), seeds),
-    st.builds(braced, families(), seeds),
+    st.builds(random_problem, families(), seeds),
+    st.builds(random_braced_problem, families(), seeds),
     spectral_problems(),
-    st.builds(with_linked_solution, linked_families(), seeds),
+    st.builds(random_linked_problem, linked_families(), seeds),
 )
 solvers = st.sampled_from([create(name) for name in available()])
 
@@ -140,12 +140,12 @@ def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
 def test_a_tighter_tolerance_ends_no_worse_where_five_contacts_slide_and_the_convex_model_has_no_solution(
     name: str,
 ) -> None:
-    family = Family(n_contacts=5, dim=2, n_dofs=4, mass_range=0, density=0.6, friction=0.5, states=("slip",))
-    end_no_worse(with_solution(family, 1130), create(name), [1e-1, 1e-3, 1e-5, 1e-7], max_seconds=20.0)
+    family = Family(n_contacts=5, dim=2, n_dofs=4, mass_exponent=0, density=0.6, friction=0.5, states=("slip",))
+    end_no_worse(random_problem(family, 1130), create(name), [1e-1, 1e-3, 1e-5, 1e-7], max_seconds=20.0)
 
 
 @st.composite
-def transformed_problems(draw: Any) -> tuple[ContactProblem, Transformed, str]:
+def transformed_problems(draw: Any) -> tuple[ContactProblem, TransformedProblem, str]:
     problem = draw(problems)
     how = draw(st.sampled_from(["units", "order", "tangents", "copies", "form"]))
     random = np.random.default_rng(draw(seeds))
@@ -161,16 +161,16 @@ def transformed_problems(draw: Any) -> tuple[ContactProblem, Transformed, str]:
     return problem, duplicated(problem, int(random.integers(problem.n_contacts))), how
 
 
-def without_factors(problem: ContactProblem) -> Transformed:
+def without_factors(problem: ContactProblem) -> TransformedProblem:
     """The problem as its Delassus matrix alone."""
     bare = ContactProblem.from_delassus(problem.delassus(), problem.free_velocity, laws=problem.laws)
-    return Transformed(bare, sp.csr_array(sp.eye_array(problem.n_rows)))
+    return TransformedProblem(bare, sp.csr_array(sp.eye_array(problem.n_rows)))
 
 
 @pytest.mark.slow
 @given(case=transformed_problems(), solver=solvers)
 def test_a_solution_of_a_transformed_problem_solves_the_original(
-    case: tuple[ContactProblem, Transformed, str], solver: Solver
+    case: tuple[ContactProblem, TransformedProblem, str], solver: Solver
 ) -> None:
     problem, other, how = case
     trial = trial_of(solver, other.problem)

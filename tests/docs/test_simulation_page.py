@@ -10,7 +10,7 @@ from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.bench.simulation.view.table import print_simulation
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.woodpecker import INCIDENTS
+from proxbench.problems.motion.scenes.woodpecker import SWITCH_EVENTS
 from proxbench.problems.motion.stepping.registry import STEPPERS
 from proxbench.problems.motion.stepping.switch_search import SEARCHES
 from rich.console import Console
@@ -67,7 +67,7 @@ def test_the_sample_of_the_woodpecker_is_its_limit_cycle() -> None:
         r"^ +(\d+)  (\w+) +(\d) \w+(?: edge)? +(\w+) +(\w+) .* ([+-][\d.]+) +[+-]\d\.\de[+-]\d\d$", PAGE, re.M
     )
     shown = [(law, int(contact) - 1, before, after, time) for _, law, contact, before, after, time in rows]
-    assert [int(number) for number, *_ in rows] == [*range(1, len(INCIDENTS) + 1)]
-    assert shown == [(one.law, one.contact, one.before, one.after, f"{one.time:+.9f}") for one in INCIDENTS]
+    assert [int(number) for number, *_ in rows] == [*range(1, len(SWITCH_EVENTS) + 1)]
+    assert shown == [(one.law, one.contact, one.before, one.after, f"{one.time:+.9f}") for one in SWITCH_EVENTS]
     assert """"woodpecker(start='cycle')" --duration 0.35""" in PAGE
     assert "\ntotal  0.35 s in " in PAGE

@@ -32,7 +32,7 @@ FEW_MEGABYTES = 40 * 2**20
 def periods_of(simulation: Simulation) -> CycleSequence:
     known = simulation.plan.scene.limit_cycle
     assert known is not None
-    return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+    return find_cycles(known, simulation.switch_events, simulation.times, simulation.trajectory[:, 0])
 
 
 def memory() -> int:

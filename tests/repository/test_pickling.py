@@ -13,7 +13,7 @@ def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
     """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
     pickling = {
         "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
-        "cloudpickle": {"solver_specs.py", "describing.py"},
+        "cloudpickle": {"solver_specs.py", "descriptions.py"},
     }
     for package in ("bench", "problems", "solvers"):
         for file in (PACKAGES / package).rglob("*.py"):

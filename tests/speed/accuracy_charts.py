@@ -8,7 +8,7 @@ from pathlib import Path
 import altair as alt
 import pandas as pd
 from proxbench.bench.report.charts.drawing import TIME_AXIS, heading, stacked, write_drawing
-from proxbench.bench.report.charts.palette import Look, looks
+from proxbench.bench.report.charts.palette import SolverStyle, solver_styles
 
 EVEN_DECADES = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10]
 
@@ -56,7 +56,7 @@ class Quantity:
         """Return the rows with the error within the limits in the column ``cut``."""
         return self.rows.assign(cut=self.rows[self.column].clip(self.least, self.most))
 
-    def work(self, styles: Mapping[str, Look]) -> pd.DataFrame:
+    def work(self, styles: Mapping[str, SolverStyle]) -> pd.DataFrame:
         """Return rows of these solvers with ``work``, the processor time per simulated second.
 
         Motions that ran out of processor time are left out.
@@ -82,7 +82,7 @@ def quantities(measured: pd.DataFrame) -> dict[str, Quantity]:
     }
 
 
-def by_solver(names: Mapping[str, Look]) -> tuple[alt.Color, alt.StrokeDash]:
+def by_solver(names: Mapping[str, SolverStyle]) -> tuple[alt.Color, alt.StrokeDash]:
     """Return the encodings of solvers by colour and by dash."""
     legend = alt.Legend(symbolType="stroke", symbolSize=500)
     colours, dashes = [one.colour for one in names.values()], [one.dash for one in names.values()]
@@ -92,7 +92,7 @@ def by_solver(names: Mapping[str, Look]) -> tuple[alt.Color, alt.StrokeDash]:
     )
 
 
-def tolerance_panel(quantity: Quantity, styles: Mapping[str, Look]) -> alt.LayerChart:
+def tolerance_panel(quantity: Quantity, styles: Mapping[str, SolverStyle]) -> alt.LayerChart:
     """Return the error over the tolerance, a line for each solver."""
     rows, (colour, dash) = quantity.cut()[["solver", "step", "tolerance", "cut"]], by_solver(styles)
     even = alt.Axis(format=".0e", values=EVEN_DECADES)
@@ -109,7 +109,7 @@ def tolerance_panel(quantity: Quantity, styles: Mapping[str, Look]) -> alt.Layer
     return alt.LayerChart(layer=layers).properties(width=210, height=200)
 
 
-def work_panels(quantity: Quantity, styles: Mapping[str, Look]) -> Sequence[alt.LayerChart]:
+def work_panels(quantity: Quantity, styles: Mapping[str, SolverStyle]) -> Sequence[alt.LayerChart]:
     """Return the error over the processor time, a panel for each step, with a line for each solver."""
     rows, (colour, dash) = quantity.work(styles)[["solver", "step", "tolerance", "cut", "work"]], by_solver(styles)
     times = (0.8 * float(rows["work"].min()), 1.25 * float(rows["work"].max()))
@@ -137,7 +137,7 @@ def work_panels(quantity: Quantity, styles: Mapping[str, Look]) -> Sequence[alt.
 
 def draw(measured: pd.DataFrame, folder: Path, solvers: Iterable[str]) -> None:
     """Draw the charts of the documentation, with styles by the order of the solvers."""
-    all_styles, found = looks(solvers), quantities(measured)
+    all_styles, found = solver_styles(solvers), quantities(measured)
     scales = {"color": "shared", "strokeDash": "shared"}
     for name, title, tables in (
         ("arch-by-tolerance", "An arch of seven stones, steps of 5 ms", ("arch", "creep")),

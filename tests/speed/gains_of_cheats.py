@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from catalogue import DECISION, make_cheat
 from cheating_solvers import Honest
-from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.contacts.case_process import Measurement
 from proxbench.bench.measure.contacts.variants import perturbed_copy
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Stop, create

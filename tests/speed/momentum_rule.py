@@ -24,7 +24,7 @@ from proxbench.problems.exchange.catalog import SUITES as PROBLEMS_OF_SUITE
 from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.composite.sweeping import FAST_MOMENTUM, select_sweeps
+from proxbench.solvers.composite.sweep_selection import FAST_MOMENTUM, select_sweeps
 from proxbench.solvers.prox.sorprox import SORprox
 
 PROBLEMS = (

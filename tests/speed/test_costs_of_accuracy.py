@@ -20,7 +20,7 @@ from costs_of_accuracy import (
 )
 from joint_errors import joint_errors
 from pile_costs import piles
-from proxbench.bench.report.charts.palette import looks
+from proxbench.bench.report.charts.palette import solver_styles
 from proxbench.problems.motion.scenes.rigid.arch import Arch
 from proxbench.problems.motion.scenes.rigid.linkages import DEPTH
 
@@ -69,7 +69,7 @@ def test_work_is_time_per_simulated_second_without_motions_that_ran_out_of_time(
             "seconds": [4.0, 4.0, 40.0, 1.0],
         }
     )
-    found = Quantity("drift", rows, "largest", 1e-12, 0.1, 2.0).work(looks(["NSGS"]))
+    found = Quantity("drift", rows, "largest", 1e-12, 0.1, 2.0).work(solver_styles(["NSGS"]))
     assert found["work"].tolist() == [2.0, 8.0]
     assert found["cut"].tolist() == [1e-3, 0.1]
 

@@ -15,8 +15,8 @@ from contestants import funnel_step
 from known_solvers import Known
 from numba import njit
 from proxbench.bench.isolation.worker import Worker
-from proxbench.bench.measure.contacts.protocol import Measurement, MeasuringTask
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.measure.contacts.case_process import Measurement, MeasuringTask
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.plans import Limits
 from proxbench.problems.exchange.files.problem_file import problem_bytes
 from proxbench.solvers import Solution, Solver, Status, Stop

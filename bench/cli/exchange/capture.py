@@ -26,7 +26,7 @@ _simulation = partial(typer.Option, rich_help_panel="Simulation")
 def capture(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="MuJoCo model (.xml, .urdf or .mjb).")],
     duration: Annotated[float, _simulation(metavar="SECONDS", help="Simulated time.")] = 1.0,
-    every: Annotated[int, _simulation(metavar="STEPS", help="Number of steps per captured step.")] = 10,
+    every: Annotated[int, _simulation(metavar="STEPS", help="Capture one in this many steps.")] = 10,
     keyframe: Annotated[str, _simulation(metavar="NAME", help="Keyframe to start from.")] = "",
     seed: Annotated[int | None, _simulation(metavar="SEED", help="Apply random controls with this seed.")] = None,
     output: Annotated[Path, options.output(metavar="FOLDER", help="Folder for the problem files.")] = Path("captured"),
@@ -45,7 +45,7 @@ def capture(
     rows: list[dict[str, Any]] = []
 
     def show(step: "CapturedStep") -> None:
-        row = _judged(step)
+        row = _step_row(step)
         rows.append(row)
         if not as_json:
             _print_row(row, is_first=len(rows) == 1)
@@ -61,18 +61,18 @@ def capture(
     return int(bool(summary.error))
 
 
-def _judged(step: "CapturedStep") -> dict[str, Any]:
+def _step_row(step: "CapturedStep") -> dict[str, Any]:
     """Return a step as JSON values."""
     return {
         "step": step.problem.provenance["step"],
         "laws": step.problem.laws.n_laws,
         "rows": len(step.forces),
         "refused": len(step.refused),
-        **engine_verdict(step),
+        **engine_quality(step),
     }
 
 
-def engine_verdict(step: "CapturedStep") -> dict[str, Any]:
+def engine_quality(step: "CapturedStep") -> dict[str, Any]:
     """Return the quality of the engine's forces as JSON values; an infinite residual is ``None``."""
     from ....problems.capture.step import judge_step
 

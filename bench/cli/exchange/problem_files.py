@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from ....problems.exchange.survey import Survey
 
 PROBLEM_SUFFIX = ".npz"
+"""Suffix of problem files."""
 
-EXPORTED = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
+EXPORT_SUFFIXES = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
 """Suffix of the files of each export format."""
 
 _reading = partial(typer.Option, rich_help_panel="Reading")
@@ -55,12 +56,12 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
 def _engine(file: Path) -> dict[str, Any] | None:
     """Return the quality of the engine's forces in a captured step as JSON values, ``None`` for other files."""
     from ....problems.capture.files import has_step, read_step
-    from .capture import engine_verdict
+    from .capture import engine_quality
 
     if not has_step(file):
         return None
     step = read_step(file)
-    return {"name": step.engine.name, **engine_verdict(step)}
+    return {"name": step.engine.name, **engine_quality(step)}
 
 
 def import_files(
@@ -130,7 +131,7 @@ def export_files(
         write = write_fclib
         for problem in problems:
             contents_of(problem)  # raises before any file is written
-    suffix = EXPORTED[file_format]
+    suffix = EXPORT_SUFFIXES[file_format]
     is_file = output.suffix == suffix and not output.is_dir()
     stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file is arbitrary
     targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]

@@ -9,12 +9,12 @@ import typer
 from .. import options
 from ..report import report_run
 
-_NUMBERS = ("stepper", "tolerance", "max_iterations", "start", "states", "step_seconds")
+_PLAN_ARGUMENTS = ("stepper", "tolerance", "max_iterations", "start", "states", "step_seconds")
 
 _LIMITS = ("solve_seconds", "case_seconds")
 """Options that only a study has."""
 
-_NOT_IN_A_STUDY = {*_NUMBERS, "recording", "chart", "force"} - {"start"}
+_NOT_IN_A_STUDY = {*_PLAN_ARGUMENTS, "recording", "chart", "force"} - {"start"}
 
 _STORED = ("scene", "solver", "duration", "start", *_LIMITS)
 """Parameters that are stored with a study."""
@@ -77,10 +77,10 @@ def simulate(
     options.check_output_options(quiet, as_json)
     if study or (resume is not None and resume.is_dir()):
         return _run_study(context, quiet, as_json, progress)
-    numbers = {name: context.params[name] for name in _NUMBERS if context.params[name] is not None}
+    plan_arguments = {name: context.params[name] for name in _PLAN_ARGUMENTS if context.params[name] is not None}
     if solver is not None:
-        numbers["solver"] = solver[0]
-    request = Request(scene, numbers, duration, output, force, resume, recording, chart)
+        plan_arguments["solver"] = solver[0]
+    request = Request(scene, plan_arguments, duration, output, force, resume, recording, chart)
     return run_simulation(request, as_json, quiet, progress)
 
 

@@ -7,6 +7,7 @@ from ...measure.trajectories.engines.scenes import describe
 from ...report.layout.text import inline, markdown_table
 
 NOTHING = "–"
+"""Text of a cell without a value."""
 
 
 def comparison_tables(comparison: Comparison) -> str:

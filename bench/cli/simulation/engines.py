@@ -23,7 +23,7 @@ def engines(
     rounds: Annotated[
         int | None,
         typer.Option(
-            metavar="NUMBER", min=1, help="Runs of each setting; by default, as in --resume or 1.", show_default=False
+            metavar="NUMBER", min=1, help="Runs of each setting; default: those of --resume, or 1.", show_default=False
         ),
     ] = None,
     output: Annotated[

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 
 from ...errors import FailedSimulationError, InterruptedSimulationError, UnwritableError
-from ...report.layout.output_file import drawn, output_file
+from ...report.layout.output_file import draw_pictures, output_file
 from ...report.layout.text import output_width, print_json
 from ...simulation.file import SUFFIX, read_simulation, write_simulation
 from ...simulation.plan import make_simulation_plan
@@ -29,7 +29,7 @@ class Request:
 
     Attributes:
         scene: the scene with its options, empty if none is named.
-        numbers: arguments of its plan: stepper, solver, tolerance, max_iterations, start, states, step_seconds.
+        plan_arguments: arguments of its plan: stepper, solver, tolerance, max_iterations, start, states, step_seconds.
         duration: simulated time [s].
         output: result file, or its folder.
         force: replace files that exist.
@@ -39,7 +39,7 @@ class Request:
     """
 
     scene: str
-    numbers: Mapping[str, Any]
+    plan_arguments: Mapping[str, Any]
     duration: float | None
     output: Path
     force: bool
@@ -56,7 +56,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
         FailedSimulationError: if a step failed; everything else is printed and drawn first.
         InterruptedSimulationError: if it was stopped.
     """
-    simulation = _begun(request)
+    simulation = _start_or_resume(request)
     live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
     # raise a failure after everything is printed
     with deferred_interrupts() as should_stop, live, contextlib.suppress(FailedSimulationError):
@@ -131,9 +131,9 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
     _record(read_simulation(file), recording, force)
 
 
-def _begun(request: Request) -> Simulation:
+def _start_or_resume(request: Request) -> Simulation:
     if request.resume is not None:
-        given = {**({"scene": request.scene} if request.scene else {}), **request.numbers}
+        given = {**({"scene": request.scene} if request.scene else {}), **request.plan_arguments}
         simulation = resumable_simulation(request.resume, given, request.duration)
         own = simulation.outputs
         simulation.outputs = choose_outputs(own, request.chart, request.record, request.force)
@@ -142,7 +142,7 @@ def _begun(request: Request) -> Simulation:
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
         return simulation
-    plan = make_simulation_plan(request.scene, duration=request.duration, **request.numbers)
+    plan = make_simulation_plan(request.scene, duration=request.duration, **request.plan_arguments)
     outputs = choose_outputs(SimulationOutputs(), request.chart, request.record, request.force)
     file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
     if outputs.chart is None and plan.scene.coordinates:  # a chart of coordinates is more informative than a table
@@ -159,7 +159,7 @@ def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path
     if simulation.n_steps and chart is not None:
         from ...simulation.view.chart import write_chart  # altair and pandas take a second to import
 
-        for path in drawn(lambda: write_chart(simulation, chart), file):
+        for path in draw_pictures(lambda: write_chart(simulation, chart), file):
             yield "chart", path
     if simulation.n_steps:
         for path in write_recording(lambda path: _record(simulation, path, force=True), recording, file):

@@ -70,7 +70,9 @@ def judge_answers(
     return JudgedAnswers(outcome, own, coulomb, list(different.values()), claims, kept)
 
 
-def confirmed(problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str) -> Point:
+def judge_control_solves(
+    problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str
+) -> Point:
     """Judge the control solves of a point, and return the point with the worst outcome.
 
     A control solve that reaches a limit of time does not change the outcome. A copy may be harder than the problem, so

@@ -17,7 +17,7 @@ from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.files.problem_file import problem_bytes
 from ....problems.exchange.sequences import NO_PREDECESSORS, Predecessors
 from ....problems.representation import counted
-from ...isolation.worker import MAX_CONTENT_BYTES, Fault, no_answer
+from ...isolation.worker import MAX_CONTENT_BYTES, Fault, invalid_answer_fault
 from ...plugins.remote_solver import are_iterations
 from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained
@@ -28,10 +28,10 @@ from ..ladder import MAX_REASON_LENGTH, CasePass, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import keep_finest_impulses, times_from_rounds
 from ..timed_round import TimedRound
-from .answers import confirmed, judge_answers
+from .answers import judge_answers, judge_control_solves
+from .case_process import MeasuringTask
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls, ControlSolve
-from .protocol import MeasuringTask
 from .starts import Starts
 from .variants import perturbed_copy
 
@@ -42,7 +42,7 @@ ROUNDS = 2
 """Number of rounds of a point in a pass that must not be excluded."""
 
 ENOUGH_SECONDS = 0.02
-"""Wall time of a counted round from which one round per pass suffices [s]."""
+"""If a counted round takes at least this wall time, one round per pass suffices [s]."""
 
 MAX_EXCLUDED = 3
 """Largest number of excluded rounds of a point in a pass."""
@@ -52,7 +52,7 @@ MAX_EXCLUDED_SECONDS = 0.2
 
 
 MAX_RESTS = 20
-"""Largest number of pauses in which processes that a solver has started may end before it has misbehaved."""
+"""Number of pauses in which processes of a solver may still end; afterwards, the solver has misbehaved."""
 
 
 @dataclass(frozen=True)
@@ -100,14 +100,14 @@ class Case(LadderCase[MeasuredRound]):
         self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # a solver must not know which
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
-    def is_left(self, level: int) -> bool:
+    def is_pending(self, level: int) -> bool:
         """Return whether a point is missing, or needs another round in this pass."""
         if level >= len(self.points):
             return True
         point = self.points[level]
         if point.is_repeated:
             return point.n_passes <= self.case_pass.number
-        return (point.is_late_for_others or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
+        return (point.is_late_under_load or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
 
     def begin(self) -> None:
         """Start the process, warm up on a copy of the problem, and measure the convergence curve of the problem.
@@ -136,10 +136,10 @@ class Case(LadderCase[MeasuredRound]):
             self._curve = self._judged_curve(*seen)
             self._observed = _contradicted_count(seen[0])
 
-    def occupy(self, core: MeasuringCore) -> None:
+    def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin its processes to a core from now on."""
-        super().occupy(core)
-        self._controls.occupy(core)
+        super().pin_to_core(core)
+        self._controls.pin_to_core(core)
 
     def finish(self) -> None:
         """Compare the state of the process with that before the solver was created."""
@@ -247,7 +247,7 @@ class Case(LadderCase[MeasuredRound]):
         )
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
 
-    def end_after(self, point: Point) -> str:
+    def reason_to_stop(self, point: Point) -> str:
         """Return why finer points are not attempted after an unsolved or late one; empty if they are."""
         if point.outcome is Outcome.NOT_ATTEMPTED:
             return point.reason
@@ -285,7 +285,7 @@ class Case(LadderCase[MeasuredRound]):
         stop = self._stop(point.tolerance)
         copies = self._controls.copies(stop, seconds, partial(self._measure_again, stop))
         point = replace(point, measured=_with_times(measured, "copy", copies))
-        return confirmed(self.problem, self.solver.model, point, copies, ON_COPY)
+        return judge_control_solves(self.problem, self.solver.model, point, copies, ON_COPY)
 
     def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
         """Return a point with the times of its first solves, and their answers judged."""
@@ -294,12 +294,14 @@ class Case(LadderCase[MeasuredRound]):
         firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
             point = replace(point, measured=_with_times(measured, "first", firsts))
-        return confirmed(self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process")
+        return judge_control_solves(
+            self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process"
+        )
 
     def _measure_again(self, stop: Stop) -> float:
         """Return the median time of one more round [s]; raise a ``Fault`` if there is none."""
         if self._worker is None:
-            raise no_answer()
+            raise invalid_answer_fault()
         began = time.monotonic()
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
         return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
@@ -342,7 +344,7 @@ class Case(LadderCase[MeasuredRound]):
         """Return the judged residual of every observed iterate, computed outside the plugin's process."""
         iterations: Any = answer.get("iterations")
         if not are_iterations(iterations) or len(iterations) * self.problem.n_rows != len(iterates):
-            self._fail(no_answer())
+            self._fail(invalid_answer_fault())
             return self._curve
         residual, problem = Residual(self.problem), self.problem
         rows = iterates.reshape(len(iterations), problem.n_rows)

@@ -35,17 +35,17 @@ from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from ..timed_round import TimedRound
-from .protocol import MeasuringTask
+from .case_process import MeasuringTask
 from .variants import disguised_copy, in_other_units
 
 MIN_FAST_SOLVES = 2
-"""Number by which first solves within the bound must exceed those beyond it; one suffices for a long solve."""
+"""Least surplus of first solves within the bound over those beyond it; 1 suffices for a long solve."""
 
 LONG_SECONDS = 0.02
-"""Time of a solve from which one first solve within the bound suffices, because it varies less [s]."""
+"""A solve of at least this time is long, and varies less [s]."""
 
 MAX_SLOW_SOLVES = 4
-"""Number by which first solves beyond the bound may exceed those within it."""
+"""Largest permitted surplus of first solves beyond the bound over those within it."""
 
 MAX_SOLVES = 9
 """Largest number of first solves of a point."""
@@ -122,7 +122,7 @@ class Controls:
         if self._worker is not None:
             self._worker.dismiss()
 
-    def occupy(self, core: MeasuringCore) -> None:
+    def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin the process to a core from now on."""
         self.core = core
         if self._worker is not None:
@@ -135,7 +135,7 @@ class Controls:
             self._worker = None
 
     def solve_once(self, problem: ContactProblem, stop: Stop, start: FloatArray | None) -> FloatArray:
-        """Return the impulses of one solve of any problem from ``start``, in a process that knows no other [N s].
+        """Return the impulses [N s] of one solve of any problem from ``start``, in a process that has solved no other.
 
         Raises:
             Fault: if there is no valid answer.

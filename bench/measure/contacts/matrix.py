@@ -12,7 +12,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ....problems.contact.solver import Solver, Stop
 from ....solvers.registry import available
-from ...plugins.describing import solver_spec
+from ...plugins.descriptions import solver_spec
 from ...plugins.problems import resolve_problem
 from ...plugins.remote_solver import FailedSolveError, RemoteSolver
 from ...simulation.generation.generate import generate_missing

@@ -24,7 +24,7 @@ import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
-from ....problems.contact.transformations import Transformed, in_units, permuted, rotated
+from ....problems.contact.transformations import TransformedProblem, in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)
 """Even powers of two from which m, or its inverse, is drawn."""
@@ -42,7 +42,7 @@ SHIFT_PER_TOLERANCE = 20.0
 """Least ratio of s to the tolerance of a solve, so that an answer of the problem fails on the copy."""
 
 
-def in_other_units(problem: ContactProblem) -> Transformed:
+def in_other_units(problem: ContactProblem) -> TransformedProblem:
     """Return the problem in units drawn at random, without name, provenance and answer."""
     draw = random.SystemRandom()
     speed, mass = (2.0 ** (draw.choice((1, -1)) * draw.choice(each)) for each in (SPEED_EXPONENTS, MASS_EXPONENTS))

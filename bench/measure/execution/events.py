@@ -37,7 +37,7 @@ class ReferenceSimulated:
 
 @dataclass(frozen=True)
 class ProblemStarted:
-    """Pass ``number``, counted from 0, over the cases of one problem has started."""
+    """A pass over the cases of a problem has started; ``number`` counts passes from 0."""
 
     problem: str
     number: int = 0
@@ -74,5 +74,6 @@ class ProblemPassFinished:
 
 
 Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseFinished | ProblemPassFinished
+"""What an observer of a run receives."""
 
 OnEvent = Callable[[Event], None]

@@ -19,7 +19,7 @@ from ..contacts.case import Case
 from ..ladder import CasePass, LadderCase, measure_ladder
 from ..machine import this_machine
 from ..measuring_core import MeasuringCore
-from ..refutation import find_refuted
+from ..refutation import mark_refuted_claims
 from ..trajectories.case import TrajectoryCase
 from ..trajectories.methods import Method
 from ..trajectories.problems import trajectory_of
@@ -65,7 +65,7 @@ class LocalExecutor(RunExecutor):
         finally:
             for case in cases:
                 self._write_case(case.record())
-        for wrong in find_refuted(list(known.values()), cases[0].is_solvable if cases else None):
+        for wrong in mark_refuted_claims(list(known.values()), cases[0].is_solvable if cases else None):
             self._write_case(wrong)
         for solver, record in known.items():
             if solver not in finished and record.is_finished(plan):

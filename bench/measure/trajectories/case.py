@@ -1,4 +1,7 @@
-"""Measure a stepper with a solver on a trajectory, in a child process; a round is one member."""
+"""Measure a stepper with a solver on a trajectory, in a child process; a round is one member.
+
+Members are the seeds of a scene, or factors of the steps or tolerances.
+"""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ....problems.contact.solver import Status
 from ....problems.motion.trajectories.problem import TrajectoryProblem
-from ...isolation.worker import no_answer
+from ...isolation.worker import invalid_answer_fault
 from ...store.fields import Count, Number
 from ...store.outcome import Outcome
 from ...store.plans import Limits
@@ -19,7 +22,7 @@ from .methods import Method
 from .task import TrajectoryTask
 
 
-class Simulated(TimedRound, frozen=True):
+class SimulationRound(TimedRound, frozen=True):
     """The result of one simulation from its process: a round of one "solve", whose iterations are one-step solves.
 
     Attributes:
@@ -43,9 +46,9 @@ class Simulated(TimedRound, frozen=True):
 
 
 class Member(NamedTuple):
-    """A simulated member of a problem, with its record."""
+    """The simulation of a member, and its record."""
 
-    run: Simulated
+    run: SimulationRound
     record: Round
 
 
@@ -69,7 +72,7 @@ class TrajectoryCase(LadderCase[Member]):
         super().__init__(method.record.values, limits, stored, case_pass)
         self.problem, self.method = problem, method
 
-    def is_left(self, level: int) -> bool:
+    def is_pending(self, level: int) -> bool:
         """Return whether the point is missing."""
         return level >= len(self.points)
 
@@ -80,12 +83,12 @@ class TrajectoryCase(LadderCase[Member]):
 
     def measure(self, value: float, number: int) -> Member | None:
         """Simulate one member; return None if the case failed."""
-        found = self._timed_round(Simulated, number, "simulate", value, self.problem.members[number])
+        found = self._timed_round(SimulationRound, number, "simulate", value, self.problem.members[number])
         if found is None:
             return None
         simulated, record, _ = found
         if simulated.values and not set(self.problem.measure.names) <= set(simulated.values):
-            self._fail(no_answer())
+            self._fail(invalid_answer_fault())
             return None
         return Member(simulated, record)
 
@@ -125,7 +128,7 @@ class TrajectoryCase(LadderCase[Member]):
             tolerance=value, outcome=Outcome(status.value), status=status.value, reason=reason, measured=measured
         )
 
-    def end_after(self, point: Point) -> str:
+    def reason_to_stop(self, point: Point) -> str:
         """Return why finer points are not attempted after one that took too long; an empty text otherwise."""
         if point.outcome is Outcome.TIME_LIMIT:
             return f"{point.tolerance:g} already took longer than {self.limits.solve_seconds:g} s"

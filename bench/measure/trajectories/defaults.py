@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Sequence
 
 from ....problems.motion.scenes.scene import Scene
-from ...plugins.describing import solver_spec
+from ...plugins.descriptions import solver_spec
 from ...plugins.solver_specs import SolverSpec
 from ...store.plans import TrajectoryRecord
-from .methods import Method, make_method, over_solver
+from .methods import Method, make_method, solver_method_name
 
 STEPS = (500, 1000, 2000, 5000, 10_000, 50_000)
 """Numbers of fixed steps in the duration of a scene with few contacts."""
@@ -65,9 +65,9 @@ def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Metho
     fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
     for one in solvers:
         if scene.has_few_contacts:
-            yield make_method(over_solver(one, variable), TOLERANCES, given=one)
+            yield make_method(solver_method_name(one, variable), TOLERANCES, given=one)
         else:
-            yield make_method(over_solver(one, fixed), (1e-2, 1e-4), given=one)
+            yield make_method(solver_method_name(one, fixed), (1e-2, 1e-4), given=one)
 
 
 def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:

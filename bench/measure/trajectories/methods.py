@@ -16,7 +16,7 @@ from ....problems.motion.stepping.stepper import Stepper
 from ....problems.motion.stepping.variable_stepper import VariableStepper
 from ....problems.names import read_name
 from ...errors import BenchError
-from ...plugins.describing import solver_spec
+from ...plugins.descriptions import solver_spec
 from ...plugins.solver_specs import SolverSpec
 from ...simulation.starts import DEFAULT_START, check_start, default_start
 from ...store.plans import MethodRecord
@@ -44,7 +44,7 @@ class Method:
     stepper: str
     solver: SolverSpec
 
-    def started(self, start: str) -> "Method":
+    def with_start(self, start: str) -> "Method":
         """Return the method with another start; a stepper without initial impulses keeps its start.
 
         Raises:
@@ -60,7 +60,7 @@ class Method:
         """Return the stepper and the tolerance of the solver at a value of the ladder."""
         made = make_stepper(self.stepper)
         stepper: Any = made
-        if self.record.name == over_solver(self.solver, self.stepper):
+        if self.record.name == solver_method_name(self.solver, self.stepper):
             return made, value
         if isinstance(made, Moreau):
             return replace(made, step=value), self.record.tolerance
@@ -69,7 +69,7 @@ class Method:
         return replace(stepper, tolerance=value, **finest), self.record.tolerance
 
 
-def over_solver(solver: SolverSpec, stepper: str) -> str:
+def solver_method_name(solver: SolverSpec, stepper: str) -> str:
     """Return the name of the method in which the solver varies."""
     return f"{solver.name}{IN}{stepper}"
 
@@ -111,9 +111,9 @@ def make_method(
         raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {wrong or 'none'}.")
     make_stepper(stepper)
     made, stepper = given or solver_spec(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
-    written = over_solver(made, stepper) if varies_solver else f"{stepper}{WITH}{made.name}"
+    written = solver_method_name(made, stepper) if varies_solver else f"{stepper}{WITH}{made.name}"
     record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start)
-    return Method(record, stepper, made).started(start)
+    return Method(record, stepper, made).with_start(start)
 
 
 def stored_method(record: MethodRecord) -> Method:

@@ -10,7 +10,7 @@ from ....problems.motion.scenes.registry import SCENES, parse_scene
 from ....problems.motion.scenes.scene import Scene, StudyDefaults
 from ....problems.names import Name
 from ...errors import BenchError
-from ...plugins.describing import solver_spec
+from ...plugins.descriptions import solver_spec
 from ...plugins.remote_scene import local_or_remote_scene
 from ...simulation.starts import DEFAULT_START
 from ...store.plans import Limits, PlanRecord, TrajectoryRecord
@@ -67,7 +67,7 @@ def make_study_plan(
     else:
         chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
     chosen += added_methods(made, map(solver_spec, solvers))
-    chosen = [method.started(start) for method in chosen]
+    chosen = [method.with_start(start) for method in chosen]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
     for method in chosen:

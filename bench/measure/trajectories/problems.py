@@ -10,8 +10,8 @@ from ....problems.motion.scenes.registry import make_scene
 from ....problems.motion.trajectories.problem import Aggregates, EndPosition, LimitCycle, Measure, TrajectoryProblem
 from ...errors import BenchError
 from ...isolation.worker import Fault, RenewedWorker
-from ...store.plans import KnownRecord, Limits, TrajectoryRecord
-from .case import Simulated
+from ...store.plans import Limits, ReferenceRecord, TrajectoryRecord
+from .case import SimulationRound
 from .methods import Method, make_method, stored_method
 from .task import TrajectoryTask
 
@@ -50,7 +50,7 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
     missing = [member for member in reference_members(record) if member not in known]
     if missing:
         method = _reference(record)
-        task = TrajectoryTask(trajectory_of(replace(record, known=[])), method, limits.case_seconds, most_solves=10**9)
+        task = TrajectoryTask(trajectory_of(replace(record, known=[])), method, limits.case_seconds, max_solves=10**9)
         try:
             with RenewedWorker(task, limits.case_seconds, limits.memory_bytes) as worker:
                 for member in missing:
@@ -80,17 +80,20 @@ def _reference(record: TrajectoryRecord) -> Method:
 
 def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker, member: float) -> TrajectoryRecord:
     """Return the record with the result of one more member."""
-    scale, way, failure = record.scale, record.way, ""
+    scale, displacement, failure = record.scale, record.displacement, ""
     if record.error == "end position":
         ending, _ = worker.ask("known")
         values, start = dict(ending["values"]), dict(ending["start"])
     if record.reference is not None:
         answer, _ = worker.ask("simulate", method.record.values[0], member)
-        run = Simulated.read(answer, math.inf)
+        run = SimulationRound.read(answer, math.inf)
         values, failure = run.values, "" if run.status is Status.SOLVED else run.message
     if record.error == "end position" and not failure:
-        way = max(abs(values[name] - start[name]) for name in values)
-        scale = max(float(ending["length"]), way)
+        displacement = max(abs(values[name] - start[name]) for name in values)
+        scale = max(float(ending["length"]), displacement)
     return replace(
-        record, scale=scale, way=way, known=[*record.known, KnownRecord(member=member, values=values, failure=failure)]
+        record,
+        scale=scale,
+        displacement=displacement,
+        known=[*record.known, ReferenceRecord(member=member, values=values, failure=failure)],
     )

@@ -35,7 +35,7 @@ class TrajectoryTask:
     problem: TrajectoryProblem
     method: Method
     seconds: float
-    most_solves: int = MAX_SOLVES
+    max_solves: int = MAX_SOLVES
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request: simulate a member at a value of the ladder, timed or to warm up, or return the exact end.
@@ -88,7 +88,7 @@ class TrajectoryTask:
     def _simulated(self, value: float, member: float) -> dict[str, Any]:
         plan = self._plan(value, member)
         simulation, recorder, solves = Simulation(plan), MotionRecorder(plan.scene), 0
-        most = self.most_solves if plan.stepper.locates_switches else math.inf
+        most = self.max_solves if plan.stepper.locates_switches else math.inf
         clocks, before, end = StepClocks(plan.solver), ContextSwitches.now(), time.monotonic() + self.seconds
 
         def note(number: int, taken: AcceptedStep) -> None:

@@ -18,7 +18,7 @@ from ...report.layout.text import counted
 from ..blueprints import Camera, space_view
 from ..contact_states import States
 from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
-from .meshes import ball_mesh, in_space, surface_meshes, turned, upright
+from .meshes import ball_mesh, identity_orientations, in_space, surface_meshes, turned
 
 LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])
 """Colours of groups of balls by their initial height, to show how they mix."""
@@ -34,6 +34,7 @@ ARROW_RADII = 3.0
 impulse."""
 
 REFERENCE_SECONDS = 0.01
+"""Time over which the weight of a ball gives the reference impulse of arrows [s]."""
 
 
 class BallRecorder(SceneRecorder):
@@ -47,7 +48,7 @@ class BallRecorder(SceneRecorder):
         super().__init__(scene, file, force, every)
         assert scene.balls is not None
         self._system = system = scene.balls
-        self._orientations = upright(system.n_balls)
+        self._orientations = identity_orientations(system.n_balls)
         self._layers: list[IntArray] = []
         relative = np.repeat(system.radii / system.radii.max(), 3).reshape(-1, 3).astype(np.float32)
         self._scales = None if (relative == 1.0).all() else relative

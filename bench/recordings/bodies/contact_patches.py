@@ -1,4 +1,4 @@
-"""Contact patches: the loaded contacts of two bodies, joined to a polygon, a line or a point."""
+"""Contact patches: the loaded contacts of two bodies, joined into a polygon, a line or a point."""
 
 import numpy as np
 import rerun as rr
@@ -8,6 +8,7 @@ from ....problems.contact.matrices.contact_frame import contact_frames
 from ..contact_states import ContactState, States
 
 NO_PATCHES = rr.LineStrips3D([])
+"""Contact patches of a step without loaded contacts."""
 
 
 def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: States) -> rr.LineStrips3D:
@@ -22,12 +23,14 @@ def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: St
     _, patch = np.unique(pairs, axis=0, return_inverse=True)
     order = np.lexsort((_angles(patch, points, normals), patch))
     ends = np.flatnonzero(np.diff(patch[order])) + 1
-    strips, colours = [], []
+    strips, shown_states = [], []
     for members in np.split(order, ends):
         if len(members) > 1:
             strips.append(points[np.append(members, members[0])])
-            colours.append(ContactState.STICK if (states[members] == ContactState.STICK).any() else ContactState.SLIP)
-    return rr.LineStrips3D(strips, class_ids=colours)
+            shown_states.append(
+                ContactState.STICK if (states[members] == ContactState.STICK).any() else ContactState.SLIP
+            )
+    return rr.LineStrips3D(strips, class_ids=shown_states)
 
 
 def _angles(patch: IntArray, points: FloatArray, normals: FloatArray) -> FloatArray:

@@ -61,7 +61,7 @@ class ForceArrows:
             f"{force:g} N, and at most twice that, from {MAX_RATIO * force:g} N on."
         )
 
-    def drawn(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:
+    def arrows(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:
         """Yield number, arrows [m], the points where they begin [m], and states of contacts of each step."""
         reference = self.reference or 1.0
         for step in self._steps:

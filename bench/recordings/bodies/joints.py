@@ -12,6 +12,8 @@ from ...report.charts.palette import PALETTE, rgb
 from ..simulation import Entities
 
 JOINTS = "scene/joints"
+"""Entity of the joints."""
+
 PLAIN_COLOUR, FRICTION_COLOUR, MOTOR_COLOUR = (236, 240, 245), rgb(PALETTE[1]), rgb(PALETTE[6])
 """Colours of joints: without friction, with friction, and with a motor."""
 

@@ -17,6 +17,7 @@ AROUND = 64
 """Number of faces around a surface of revolution."""
 
 WHITE = (236, 240, 245)
+"""Colour of the lighter octants of balls (red, green, blue)."""
 
 Colours = NDArray[np.uint8]
 
@@ -103,7 +104,7 @@ def _plane_mesh(plane: Plane, width: float, dimension: int) -> Mesh:
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def upright(count: int) -> FloatArray:
+def identity_orientations(count: int) -> FloatArray:
     """Return ``count`` identity orientations, shape (count, 4)."""
     return np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
 
@@ -122,7 +123,7 @@ def turned(orientations: FloatArray, spins: FloatArray, seconds: float) -> Float
     return product
 
 
-def about_depth(angle: float) -> tuple[float, float, float, float]:
+def planar_orientation(angle: float) -> tuple[float, float, float, float]:
     """Return the orientation of a body in the plane (x, z), rotated by ``angle`` [rad] from x to z."""
     return 0.0, -float(np.sin(angle / 2.0)), 0.0, float(np.cos(angle / 2.0))
 

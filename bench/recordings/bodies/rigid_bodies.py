@@ -132,8 +132,8 @@ class RigidRecorder(SceneRecorder):
             space_view("forces", camera, [*forces, *joints]),
         ]
 
-    def _frame_curves(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
-        super()._frame_curves(plots)
+    def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
+        super()._widen_axes(plots)
         return True  # the views are known only at the end
 
     def _scenery(self) -> Entities:
@@ -187,7 +187,7 @@ class RigidRecorder(SceneRecorder):
 
     def _drawn_last(self) -> Iterable[tuple[int, Entities]]:
         """Yield the arrows of all steps, whose lengths depend on all forces."""
-        for number, vectors, points, states in self._arrows.drawn():
+        for number, vectors, points, states in self._arrows.arrows():
             if not self._is_contained:
                 for fit in self._fits:
                     fit.include(points + vectors)

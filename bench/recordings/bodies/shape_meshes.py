@@ -9,6 +9,7 @@ from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
 from .meshes import WHITE, Mesh
 
 Round = Sphere | Capsule | Cylinder
+"""Shapes with round surfaces."""
 
 N_AROUND, N_MERIDIAN = 32, 8
 """Numbers of segments around the axis of a round shape, and from a pole to the equator."""

@@ -14,7 +14,7 @@ from ...report.charts.palette import rgb
 from ..blueprints import Camera, plot, space_view
 from ..contact_states import States
 from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows, step_size_plot
-from .meshes import about_depth
+from .meshes import planar_orientation
 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
 CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")
@@ -26,6 +26,7 @@ ARROW_LENGTH = 0.012
 of the impulse."""
 
 REFERENCE_SECONDS = 0.001
+"""Time over which the weight of the toy gives the reference impulse of arrows [s]."""
 
 FRAME = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Axes N and T of every contact; without friction, only N is used."""
@@ -95,7 +96,7 @@ class WoodpeckerRecorder(SceneRecorder):
 
 
 def _placed(centre: FloatArray, angle: float) -> rr.Transform3D:
-    return rr.Transform3D(translation=centre, quaternion=rr.Quaternion(xyzw=about_depth(angle)))
+    return rr.Transform3D(translation=centre, quaternion=rr.Quaternion(xyzw=planar_orientation(angle)))
 
 
 def _bird_centre(position: FloatArray) -> FloatArray:
@@ -151,7 +152,13 @@ def _bird() -> Entities:
             [0.0048, 0.0016, 0.0026],
             [0.0009] * 3,
         ],
-        quaternions=[about_depth(0.35), about_depth(0.35), about_depth(0.0), about_depth(-0.3), about_depth(0.0)],
+        quaternions=[
+            planar_orientation(0.35),
+            planar_orientation(0.35),
+            planar_orientation(0.0),
+            planar_orientation(-0.3),
+            planar_orientation(0.0),
+        ],
         colors=[FEATHERS, BELLY, FEATHERS, CREST, (20, 20, 24)],
         fill_mode="solid",
     )

@@ -12,11 +12,13 @@ import pandas as pd
 import vl_convert
 
 from ..layout.output_file import picture_files, write_file
-from .palette import Look
+from .palette import SolverStyle
 
 PNG_SCALE = 2.0
+"""Pixels of a PNG file per unit of length of a chart."""
 
 Panel = alt.Chart | alt.LayerChart | alt.HConcatChart
+"""A part of a figure."""
 
 FONT_SIZE = 11
 """Font size of small texts [pixels]."""
@@ -137,7 +139,7 @@ def log_scale(
 def by_name(
     channel: Any,
     field: str,
-    names: Mapping[str, Look],
+    names: Mapping[str, SolverStyle],
     part: Literal["colour", "shape", "dash"],
     legend: alt.Legend | None = None,
 ) -> Any:
@@ -146,7 +148,7 @@ def by_name(
     return channel(f"{field}:N", scale=scale, sort=list(names), legend=legend)
 
 
-def solver_legend(names: Mapping[str, Look], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
+def solver_legend(names: Mapping[str, SolverStyle], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
     """Return a legend to the right of a panel, with the ``shown`` ones of ``names``, in their order.
 
     It shows the marks of the panel, or the dashes of its lines if it has no marks.

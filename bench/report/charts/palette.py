@@ -17,7 +17,7 @@ DARK = 90
 
 
 @dataclass(frozen=True)
-class Look:
+class SolverStyle:
     """The style of one solver.
 
     Attributes:
@@ -31,19 +31,19 @@ class Look:
     dash: tuple[int, ...]
 
 
-def looks(names: Iterable[str]) -> dict[str, Look]:
+def solver_styles(names: Iterable[str]) -> dict[str, SolverStyle]:
     """Return the style of each name; among forty names, no two share colour and dash, or colour and shape."""
-    return {name: look(index) for index, name in enumerate(names)}
+    return {name: solver_style(index) for index, name in enumerate(names)}
 
 
-def look(index: int) -> Look:
+def solver_style(index: int) -> SolverStyle:
     """Return the style of solver number ``index`` of a run.
 
     Neighbours differ in colour, shape and dash. Colours repeat after ten. Shapes and dashes are then shifted by one,
     because their numbers have common divisors with ten and would also repeat.
     """
     colours, shapes, dashes = len(PALETTE), len(SHAPES), len(DASHES)
-    return Look(
+    return SolverStyle(
         PALETTE[index % colours],
         SHAPES[(index + index // (3 * colours)) % shapes],
         DASHES[(index + index // (2 * colours)) % dashes],

@@ -30,7 +30,7 @@ from .drawing import (
     stacked,
     write_drawing,
 )
-from .palette import Look, looks
+from .palette import SolverStyle, solver_styles
 from .summary import summary_charts
 
 MIN_RESIDUAL = 1e-16
@@ -44,6 +44,7 @@ RESIDUAL_AXIS: dict[str, Any] = {
     "values": [10.0**power for power in range(-16, 4)],
     "labelOverlap": True,
 }
+"""Ticks of axes of residuals."""
 
 CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
@@ -60,18 +61,22 @@ MIN_SHARE = 0.05
 """Share of the upper end of a bar below which a mean deviation is noise, and drawn at this share."""
 
 TIME = "time, preparation included [ms]"
+"""Title of axes of times."""
 
 WORKS = {"milliseconds": TIME, "wall": "wall time [s]", "iterations": "one-step solves"}
 """Titles of the cost of accuracy, by column."""
 
 ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
+"""Outcomes that are drawn as filled marks."""
 
 COST_NOTE = (
     "Each curve is a solver, each mark a solve: lower is faster, further to the right is more accurate. "
     "Vertical lines are quartiles, hollow marks stop short of their tolerance, × is a wrong claim."
 )
+"""Explanation of the chart of cost against accuracy."""
 
 CONVERGENCE_NOTE = "Each curve is a solver: the sooner it falls, the fewer iterations it needs."
+"""Explanation of the chart of convergence."""
 
 
 def write_charts(frames: RunFrames, folder: Path) -> list[Path]:
@@ -106,7 +111,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     Bars go from the least to the largest error of a member, or are a standard error of the mean deviation; a dashed
     line is the standard error, over seeds, of the reference itself.
     """
-    trajectory, named = frames.info.plan.trajectory(problem), looks(frames.info.plan.solvers)
+    trajectory, named = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)
     points = frames.points[frames.points["problem"] == problem].merge(
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
@@ -152,7 +157,7 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     Marks are at the judged residual, not at the tolerance: filled for solved solves, hollow for the best iterate of
     other solves, and crosses for wrong claims.
     """
-    rows, named = _costs(frames, problem), looks(frames.info.plan.solvers)
+    rows, named = _costs(frames, problem), solver_styles(frames.info.plan.solvers)
     residual = f"{frames.residual} residual (velocity error, relative)"
     panel = cost_panel(named, rows, residual, "milliseconds", solver_legend(named, rows["solver"]))
     return _titled(panel, "What accuracy costs", [COST_NOTE, _absent(frames, problem, rows)])
@@ -163,13 +168,13 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
 
     Curves are cut at MAX_RESIDUAL.
     """
-    rows, named = _curves(frames, problem), looks(frames.info.plan.solvers)
+    rows, named = _curves(frames, problem), solver_styles(frames.info.plan.solvers)
     panel = convergence_panel(named, rows, solver_legend(named, rows["solver"], has_marks=False))
     return _titled(panel, "Convergence", [CONVERGENCE_NOTE, _absent(frames, problem, rows)])
 
 
 def cost_panel(
-    named: Mapping[str, Look],
+    named: Mapping[str, SolverStyle],
     data: Any,
     residual: str,
     work: str,
@@ -179,7 +184,7 @@ def cost_panel(
     """Return the cost over the residual, or error, of solves, more accurate to the right.
 
     Args:
-        named: the look of each solver.
+        named: the style of each solver.
         data: rows with the columns solver, tolerance, residual, low, high, iterations, outcome and that of the work, or
             data of altair that are filled in later. Low and high are ends of bars: of times, or of errors.
         residual: title of the horizontal axis.
@@ -214,7 +219,7 @@ def cost_panel(
     return alt.LayerChart(layer=layers)
 
 
-def convergence_panel(named: Mapping[str, Look], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
+def convergence_panel(named: Mapping[str, SolverStyle], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
     """Return judged residual over iterations of rows with the columns solver, iteration and residual."""
     data = data if not isinstance(data, pd.DataFrame) else data[["solver", "iteration", "residual"]]
     base = alt.Chart(data).encode(
@@ -233,7 +238,9 @@ def convergence_panel(named: Mapping[str, Look], data: Any, legend: alt.Legend |
     return alt.LayerChart(layer=[base.mark_line(strokeWidth=1.8).encode(strokeDash=dash)])
 
 
-def _solve_marks(base: alt.Chart, named: Mapping[str, Look], work: str, legend: alt.Legend | None) -> list[alt.Chart]:
+def _solve_marks(
+    base: alt.Chart, named: Mapping[str, SolverStyle], work: str, legend: alt.Legend | None
+) -> list[alt.Chart]:
     """Return the marks of solves: filled if solved, hollow if not, crossed if the claim is wrong."""
     shaped = base.encode(
         shape=by_name(alt.Shape, "solver", named, "shape", legend),

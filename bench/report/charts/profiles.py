@@ -13,9 +13,9 @@ from ..accuracy import summary_accuracies
 from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted, csv_content
-from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, other_threads, profile_accuracies, profile_tables
+from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, other_threads_note, profile_accuracies, profile_tables
 from .drawing import SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_legend, stacked, write_drawing
-from .palette import Look, looks
+from .palette import SolverStyle, solver_styles
 
 WIDTH, HEIGHT = 300, 220
 """Size of a panel [pixels]."""
@@ -81,7 +81,7 @@ def profile_charts(
         frames: the run.
         tables: its ``profile_tables``.
         baseline: reference solver of speed-ups.
-        view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title tells so.
+        view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title says so.
     """
     shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
     solvers = shown["accuracy"]["solver"].unique()
@@ -94,7 +94,7 @@ def profile_charts(
         row = _row(frames, parts, set(table["solver"]))
         over = [_over(frames, shown["accuracy"], view, table["problems"])] if name in CURVES else []
         lines = [*over, _NOTES[name].format(baseline)]
-        notes = _with_threads(lines, name, other_threads(frames, solvers, baseline if name == "speedup" else ""))
+        notes = _with_threads(lines, name, other_threads_note(frames, solvers, baseline if name == "speedup" else ""))
         charts[name] = _page(frames, _TITLES[name], notes, [row], len(parts))
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
     return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
@@ -116,7 +116,7 @@ def _families_chart(
             parts.append((name, f"{family}: {_TITLES[name].split()[0].lower()}{of_level}", own))
         rows.append(_row(frames, parts, set() if rows else set(tables["accuracy"]["solver"])))
     notes = [_FAMILY_VIEWS[view], "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)]
-    notes = _with_threads(notes, "performance", other_threads(frames, tables["accuracy"]["solver"].unique()))
+    notes = _with_threads(notes, "performance", other_threads_note(frames, tables["accuracy"]["solver"].unique()))
     return _page(frames, "Profiles by family", notes, rows, len(CURVES))
 
 
@@ -127,7 +127,7 @@ def _with_threads(notes: list[str], name: str, left_out: str) -> list[str]:
 
 def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legend: set[str]) -> alt.HConcatChart:
     """Return panels side by side, one per (kind, title, rows), with a legend at the last one."""
-    named = looks(frames.info.plan.solvers)
+    named = solver_styles(frames.info.plan.solvers)
     panels = [
         profile_panel(name, named, rows, in_legend if place == len(parts) - 1 else ()).properties(
             width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT, title=title
@@ -177,7 +177,7 @@ def _page(
     return stacked(rows, head, SEPARATE_LEGENDS, spacing=20)
 
 
-def profile_panel(name: str, named: Mapping[str, Look], data: Any, legend_of: Collection[str] = ()) -> Any:
+def profile_panel(name: str, named: Mapping[str, SolverStyle], data: Any, legend_of: Collection[str] = ()) -> Any:
     """Return the chart of one kind of profile.
 
     Args:
@@ -216,7 +216,7 @@ def profile_panel(name: str, named: Mapping[str, Look], data: Any, legend_of: Co
     return alt.layer(*layers)
 
 
-def _speedup_panel(named: Mapping[str, Look], data: Any) -> alt.LayerChart:
+def _speedup_panel(named: Mapping[str, SolverStyle], data: Any) -> alt.LayerChart:
     """Return ticks of problems and a mark at their geometric mean, one row per solver; a line marks equal times."""
     rows = alt.Y("solver:N", sort=list(named), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
     across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=True)

@@ -12,7 +12,7 @@ from ..accuracy import accuracy_tag, attempts, families, families_table, mean_ti
 from ..cells import duration, exponent
 from ..layout.text import counted
 from .drawing import FONT_SIZE, TIME_AXIS, by_name, heading, log_scale, stacked
-from .palette import PALETTE, looks
+from .palette import PALETTE, solver_styles
 
 WIDTH = 300
 """Width of each of two adjacent panels [pixels]."""
@@ -126,7 +126,7 @@ def _run_chart(
 def _time_panel(
     frames: RunFrames, tried: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, first: bool
 ) -> alt.LayerChart:
-    named = looks(frames.info.plan.solvers)
+    named = solver_styles(frames.info.plan.solvers)
     colour = by_name(alt.Color, "solver", named, "colour")
     columns = ["solver", "accuracy", "problem", "milliseconds"]
     dots, mean = tried[tried["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]

@@ -6,7 +6,7 @@ from typing import Any
 import altair as alt
 
 from .drawing import compiled
-from .palette import Look
+from .palette import SolverStyle
 from .problems import convergence_panel, cost_panel
 from .profiles import CURVES, ROW, profile_panel
 
@@ -17,7 +17,7 @@ WIDTH, HEIGHT = 480, 280
 """Size of a chart before the page adapts it [pixels]."""
 
 
-def templates(named: dict[str, Look], residual: str) -> dict[str, dict[str, Any]]:
+def templates(named: dict[str, SolverStyle], residual: str) -> dict[str, dict[str, Any]]:
     """Return the Vega specifications of a page by name: the profiles, and "cost" and "convergence" of a problem.
 
     The data of a profile have the columns of ``profile_tables``. The data of "cost" have the columns solver, tolerance,

@@ -12,7 +12,7 @@ from ...errors import BenchError
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
 from .pairing import CASE, pair
-from .solved import SOLVED, UNSOLVED, find_solved_changes
+from .solved_changes import SOLVED, UNSOLVED, find_solved_changes
 from .times import Times, compare_times
 
 SLOWDOWN = 0.1
@@ -21,7 +21,7 @@ SLOWDOWN = 0.1
 POINT = ("problem", "solver", "tolerance")
 """Columns that identify a point."""
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Largest number of names of each kind in a verdict."""
 
 
@@ -96,12 +96,12 @@ class Comparison:
         solved = changes or "both runs solve the same points"
         if self.obstacle:
             return f"cannot tell which solvers are slower or faster: {self.obstacle}; {solved}"
-        if not self.decides:
+        if not self.has_intervals:
             return f"times are undecided, {self._undecided}; {solved}"
         return changes or f"no solver is slower or faster by more than {100 * self.slowdown:g} %; {solved}"
 
     @property
-    def decides(self) -> bool:
+    def has_intervals(self) -> bool:
         """Whether times have intervals."""
         return bool((self.cases["low"] > 0.0).any())
 
@@ -125,7 +125,7 @@ class Comparison:
         sentences = []
         for condition, slowdown in read_conditions(fail_on).items():
             found = _points_in_words(self.changed(UNSOLVED)) if slowdown is None else self.slower(slowdown)
-            if slowdown is not None and (self.obstacle or not self.decides):
+            if slowdown is not None and (self.obstacle or not self.has_intervals):
                 sentences.append(f"{condition} cannot be decided: {self.obstacle or self._undecided}")
             elif found:
                 sentences.append(f"{condition}: {_names(found)}")
@@ -179,5 +179,5 @@ def _listed(what: str, names: list[str]) -> str:
 
 
 def _names(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return ", ".join(names[:MAX_NAMED]) + more

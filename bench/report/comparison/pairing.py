@@ -19,13 +19,13 @@ from ...store.condition import (
 from ...store.frames import RunFrames
 from ...store.records import Machine
 
-SAME_SPEED = 0.08
+MAX_SPEED_DIFFERENCE = 0.08
 """Largest relative difference between the median probes of two comparable runs."""
 
-MOST_EXCLUDED = 0.5
+MAX_EXCLUDED_SHARE = 0.5
 """Share of excluded rounds above which the times of a run are not compared."""
 
-MOST_NAMES = 5
+MAX_NAMES = 5
 """Largest number of names in a sentence."""
 
 CASE = ["problem", "solver"]
@@ -43,7 +43,7 @@ class Pairing:
         accuracies: the common tolerances, from coarse to fine.
         obstacle: why times are not comparable; empty if they are.
         yardsticks: solvers that take the same time in both runs unless the machine differs.
-        is_known: whether the yardsticks are certain, because the package and its libraries are unchanged.
+        is_same_software: whether package and libraries are unchanged, so that the yardsticks are certain.
     """
 
     before: RunFrames
@@ -52,7 +52,7 @@ class Pairing:
     accuracies: tuple[float, ...]
     obstacle: str
     yardsticks: tuple[str, ...]
-    is_known: bool
+    is_same_software: bool
 
 
 def pair(before: RunFrames, after: RunFrames) -> Pairing:
@@ -121,8 +121,8 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
     both = before.cases[compared].merge(after.cases[compared], on=CASE)
     both = both[~both["problem"].isin(changed)]
     for column, named, difference in (
-        ("threads", "solver", "these solvers ran in other numbers of threads"),
-        ("start", "problem", "warm solvers continue other steps or contacts on these problems"),
+        ("threads", "solver", "the numbers of threads of these solvers differ"),
+        ("start", "problem", "the starts of warm solvers differ on these problems"),
     ):
         is_equal = both[f"{column}_x"] == both[f"{column}_y"]
         notes.append(_listing(f"omitted because {difference}", list(dict.fromkeys(both[named][~is_equal]))))
@@ -131,8 +131,8 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
 
 
 def _listing(what: str, names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return f"{what}: {', '.join(names[:MOST_NAMES])}{more}" if names else ""
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return f"{what}: {', '.join(names[:MAX_NAMES])}{more}" if names else ""
 
 
 def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float]) -> RunFrames:
@@ -148,12 +148,12 @@ def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
         return ""
     for run in (before, after):
         share, busy = float((run.rounds["excluded"] != "").mean()), busy_cores(run.info)
-        if share > MOST_EXCLUDED:
+        if share > MAX_EXCLUDED_SHARE:
             return f"other programs used the core in {100.0 * share:.0f} % of the rounds of {run.folder}"
         if busy > MAX_BUSY_CORES:
             return f"other programs used {busy:.1f} cores while {run.folder} was measured"
     speed = float(after.rounds["probe_seconds"].median() / before.rounds["probe_seconds"].median())
-    if max(speed, 1.0 / speed) > 1.0 + SAME_SPEED:
+    if max(speed, 1.0 / speed) > 1.0 + MAX_SPEED_DIFFERENCE:
         return f"a fixed piece of work took {speed:.2f} times as long on the core while {after.folder} was measured"
     return ""
 

@@ -7,7 +7,7 @@ points, and that of a solver is the mean over its cases. The sources of variance
 
     passes     at a point: ``bootstrap_ratio`` of its passes. In a case, whose two to five passes are too few to
                resample: σ² (1/n + 1/m) for n and m passes, where σ² is the larger of the variance of its own passes
-               and the median variance of all cases. Medians of three or more passes have ``EFFICIENCY`` times this
+               and the median variance of all cases. Medians of three or more passes have ``MEDIAN_VARIANCE`` times this
                variance.
     problems   ``bootstrap_ratio`` of the cases of a solver, with its problems as clusters
     runs       ``RUN_SPREAD``, a shift of all times, if it cannot be distinguished from a change of the solvers
@@ -38,16 +38,16 @@ MAX_DRIFT = 2.0 * RUN_SPREAD
 MIN_YARDSTICKS = 3
 """Least number of yardsticks of a scale."""
 
-TAILS = 10
+DEGREES_OF_FREEDOM = 10
 """Degrees of freedom of Student's t in intervals of cases; few, because one disturbance may affect all its passes."""
 
-EFFICIENCY = np.pi / 2.0
+MEDIAN_VARIANCE = np.pi / 2.0
 """Variance of the median of many normally distributed numbers, relative to that of their mean."""
 
-ONE_SIDED = 0.95
+ONE_SIDED_CONFIDENCE = 0.95
 """Probability that the true ratio lies above the lower end of an interval, and that it lies below the upper end."""
 
-NORMAL = float(special.ndtri(ONE_SIDED))
+HALF_WIDTH = float(special.ndtri(ONE_SIDED_CONFIDENCE))
 """Half width of an interval in standard deviations."""
 
 POINTS = [*CASE, "accuracy", "before", "after", "ratio", "low", "high"]
@@ -78,10 +78,10 @@ def compare_times(pairing: Pairing) -> Times:
     passes, points = _reached_passes(pairing)
     cases = _with_noise(_cases(points), passes)
     solvers = _solvers(cases)
-    scale, spread = _scale(solvers[solvers["solver"].isin(pairing.yardsticks)], pairing.is_known)
-    corrected = 1.0 - (1.0 - ONE_SIDED) / max(len(cases), 1)
-    half_cases = float(special.stdtrit(TAILS, corrected)) * np.hypot(cases["noise"], spread)
-    half_solvers = NORMAL * np.hypot(solvers["noise"], spread)
+    scale, spread = _scale(solvers[solvers["solver"].isin(pairing.yardsticks)], pairing.is_same_software)
+    corrected = 1.0 - (1.0 - ONE_SIDED_CONFIDENCE) / max(len(cases), 1)
+    half_cases = float(special.stdtrit(DEGREES_OF_FREEDOM, corrected)) * np.hypot(cases["noise"], spread)
+    half_solvers = HALF_WIDTH * np.hypot(solvers["noise"], spread)
     return Times(
         points[POINTS],
         _ratios(cases, scale, half_cases)[CASES],
@@ -148,7 +148,7 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
     own = squares.sum(axis=1) / freedom.where(freedom > 0)
     typical = (own * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
     variance = np.maximum(own.fillna(0.0), typical if np.isfinite(typical) else np.inf)
-    efficiency = counts.map(lambda n: EFFICIENCY if n > 2 else 1.0)
+    efficiency = counts.map(lambda n: MEDIAN_VARIANCE if n > 2 else 1.0)
     noise = np.sqrt(variance * (efficiency / counts).sum(axis=1)).rename("noise")
     return cases.merge(noise.reset_index(), on=CASE, how="left")
 
@@ -164,21 +164,21 @@ def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
         n, differences = len(own), own["difference"].to_numpy()
         noise = np.sqrt((own["noise"] ** 2).sum()) / n
         if n >= MIN_PAIRS and np.isfinite(noise):
-            found = bootstrap_ratio(differences, confidence=2.0 * ONE_SIDED - 1.0, statistic=np.mean)
-            noise = np.log(found.high / found.low) / (2.0 * NORMAL)
+            found = bootstrap_ratio(differences, confidence=2.0 * ONE_SIDED_CONFIDENCE - 1.0, statistic=np.mean)
+            noise = np.log(found.high / found.low) / (2.0 * HALF_WIDTH)
         before, after = (float(np.exp(np.log(own[side]).mean())) for side in ("before", "after"))
         rows.append((solver, n, before, after, differences.mean(), noise))
     return pd.DataFrame(rows, columns=["solver", "problems", "before", "after", "difference", "noise"])
 
 
-def _scale(yardsticks: pd.DataFrame, is_known: bool) -> tuple[float, float]:
+def _scale(yardsticks: pd.DataFrame, is_same_software: bool) -> tuple[float, float]:
     """Return the logarithm of the scale and its standard deviation, from the differences of the yardsticks."""
     if len(yardsticks) < MIN_YARDSTICKS:
         return 0.0, RUN_SPREAD
     scale = float(yardsticks["difference"].median())
-    if not is_known and abs(scale) > MAX_DRIFT:
+    if not is_same_software and abs(scale) > MAX_DRIFT:
         return 0.0, RUN_SPREAD
-    return scale, float(yardsticks["noise"].median() * np.sqrt(EFFICIENCY / len(yardsticks)))
+    return scale, float(yardsticks["noise"].median() * np.sqrt(MEDIAN_VARIANCE / len(yardsticks)))
 
 
 def _ratios(frame: pd.DataFrame, scale: float, half: FloatArray) -> pd.DataFrame:

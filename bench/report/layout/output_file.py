@@ -112,7 +112,7 @@ def check_pictures_writable(path: Path, force: bool) -> None:
     check_writable(picture_files(path), force)
 
 
-def drawn(
+def draw_pictures(
     draw: Callable[[], list[Path]],
     result: Path,
     what: str = "chart",

@@ -7,13 +7,14 @@ from ....problems.exchange.catalog import suite_members
 from ...store.records import RunRecord
 
 MEBIBYTE = 2**20
+"""Number of bytes in a mebibyte."""
 
 LINE_BREAK = " \\\n  "
 """A continued line of a shell command."""
 
 
 def repeat_command(run: RunRecord) -> str:
-    """Return the command that repeats a run, if files, folders and plugins are where they were."""
+    """Return the command that repeats a run, provided that files, folders and plugins have not moved."""
     plan = run.plan
     selection = [option("suite", plan.suite)] if plan.suite else [option("problem", name) for name in plan.problems]
     if plan.shard:

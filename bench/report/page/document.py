@@ -23,7 +23,7 @@ from ..accuracy import (
     summary_accuracies,
     times_to_accuracies,
 )
-from ..charts.palette import looks, on_dark
+from ..charts.palette import on_dark, solver_styles
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
 from ..endings import CASE, attempted_points, case_endings
@@ -55,7 +55,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
     """
     info = frames.info
     solvers = [name for name in info.plan.solvers if name in set(frames.cases["solver"])]
-    named = looks(info.plan.solvers)
+    named = solver_styles(info.plan.solvers)
     accuracies = sorted({*info.plan.tolerances, *profile_accuracies(frames)}, reverse=True)
     return {
         "run": _about(frames),
@@ -157,7 +157,7 @@ def _hardware(machine: Machine) -> dict[str, Any]:
 
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
-    named, firsts = looks(frames.info.plan.solvers), frames.cases.drop_duplicates("solver").set_index("solver")
+    named, firsts = solver_styles(frames.info.plan.solvers), frames.cases.drop_duplicates("solver").set_index("solver")
     return [
         {
             "name": name,

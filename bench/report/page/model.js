@@ -45,7 +45,7 @@ function withThreads(view, baseline = null) {
 function otherThreads(view, baseline = null) {
   const kept = withThreads(view, baseline);
   const names = view.solvers.filter((solver) => !kept.includes(solver)).map(({ name }) => name);
-  return names.length ? `Without solvers in other numbers of threads: ${names.join(", ")}.` : "";
+  return names.length ? `Without solvers that use another number of threads: ${names.join(", ")}.` : "";
 }
 
 const bestTime = (view, problem) => least(withThreads(view).map((solver) => timeTo(view, problem, solver)));

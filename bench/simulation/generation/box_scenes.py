@@ -22,6 +22,7 @@ WALLS = (((-1.0, 0.0), (0.0, 1.0, 0.0), 0.5 * pi), ((1.0, 0.0), (0.0, 1.0, 0.0),
 y, x and y are exchanged and the angle is negated."""
 
 EFFECTS = (Gravity(), Friction(0.5))
+"""Effects of all scenes of boxes."""
 
 
 @dataclass(frozen=True)

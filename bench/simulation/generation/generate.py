@@ -34,9 +34,9 @@ from ....problems.motion.scenes.woodpecker import PERIOD, section_start, woodpec
 from ....problems.motion.stepping.midpoint import MidpointRule
 from ....problems.motion.stepping.step import Step
 from ....solvers.registry import create
-from ...plugins.describing import plugin_problem
+from ...plugins.descriptions import plugin_problem
 from .body_problems import BodyRecipe, body_problem, body_recipes
-from .sequence_problems import MEMBERS, SEQUENCE_RECIPES, SequenceRecipe, sequence_problems
+from .sequence_problems import SEQUENCE_OF_PROBLEM, SEQUENCE_RECIPES, SequenceRecipe, sequence_problems
 
 WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
@@ -71,9 +71,9 @@ class WoodpeckerRecipe:
 
 @dataclass(frozen=True)
 class RollingRecipe:
-    """The problem ``of`` with the additional ``rolling_friction`` μ_r [m] at all contacts."""
+    """The named ``problem`` with the additional ``rolling_friction`` μ_r [m] at all contacts."""
 
-    of: str
+    problem: str
     rolling_friction: float
 
 
@@ -88,6 +88,7 @@ _OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
 """Outlet radius in ball radii: few balls would fall through the wide outlet before they pile up over it."""
 
 _SETTLED = 2.0
+"""Time at which a pile has settled [s]."""
 
 MIXED = (0.1, 0.95)
 """Range of friction coefficients of the mixed piles."""
@@ -109,6 +110,7 @@ def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
 
 
 Recipe = FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe | SequenceRecipe
+"""How problems are generated."""
 
 
 @cache
@@ -117,7 +119,7 @@ def recipes() -> dict[str, Recipe]:
     return {
         **dict(_funnel_recipes()),
         **body_recipes(),
-        **{member: SEQUENCE_RECIPES[name] for member, name in MEMBERS.items()},
+        **{member: SEQUENCE_RECIPES[name] for member, name in SEQUENCE_OF_PROBLEM.items()},
         "pile-100-rolling": RollingRecipe("pile-100", 1e-3),
         "woodpecker-lower-release": WoodpeckerRecipe(0.0058, 1),
         "woodpecker-upper-impact": WoodpeckerRecipe(0.0165, 2),
@@ -182,7 +184,7 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
         elif isinstance(recipe, WoodpeckerRecipe):
             pecks[name] = recipe
         elif isinstance(recipe, SequenceRecipe):
-            sequences.setdefault(MEMBERS[name], set()).add(name)
+            sequences.setdefault(SEQUENCE_OF_PROBLEM[name], set()).add(name)
         elif isinstance(recipe, BodyRecipe):
             yield body_problem(name)
         else:
@@ -214,7 +216,7 @@ def _funnel_problems(
 
 
 def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
-    for problem in remake_problems([recipe.of]):
+    for problem in remake_problems([recipe.problem]):
         resisting = with_rolling_friction(problem, recipe.rolling_friction)
         yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
 

@@ -55,7 +55,7 @@ SEQUENCE_RECIPES = {
 }
 """Recipe of each sequence."""
 
-MEMBERS = {step: name for name, steps in SEQUENCE_MEMBERS.items() for step in steps}
+SEQUENCE_OF_PROBLEM = {step: name for name, steps in SEQUENCE_MEMBERS.items() for step in steps}
 """The sequence of each problem of the suite."""
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from ....problems.arrays import FloatArray
-from ....problems.motion.trajectories.limit_cycle import Incident
+from ....problems.motion.trajectories.limit_cycle import SwitchEvent
 from ...report.charts.drawing import stacked, write_drawing
 from ...report.charts.palette import PALETTE
 from ...report.layout.text import counted
@@ -43,6 +43,7 @@ KINDS = {"unilateral": "contact opens or closes", "friction": "slips or sticks"}
 """Names of switching points by law."""
 
 Panel = alt.Chart | alt.LayerChart
+"""A part of the chart."""
 
 
 def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> alt.VConcatChart:
@@ -52,7 +53,7 @@ def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> 
     steps = simulation.steps
     shown = steps["time"] >= (simulation.state.time - seconds if has_names else -np.inf)
     begin = -np.inf if shown.all() else float(simulation.state.time - seconds)
-    found = [incident for incident in simulation.incidents if incident.time >= begin]
+    found = [event for event in simulation.switch_events if event.time >= begin]
     panels: list[Panel] = _coordinate_panels(simulation, begin, found) if has_names else []
     if not (has_names and is_variable):
         panels += _work_panels(simulation, shown)
@@ -91,7 +92,7 @@ def _title(simulation: Simulation, begin: float) -> str:
     return f"{name}{balls} over time{part}"
 
 
-def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Incident]) -> str:
+def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[SwitchEvent]) -> str:
     plan = simulation.plan
     segments = simulation.segments
     tolerances = ", then ".join(dict.fromkeys(_scientific(segment.tolerance) for segment in segments))
@@ -165,7 +166,7 @@ def _curve_panel(
     return panel
 
 
-def _coordinate_panels(simulation: Simulation, begin: float, found: list[Incident]) -> list[Panel]:
+def _coordinate_panels(simulation: Simulation, begin: float, found: list[SwitchEvent]) -> list[Panel]:
     """Return a panel for each coordinate with a name, with switching points as dots."""
     drawn, shown = simulation.plan.scene.coordinates, simulation.times >= begin
     curves = _curves(simulation.times[shown], simulation.trajectory[shown], simulation, drawn)
@@ -187,13 +188,13 @@ def _curves(time: FloatArray, trajectory: FloatArray, simulation: Simulation, dr
     return pd.DataFrame(curves, columns=list(drawn)).assign(time=all_times)
 
 
-def _dots(simulation: Simulation, found: list[Incident], drawn: Mapping[str, int]) -> pd.DataFrame:
+def _dots(simulation: Simulation, found: list[SwitchEvent], drawn: Mapping[str, int]) -> pd.DataFrame:
     """Return one row per switching point: its time, the law that switches, and the coordinates."""
-    times = np.array([incident.time for incident in found])
+    times = np.array([event.time for event in found])
     at = np.searchsorted(simulation.times, times)
     frame = pd.DataFrame(simulation.trajectory[at][:, list(drawn.values())], columns=list(drawn))
     frame["time"] = times
-    frame["law"] = [KINDS[incident.law] for incident in found]
+    frame["law"] = [KINDS[event.law] for event in found]
     return frame
 
 
@@ -215,12 +216,12 @@ def _panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool)
     return layer
 
 
-def _count_panel(found: list[Incident], steps: NDArray[np.void]) -> alt.Chart:
+def _count_panel(found: list[SwitchEvent], steps: NDArray[np.void]) -> alt.Chart:
     """Return a histogram of switching points over time."""
     borders = np.linspace(steps["time"][0] - steps["length"][0], steps["time"][-1], BINS + 1)
     rows = []
     for law, kind in KINDS.items():
-        times = np.array([incident.time for incident in found if incident.law == law])
+        times = np.array([event.time for event in found if event.law == law])
         counts, _ = np.histogram(np.clip(times, borders[0], borders[-1]), borders)
         rows.append(pd.DataFrame({"time": borders[:-1], "end": borders[1:], "count": counts, "law": kind}))
     frame = pd.concat(rows)

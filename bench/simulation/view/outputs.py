@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...report.layout.output_file import check_pictures_writable, check_writable, drawn, picture_files
+from ...report.layout.output_file import check_pictures_writable, check_writable, draw_pictures, picture_files
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def write_recording(record: Callable[[Path], None], recording: Path | None, resu
         record(recording)
         return [recording]
 
-    return drawn(made, result, "recording", "make it with: proxbench record {}")
+    return draw_pictures(made, result, "recording", "make it with: proxbench record {}")
 
 
 def _picture(path: Path) -> str:

@@ -9,20 +9,20 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ....problems.motion.trajectories.limit_cycle import Cycle, CycleSequence, Incident, find_cycles
+from ....problems.motion.trajectories.limit_cycle import Cycle, CycleSequence, SwitchEvent, find_cycles
 from ...report.layout.text import counted
 from ..trajectory import Simulation
 
 MAX_ROWS = 30
 """Largest number of printed switching points without known periods; the result file contains all."""
 
-_OF_WORDS = ("law", "contact", "from", "to")
+_TEXT_HEADS = ("law", "contact", "from", "to")
 """Heads of text columns."""
 
-_LEFT = {*_OF_WORDS, "stepper", "solver", "start"}
+_LEFT = {*_TEXT_HEADS, "stepper", "solver", "start"}
 """Heads of left-aligned columns."""
 
-_HEADS = ("row", *_OF_WORDS, "t [s]")
+_HEADS = ("row", *_TEXT_HEADS, "t [s]")
 
 
 def print_switches(simulation: Simulation, console: Console) -> None:
@@ -34,7 +34,7 @@ def print_switches(simulation: Simulation, console: Console) -> None:
         console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as in {motion.known.source}"))
         console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
     elif len(simulation.switches):
-        console.print(_switches_table(simulation.incidents, simulation.plan.scene.contact_names))
+        console.print(_switches_table(simulation.switch_events, simulation.plan.scene.contact_names))
 
 
 def periods_document(simulation: Simulation) -> dict[str, Any] | None:
@@ -63,7 +63,7 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     else:
         good = motion.published_count
         many = f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
-        points = f"the {len(known.incidents)} switching points of {known.source} in its order"
+        points = f"the {len(known.switch_events)} switching points of {known.source} in its order"
         yield f"{many}{'has' if good == 1 else 'have'} {points}", ""
     if not motion.count:
         yield f"the section, {section}, was not crossed twice, so there is no time from section to section", ""
@@ -89,29 +89,29 @@ def _motion(simulation: Simulation) -> CycleSequence | None:
     known = simulation.plan.scene.limit_cycle
     if known is None or not simulation.plan.stepper.locates_switches:
         return None
-    return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+    return find_cycles(known, simulation.switch_events, simulation.times, simulation.trajectory[:, 0])
 
 
 def _published_table(cycle: Cycle, names: Sequence[str]) -> Table:
     """Return one period in the form of the published table, with the limit cycle."""
     table = plain_table(*_HEADS, "after section [s]", "limit cycle [s]", "off by [s]")
-    rows = zip(cycle.incidents, cycle.known.incidents, cycle.deviations, strict=True)
-    for number, (incident, reference, deviation) in enumerate(rows, start=1):
+    rows = zip(cycle.switch_events, cycle.known.switch_events, cycle.deviations, strict=True)
+    for number, (event, reference, deviation) in enumerate(rows, start=1):
         table.add_row(
             str(number),
-            *_words(incident, names),
-            f"{incident.time:.9f}",
-            f"{incident.time - cycle.section:+.9f}",
+            *_words(event, names),
+            f"{event.time:.9f}",
+            f"{event.time - cycle.section:+.9f}",
             f"{reference.time:+.9f}",
             f"{deviation:+.1e}",
         )
     return table
 
 
-def _switches_table(found: list[Incident], names: Sequence[str]) -> Table:
+def _switches_table(found: list[SwitchEvent], names: Sequence[str]) -> Table:
     table = plain_table(*_HEADS)
-    for number, incident in enumerate(found[:MAX_ROWS], start=1):
-        table.add_row(str(number), *_words(incident, names), f"{incident.time:.9f}")
+    for number, event in enumerate(found[:MAX_ROWS], start=1):
+        table.add_row(str(number), *_words(event, names), f"{event.time:.9f}")
     if len(found) > MAX_ROWS:
         table.add_row("…", f"{len(found) - MAX_ROWS} more", "", "", "", "")
     return table
@@ -125,7 +125,7 @@ def plain_table(*heads: str) -> Table:
     return table
 
 
-def _words(incident: Incident, names: Sequence[str]) -> tuple[str, str, str, str]:
+def _words(event: SwitchEvent, names: Sequence[str]) -> tuple[str, str, str, str]:
     """Return the law and contact that switch; contacts with names are counted from 1."""
-    contact = f"{incident.contact + 1} {names[incident.contact]}" if names else str(incident.contact)
-    return incident.law, contact, incident.before, incident.after
+    contact = f"{event.contact + 1} {names[event.contact]}" if names else str(event.contact)
+    return event.law, contact, event.before, event.after

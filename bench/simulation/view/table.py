@@ -90,7 +90,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "largest_residual": finite(largest("residual")),
         "largest_residual_time": float(steps["time"][np.argmax(steps["residual"])]) if len(steps) else None,
         "largest_local_residual": finite(largest("local_residual")),
-        "hiding_steps": int(simulation.hiding.sum()),
+        "hiding_steps": int(simulation.has_hidden_errors.sum()),
         "solves": int(steps["solves"].sum()),
         "rejected": int(steps["rejected"].sum()),
         "incidents": len(simulation.switches),
@@ -100,11 +100,11 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "deepest_impact": largest("impact_depth"),
         "largest_contacts": int(largest("contacts")),
         **{name: steps[name][-1].item() for name in shown},
-        **_off_the_exact_motion(simulation),
+        **_final_errors(simulation),
     }
 
 
-def _off_the_exact_motion(simulation: Simulation) -> dict[str, float]:
+def _final_errors(simulation: Simulation) -> dict[str, float]:
     """Return the largest errors of a coordinate and of a velocity at the end; empty if the exact motion is unknown."""
     exact, state = simulation.plan.scene.exact, simulation.state
     if exact is None or not simulation.n_steps:
@@ -128,8 +128,8 @@ def document(simulation: Simulation) -> dict[str, Any]:
         "summary": summary(simulation),
         "windows": rows,
         "incidents": [
-            {"begin": float(row["begin"]), "end": float(row["end"]), **asdict(incident)}
-            for row, incident in zip(simulation.switches, simulation.incidents, strict=True)
+            {"begin": float(row["begin"]), "end": float(row["end"]), **asdict(event)}
+            for row, event in zip(simulation.switches, simulation.switch_events, strict=True)
         ],
         "periods": periods_document(simulation),
     }
@@ -158,7 +158,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
     _print_windows(simulation, console)
     if plan.stepper.locates_switches:
         print_switches(simulation, console)
-        console.print(Text(describe_switches(simulation.incidents)))
+        console.print(Text(describe_switches(simulation.switch_events)))
     for line, style in (*period_lines(simulation), *_closing_lines(simulation)):
         console.print(Text(line, style=style))
 
@@ -222,7 +222,7 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
     absent = set() if simulation.plan.stepper.locates_switches else {"steps"}
     if simulation.plan.scene.potential_energy is None:
         absent.add("E [J]")
-    if not simulation.hiding.any():
+    if not simulation.has_hidden_errors.any():
         absent.add("local")
     columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
     for one in simulation.plan.scene.observables:
@@ -286,7 +286,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
 
 def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
     """Yield the number of steps in which fast contacts hide the errors of others, if any, with its style."""
-    hiding = simulation.steps[simulation.hiding]
+    hiding = simulation.steps[simulation.has_hidden_errors]
     if not len(hiding):
         return
     worst = hiding[np.argmax(hiding["local_residual"])]

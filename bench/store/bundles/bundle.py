@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ....problems.contact.judge import JUDGE
 from ....problems.contact.problem import ContactProblem
-from ....problems.exchange.catalog import is_held, load
+from ....problems.exchange.catalog import is_shipped, load
 from ....problems.exchange.files.problem_file import packed_problem, read_problem
 from ...errors import BenchError
-from ..conversion import inflated, sealed, unsealed
+from ..conversion import decode_record, encode_record, inflated
 from ..fields import Record
 from ..records import CaseRecord, RunRecord
 from ..store import BUNDLE_SUFFIX, Store, is_bundle, put_file
@@ -57,7 +57,7 @@ class Bundle:
             BenchError: if neither has the problem, or the two differ.
         """
         carried = self.carried.get(name)
-        if not is_held(name):
+        if not is_shipped(name):
             if carried is None:
                 raise BenchError(f"the problem {name!r} is neither in {self.source} nor in this package.")
             return carried
@@ -138,7 +138,7 @@ def write_bundle(bundle: Bundle, path: Path) -> None:
         BenchError: if the bundle is too large to be read again, or the file cannot be written.
     """
     problems = {problem.digest: packed_problem(problem) for problem in bundle.carried.values()}
-    content = sealed(_Content(run=bundle.run, cases=bundle.cases, problems=list(problems.values())))
+    content = encode_record(_Content(run=bundle.run, cases=bundle.cases, problems=list(problems.values())))
     if len(content) > MAX_BYTES:
         raise BenchError(f"{bundle.source} is too large for a bundle, {len(content) / 2**20:.0f} MiB; divide the run.")
     put_file(path, gzip.compress(content, mtime=0), "name another file")
@@ -159,7 +159,7 @@ def read_bundle(path: Path) -> Bundle:
         raise BenchError(f"cannot read {path}: {error.strerror}; name a readable file.") from None
     except ValueError as error:
         raise BenchError(f"{path} is not a bundle, or is damaged ({error}); {_REMEDY}.") from None
-    content = unsealed(text, _Content, str(path), _REMEDY)
+    content = decode_record(text, _Content, str(path), _REMEDY)
     found = (read_problem(io.BytesIO(one), f"a problem of {path}") for one in content.problems)
     problems, listed = {problem.digest: problem for problem in found}, content.run.carried
     if problems.keys() != set(listed.values()):

@@ -39,7 +39,7 @@ RELATIVE = 1e-6
 """Relative difference that is not a disagreement."""
 
 MAX_SIDES = 10**6
-"""Number of sides from which a pyramid is a cone up to rounding."""
+"""Largest number of sides of a pyramid; with more, it is a cone up to rounding."""
 
 
 OnCase = Callable[[int, int], None]
@@ -47,7 +47,7 @@ OnCase = Callable[[int, int], None]
 
 
 @dataclass
-class Rejudged:
+class RejudgeResult:
     """Result of rejudging a bundle.
 
     Attributes:
@@ -79,7 +79,7 @@ class _Disagreement(Exception):  # noqa: N818 - a finding, not an error of the p
     """A case that disagrees with the bundle; the text gives the reason."""
 
 
-def rejudge(file: os.PathLike[str] | str, on_case: OnCase = lambda done, total: None) -> Rejudged:
+def rejudge(file: os.PathLike[str] | str, on_case: OnCase = lambda done, total: None) -> RejudgeResult:
     """Recompute the residuals of a bundle from its problems and impulses. None of its content is executed.
 
     Args:
@@ -92,9 +92,9 @@ def rejudge(file: os.PathLike[str] | str, on_case: OnCase = lambda done, total: 
     return rejudge_bundle(read_bundle(Path(file)), on_case)
 
 
-def rejudge_bundle(bundle: Bundle, on_case: OnCase = lambda done, total: None) -> Rejudged:
+def rejudge_bundle(bundle: Bundle, on_case: OnCase = lambda done, total: None) -> RejudgeResult:
     """Recompute the residuals of a bundle that has been read; see ``rejudge``."""
-    found, known = Rejudged(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
+    found, known = RejudgeResult(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
     for done, case in enumerate(sorted(bundle.cases, key=lambda case: case.problem), 1):
         try:
             if case.problem not in known:
@@ -106,7 +106,7 @@ def rejudge_bundle(bundle: Bundle, on_case: OnCase = lambda done, total: None) -
     return found
 
 
-def _judge_again(case: CaseRecord, problem: ContactProblem, found: Rejudged) -> None:
+def _judge_again(case: CaseRecord, problem: ContactProblem, found: RejudgeResult) -> None:
     """Judge the finest point of a case again, and compare the other points with their outcomes.
 
     Raises:
@@ -152,7 +152,7 @@ def _claim_fault(point: Point, model: Model) -> str:
     return "" if point.outcome in possible else f"{counts} with the residual {own:.1e}{relaxed}"
 
 
-def _judge_point(measured: Measured, problem: ContactProblem, model: Model, found: Rejudged) -> None:
+def _judge_point(measured: Measured, problem: ContactProblem, model: Model, found: RejudgeResult) -> None:
     """Recompute residuals and verdict of a point.
 
     Raises:

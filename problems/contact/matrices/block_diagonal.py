@@ -10,7 +10,7 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 from ...compilation import interpretable
 from ...errors import ProblemError
-from .given import with_entries
+from .user_matrices import with_entries
 
 BLOCK_SYMMETRY = 1e-12
 """Largest |A − Aᵀ| relative to the largest |A| in a block of M or M⁻¹ that counts as rounding."""

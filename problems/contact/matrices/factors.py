@@ -14,8 +14,8 @@ from ...compilation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
 from .block_diagonal import block_cholesky, block_inverse
-from .given import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
 from .pieces import Pieces, cut_into_pieces
+from .user_matrices import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +214,7 @@ class Factors:
         return with_entries(directions, *entries)
 
     def delassus_diagonal(self) -> FloatArray | None:
-        """Return the diagonal of G [1/kg], shape (n_rows,), or None where it takes the pieces of W̃."""
+        """Return the diagonal of G [1/kg], shape (n_rows,), or None if it requires the pieces of W̃."""
         if isinstance(self.directions, Pieces) and self.inverse_mass.is_diagonal:
             return self.directions.delassus_diagonal(self.inverse_mass.matrix.data)
         return None

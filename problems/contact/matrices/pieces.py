@@ -21,7 +21,7 @@ CHUNK_LENGTHS = (1, 2, 3, 6)
 """Candidate chunk lengths: degrees of freedom of discs and balls, without and with rotation."""
 
 SAMPLED_ROWS = 300
-"""Number of rows from which the chunk length is chosen."""
+"""Number of rows that are examined to choose the chunk length."""
 
 
 class BallRecords(NamedTuple):
@@ -92,12 +92,12 @@ class Pieces:
 
     @property
     def balls(self) -> BallRecords | None:
-        """The records of contacts between balls, None where blocks are not given by records."""
+        """The records of contacts between balls; None if the blocks are not given by records."""
         return None
 
     @property
     def opposite_normals(self) -> FloatArray | None:
-        """Normal n of each block that is n on its first chunk and −n on its second, None where blocks are others."""
+        """Normal n of each block, if all blocks are n on the first chunk and −n on the second; else None."""
         return None
 
     def copy(self) -> "Pieces":
@@ -125,7 +125,7 @@ class Pieces:
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray | None:
         """Return the diagonal of G [1/kg], shape (n_rows,), for a diagonal M⁻¹, shape (n_chunks · length,).
 
-        None where it takes the pieces of W̃, whose ``square_sums`` it is.
+        None if it requires the pieces of W̃; it is then their ``square_sums``.
         """
         return None
 

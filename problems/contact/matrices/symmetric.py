@@ -13,7 +13,7 @@ from numba import njit, uint64
 from ...arrays import FloatArray, read_only
 from ...errors import IndefiniteError, ProblemError
 from .delassus import diagonal_of
-from .given import as_matrix, read_matrix
+from .user_matrices import as_matrix, read_matrix
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that counts as rounding."""

@@ -40,7 +40,7 @@ TEXTS = ("title", "description", "math_info")
 ROWS_OF_CONTACTS = (2, 3, 5)
 """Possible numbers of rows of a contact; 5 requires rolling friction."""
 
-MOST_GUESSES = 10_000
+MAX_GUESSES = 10_000
 """Largest number of guesses that is reported."""
 
 
@@ -232,7 +232,7 @@ def _solution(file: Group, n_contact_rows: int, n_joints: int) -> FloatArray | N
 def _guesses(file: Group) -> int:
     if "guesses" not in file or "number_of_guesses" not in file.group("guesses"):
         return 0
-    return min(max(file.group("guesses").integer("number_of_guesses"), 0), MOST_GUESSES)
+    return min(max(file.group("guesses").integer("number_of_guesses"), 0), MAX_GUESSES)
 
 
 def _check_contacts(contents: LocalContents | GlobalContents, path: str) -> None:

@@ -76,7 +76,7 @@ def rows_in_order(problem: ContactProblem) -> IntArray:
     return np.argsort(is_joint, kind="stable")
 
 
-def contacts_of(problem: ContactProblem) -> ContactLaws:
+def contact_laws_of(problem: ContactProblem) -> ContactLaws:
     """Return the laws of the contacts of a problem.
 
     Raises:

@@ -15,7 +15,7 @@ from ...arrays import compressed_arrays, compressed_matrix
 from ...contact.answer import Answer
 from ...contact.laws import Laws
 from ...contact.matrices.factors import Factors, InverseMass
-from ...contact.matrices.given import check_finite
+from ...contact.matrices.user_matrices import check_finite
 from ...contact.problem import ContactProblem
 from ...engine_model import EngineModel
 from ...errors import ProblemError
@@ -33,11 +33,12 @@ CONTACTS_ONLY, ALL_LAWS = 1, 2
 """Versions for problems with contacts only, and for those with all laws but without the model of an engine."""
 
 SUFFIX = ".npz"
+"""Suffix of compressed problem files."""
 
 SUFFIXES = (SUFFIX, JSON_SUFFIX)
 """Suffixes of problem files."""
 
-AGAIN = "create it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
+REWRITE_REMEDY = "create it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
 """Remedy for a file that is not a problem."""
 
 _OF_LAWS = [field.name for field in fields(Laws)]
@@ -76,10 +77,10 @@ def write_whole(path: Path, content: bytes) -> None:
         raise ProblemError(f"cannot write {path}: {error.strerror}; choose a folder that is writable.") from None
 
 
-def packed_problem(problem: ContactProblem, beside: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """Return ``problem`` as the content of a problem file, compressed, with the further arrays ``beside``."""
+def packed_problem(problem: ContactProblem, extra_arrays: Mapping[str, NDArray[Any]] | None = None) -> bytes:
+    """Return ``problem`` as the content of a problem file, compressed, with the further arrays ``extra_arrays``."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **{**_arrays(problem), **(beside or {})})
+    np.savez_compressed(buffer, **{**_arrays(problem), **(extra_arrays or {})})
     return buffer.getvalue()
 
 
@@ -116,13 +117,13 @@ def read_problem(
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
-        raise ProblemError(f"{name} is damaged or not a problem file: {error}; {AGAIN}.") from None
+        raise ProblemError(f"{name} is damaged or not a problem file: {error}; {REWRITE_REMEDY}.") from None
     except ProblemError:
         raise
     except (OSError, *DAMAGE_ERRORS):
-        raise ProblemError(f"{name} is damaged or not a problem file; {AGAIN}.") from None
+        raise ProblemError(f"{name} is damaged or not a problem file; {REWRITE_REMEDY}.") from None
     if problem.digest != digest:
-        raise ProblemError(f"{name} does not match its digest; {AGAIN}.")
+        raise ProblemError(f"{name} does not match its digest; {REWRITE_REMEDY}.")
     return problem
 
 
@@ -133,7 +134,7 @@ def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArr
     arrays = read_arrays(source)
     about = json.loads(arrays.pop("about").tobytes().decode()) if "about" in arrays else {}
     if not isinstance(about, dict):
-        raise ValueError("it does not say what it is")
+        raise ValueError("its array 'about' is not a JSON object")
     return about, arrays
 
 
@@ -193,7 +194,7 @@ def _compressed(label: str, matrix: Any) -> dict[str, Any]:
 
 def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
     if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
-        raise ValueError("it does not say what it is")
+        raise ValueError("'about' has no name or no provenance")
     if about["format"] not in (CONTACTS_ONLY, ALL_LAWS, FORMAT):
         raise ProblemError(f"{name} has format {about['format']}, but this version reads formats up to {FORMAT}.")
     laws = Laws(*(content[key] for key in _OF_LAWS))

@@ -11,6 +11,7 @@ from ..repair import Repair
 from .plain import Arrays, normal_first, problem_of_delassus
 
 ARRAYS = ("G", "g", "mus")
+"""Names of the arrays of a file."""
 
 
 def recognises(arrays: Arrays) -> bool:

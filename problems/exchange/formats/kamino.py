@@ -27,11 +27,13 @@ from ..stored_solution import with_stored_solution
 from .plain import Arrays, normal_first, problem_of_delassus, stored_impulses
 
 COUNTS = ("njc", "nbc", "nl", "nc")
+"""Names of the numbers of rows and contacts."""
 
 SINGLE_PRECISION = 1e-4
 """Tolerated error of sums in single precision, relative to their terms."""
 
 ARRAYS = ("D", "v_f", "mu", *COUNTS)
+"""Names of the arrays that a dump must have, apart from defaults."""
 
 
 def recognises(arrays: Arrays) -> bool:

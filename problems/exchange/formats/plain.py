@@ -36,12 +36,16 @@ VERSION = 1
 """Newest version of the names above."""
 
 CSR_PARTS = ("data", "indices", "indptr")
+"""Names of the three arrays of G in CSR."""
 
 FACTORS = ("W", "Minv", "M")
+"""Names of the factors of G."""
 
 KNOWN = ("G", *CSR_PARTS, *FACTORS, "c", "mu", "dim", "normal", "impulses", "version")
+"""Names of all arrays that a file may have."""
 
 EXAMPLE = "numpy.savez(file, G=G, c=c, mu=mu)"
+"""Example of writing a file, for error messages."""
 
 DEFAULT_DIM = 3
 """Rows per contact if one friction coefficient applies to all contacts."""

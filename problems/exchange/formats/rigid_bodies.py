@@ -46,11 +46,19 @@ from ..stored_solution import with_stored_solution
 from .plain import Arrays, check_version, stored_impulses
 
 VERSION = 1
+"""Newest version of the names in the module docstring."""
 
 NEEDED = ("mass", "inertia", "position", "velocity", "angular_velocity", "gravity", "time_step")
+"""Names of required arrays of bodies."""
+
 OF_CONTACTS = ("body_1", "body_2", "point", "normal", "mu")
+"""Names of required arrays of contacts."""
+
 OPTIONAL = ("orientation", "point_1", "restitution", "distance", "tangent", "impulses", "version")
+"""Names of optional arrays."""
+
 KNOWN = (*NEEDED, *OF_CONTACTS, *OPTIONAL)
+"""Names of all arrays that a file may have."""
 
 UNIT = 1e-3
 """Tolerated deviation of the length of a normal or a quaternion from 1; engines work in single precision."""

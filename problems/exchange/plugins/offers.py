@@ -18,6 +18,7 @@ from ...errors import PluginError, first_line
 from .files import Kind, PluginFile, make_importable
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
+"""Kinds of names that plugins offer."""
 
 _NAMES: dict[Kind, tuple[str, str]] = {
     "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, like that of a class"),
@@ -52,7 +53,7 @@ class Offer:
         source: name of the plugin in messages.
         get: imports the plugin and returns the class or function.
         file: the plugin file, None for a package.
-        refusal: why the name cannot be used, a sentence; empty if it can.
+        rejection: why the name cannot be used, a sentence; empty if it can.
     """
 
     kind: Kind
@@ -60,7 +61,7 @@ class Offer:
     source: str
     get: Callable[[], Any]
     file: PluginFile | None = None
-    refusal: str = ""
+    rejection: str = ""
 
     def load(self) -> Any:
         """Import the plugin and return its object of this name; redirect its output to standard error.
@@ -68,8 +69,8 @@ class Offer:
         Raises:
             PluginError: if the name is rejected, or the plugin fails to import.
         """
-        if self.refusal:
-            raise PluginError(self.refusal)
+        if self.rejection:
+            raise PluginError(self.rejection)
         try:
             with redirect_stdout(sys.stderr):
                 return self.get()
@@ -88,7 +89,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
         taken: names that Proxbench itself uses.
     """
     found = [*_from_files(kind), *_from_packages(kind)]
-    return [replace(offer, refusal=_refusal(offer, taken, found)) for offer in found]
+    return [replace(offer, rejection=_rejection(offer, taken, found)) for offer in found]
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
@@ -137,7 +138,7 @@ def _from_packages(kind: Kind) -> Iterator[Offer]:
         yield Offer(kind, point.name, package, point.load)
 
 
-def _refusal(offer: Offer, taken: Collection[str], found: list[Offer]) -> str:
+def _rejection(offer: Offer, taken: Collection[str], found: list[Offer]) -> str:
     said = f"{offer.source} offers the {offer.kind} {offer.name!r}"
     if offer.name in taken:
         return f"{said}, a name that Proxbench itself uses; give it another name."

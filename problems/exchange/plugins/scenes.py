@@ -31,8 +31,8 @@ def plugin_scene(name: str) -> Offer | None:
         return None
     found = plugin_scenes()
     for offer in found:
-        if offer.name == name and offer.refusal:
-            raise PluginError(offer.refusal)
+        if offer.name == name and offer.rejection:
+            raise PluginError(offer.rejection)
         if offer.name == name:
             return offer
     raise ProblemError(f"there is no scene {name!r}{suggestion(name, [*SCENES, *(offer.name for offer in found)])}")

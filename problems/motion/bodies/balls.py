@@ -5,8 +5,8 @@ Friction alone can turn a ball, so without it a ball has no rotational degrees o
     spatial    u = (v, ω) ∈ R⁶, rows N, T1, T2        without friction u = v ∈ R³, row N
     planar     u = (v, ω) ∈ R³, rows N, T             without friction u = v ∈ R², row N
 
-Contacts are found by a cell list and written straight into W in pieces, two balls a contact or one; no dense matrix
-appears anywhere.
+A cell list finds the contacts. They are written directly into W in pieces, one or two per contact, without a dense
+matrix.
 """
 
 from collections.abc import Callable, Sequence
@@ -72,8 +72,7 @@ class BallSystem:
         inertia_factor: J/(m r²).
 
     Raises:
-        ProblemError: if a radius or a mass is not positive, a coefficient is out of range, or materials are not one a
-            body.
+        ProblemError: if a radius or a mass is not positive, a coefficient is out of range, or materials are missing.
     """
 
     radii: FloatArray
@@ -91,7 +90,7 @@ class BallSystem:
         for name in ("radii", "masses"):
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
             if values.ndim != 1 or not (values > 0).all():
-                raise ProblemError(f"{name} must be positive numbers, one a ball.")
+                raise ProblemError(f"{name} must be positive numbers, one per ball.")
             object.__setattr__(self, name, values)
         if self.dimension not in (2, 3):
             raise ProblemError(f"dimension must be 2 or 3, got {self.dimension}.")
@@ -160,9 +159,9 @@ class BallSystem:
         return self.at_rest(np.broadcast_to(direction, (self.n_balls, self.dimension)))
 
     def with_margin(self, margin: float) -> "BallSystem":
-        """Return the balls swollen by ``margin`` [m], so that contacts count as closed that are open by so much.
+        """Return balls with radii larger by ``margin`` [m], so that contacts with smaller gaps count as closed.
 
-        All levers of a ball grow alike, which leaves the balance of its moments as it is.
+        All lever arms of a ball grow by the same amount, so the equilibrium of its moments does not change.
         """
         return replace(self, radii=self.radii + margin)
 

@@ -20,8 +20,8 @@ MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
 for overlaps before and after the projection. More queries require wider skins and so more pairs, all of which each
 query visits."""
 
-WITHIN = 0.998
-"""Part of its skin by which a ball may move, so that rounding hides no pair."""
+SKIN_SHARE = 0.998
+"""Share of its skin by which a ball may move; below 1, so that rounding hides no pair."""
 
 SPEED_MARGIN = 1.1
 """Increase of a ball's speed between two searches for which its skin allows."""
@@ -96,7 +96,7 @@ def _are_within(skins, centres, others):  # type: ignore[no-untyped-def]
         squared = 0.0
         for axis in range(dim):
             squared += (centres[i, axis] - others[i, axis]) ** 2
-        if not squared <= (WITHIN * skins[i]) ** 2:
+        if not squared <= (SKIN_SHARE * skins[i]) ** 2:
             return False
     return True
 

@@ -13,7 +13,7 @@ from ...errors import ProblemError
 from ..bodies.rigid.polyhedron import Polyhedron
 from ..bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
 from ..bodies.rigid.shapes import Box, HalfSpace, Shape
-from .polyhedra import packed
+from .polyhedra import pack_polyhedra
 
 _Body = tuple[Shape, FloatArray, FloatArray]
 
@@ -24,6 +24,7 @@ TOLERANCE = 1e-10
 """Error of gaps [m]; gaps of curved shapes err by 2e-6 with 1e-6, the default of coal."""
 
 MAX_ITERATIONS = 256
+"""Iteration limit of coal for one pair of shapes."""
 
 APART = 0.005
 """Gap at which the nearest points are found, divided by the size of the smaller body."""
@@ -34,7 +35,7 @@ MAX_PASSES = 20
 TINY = np.array([0.0, 0.0, 1e-12])
 """Distance below which centres coincide [m]."""
 
-MORE_WAY = (0.0, 0.01, 0.1, 1.0)
+RETRY_SHARES = (0.0, 0.01, 0.1, 1.0)
 """Fractions of the distance of centres by which bodies are moved apart until coal finds a normal."""
 
 FLATNESS = 1e-3
@@ -131,7 +132,7 @@ def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: fl
     request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
     between = second[1] - first[1] + TINY
     size = min(first[0].bounding_radius, second[0].bounding_radius)
-    for more in MORE_WAY:
+    for more in RETRY_SHARES:
         moved = way + more * between
         request.security_margin = margin + float(np.linalg.norm(moved))
         result = coal.CollisionResult()
@@ -179,7 +180,7 @@ def _tangent_plane(
     elif isinstance(shape, Capsule):
         candidates = radial[None]
     else:
-        candidates = packed((shape,)).normals
+        candidates = pack_polyhedra((shape,)).normals
     normal = candidates[np.argmax(candidates @ local)]
     if normal @ local < NEARLY_ALONG:
         normal = local
@@ -195,7 +196,7 @@ def _reach(body: _Body, direction: FloatArray) -> float:
         return shape.radius * hypot(x, y) + 0.5 * shape.length * abs(float(z))
     if isinstance(shape, Capsule):
         return shape.radius + 0.5 * shape.length * abs(float(z))
-    return float((packed((shape,)).vertices @ local).max())
+    return float((pack_polyhedra((shape,)).vertices @ local).max())
 
 
 def require_coal() -> Any:

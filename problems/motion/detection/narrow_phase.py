@@ -18,7 +18,7 @@ from .coal_contacts import find_with_coal
 from .cylinders import find_cylinders
 from .polyhedra import find_polyhedra
 from .round_bodies import CYLINDER, PLANE, SEGMENT, find_round
-from .shape_numbers import ShapeNumbers, shape_numbers
+from .shape_arrays import ShapeArrays, shape_arrays
 
 MAX_FEATURES = 1 << 26
 """Number of features of a pair."""
@@ -63,7 +63,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     if not len(pairs):
         return _contact_set([(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))])
     shapes = tuple(shapes)
-    numbers = shape_numbers(shapes)
+    numbers = shape_arrays(shapes)
     kind, second_kind = numbers.round_shapes.kind[pairs].T
     if (kind == PLANE).any():
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
@@ -89,7 +89,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
 
 
 def _find_boxes(
-    numbers: ShapeNumbers, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+    numbers: ShapeArrays, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
 ) -> tuple[IntArray, FloatArray]:
     room = (np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7)))
     axes = np.ascontiguousarray(rotations.transpose(0, 2, 1))

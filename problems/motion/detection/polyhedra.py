@@ -34,7 +34,7 @@ _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 
 """Corners of the faces of a box, numbered as in ``Box.vertices``."""
 
 
-class Packed(NamedTuple):
+class PackedPolyhedra(NamedTuple):
     """The polyhedra among some shapes, for kernels; starts have one entry per shape and one more.
 
     Attributes:
@@ -63,7 +63,7 @@ class Packed(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def packed(shapes: tuple[object, ...]) -> Packed:
+def pack_polyhedra(shapes: tuple[object, ...]) -> PackedPolyhedra:
     """Return the polyhedra and boxes among shapes; other shapes have no faces."""
     vertices: list[list[float]] = []
     normals: list[list[float]] = []
@@ -85,7 +85,7 @@ def packed(shapes: tuple[object, ...]) -> Packed:
         for name, found in (("vertex", vertices), ("face", normals), ("edge", edges), ("direction", directions)):
             starts[name].append(len(found))
     whole = {name: np.array(found, dtype=np.int64) for name, found in starts.items()}
-    return Packed(
+    return PackedPolyhedra(
         np.array(vertices, dtype=np.float64).reshape(-1, 3),
         whole["vertex"],
         np.array(normals, dtype=np.float64).reshape(-1, 3),
@@ -135,7 +135,7 @@ def find_polyhedra(
         margin: gap [m] below which a contact is reported.
     """
     keys, numbers = np.empty((ROOM * len(pairs), 3), dtype=np.int64), np.empty((ROOM * len(pairs), 7))
-    count = _find(pairs, centres, rotations, packed(shapes), margin, keys, numbers)
+    count = _find(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, numbers)
     return keys[:count], numbers[:count]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from .polyhedra import ROOM, Packed
+from .polyhedra import ROOM, PackedPolyhedra
 
 PLANE, POLYHEDRON, SEGMENT, CYLINDER = range(4)
 """Kinds of shapes."""
@@ -48,7 +48,12 @@ class RoundShapes(NamedTuple):
 
 
 def find_round(
-    shapes: RoundShapes, packed: Packed, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+    shapes: RoundShapes,
+    packed: PackedPolyhedra,
+    centres: FloatArray,
+    rotations: FloatArray,
+    pairs: IntArray,
+    margin: float,
 ) -> tuple[IntArray, FloatArray]:
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 

@@ -23,15 +23,34 @@ from .options import Option
 from .scene import EndingRule, Observable, Scene, SceneEnding, SceneKind, StudyDefaults
 
 RADIUS = 0.01
+"""Radius of a ball [m]."""
+
 DENSITY = 2500.0
+"""Density of a ball [kg/m³]."""
+
 MASS = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
+"""Mass of a ball [kg]."""
+
 CONE_HEIGHT = 0.145
+"""Height of the cone above the outlet [m]."""
+
 PITCH = 2.3
+"""Initial distance between neighbouring balls, in ball radii."""
+
 JITTER = 0.05
+"""Largest initial displacement of a ball along each axis, in ball radii."""
+
 DROP_SPEED = 1.0
+"""Initial downward speed of the balls [m/s]."""
+
 TIME_STEP = 5e-4
+"""Default Δt of a fixed step [s]."""
+
 WALL_TOP = 1e3
+"""Height of the upper end of the wall [m], which no ball reaches."""
+
 STANDARD_GRAVITY = 9.81
+"""Default gravitational acceleration [m/s²]."""
 
 POUR_SECONDS = 5.0
 """Time that a thousand balls have to leave through the outlet [s]; a pour ends earlier when all are through."""
@@ -52,9 +71,9 @@ class Funnel:
 
     Attributes:
         n_balls: number of balls.
-        effects: what acts; with ``Planar`` among them balls are discs between two slopes.
+        effects: the effects; ``Planar`` replaces the balls by discs between two slopes.
         outlet_radius: radius of the outlet in ball radii; 0 closes it with a plate.
-        seed: of the jitter.
+        seed: seed of the initial jitter.
 
     Raises:
         ProblemError: if a number is out of range.
@@ -175,7 +194,7 @@ class Funnel:
 
 
 def _build(name: str, options: Mapping[str, Any]) -> Scene:
-    # a pile is a funnel without the option of an outlet: it is closed
+    # a pile has no option "outlet", because its funnel is closed
     funnel = Funnel(options["balls"], _effects(options), options.get("outlet", 0.0), options["seed"])
     system = funnel.system()
     has_outlet, projection = bool(options.get("outlet")), options["projection"]
@@ -225,7 +244,7 @@ def _effects(options: Mapping[str, Any]) -> tuple[Effect, ...]:
 
 _OPTIONS: dict[str, Option] = {
     "balls": Option(1000, "number of balls", lowest=1, highest=1_000_000),
-    "seed": Option(0, "of the jitter of the start"),
+    "seed": Option(0, "seed of the initial jitter"),
     "gravity": Option(STANDARD_GRAVITY, "gravitational acceleration [m/s²]", can_be_off=True),
     "friction": Option(0.3, "friction coefficient; off: no friction laws, and balls do not turn", can_be_off=True),
     "restitution": Option(0.3, "normal restitution", highest=1.0, can_be_off=True),
@@ -247,5 +266,7 @@ FUNNEL = SceneKind(
     _build,
     _STUDY,
 )
+"""The scene ``funnel``."""
 
 PILE = SceneKind("balls settling in a closed funnel", _OPTIONS, _build, _STUDY)
+"""The scene ``pile``."""

@@ -13,7 +13,7 @@ import numpy as np
 from ...arrays import FloatArray
 from ..bodies.system import MechanicalSystem
 from ..state import State
-from ..trajectories.limit_cycle import Incident, KnownCycle
+from ..trajectories.limit_cycle import KnownCycle, SwitchEvent
 from .options import Option
 from .scene import Scene, SceneKind, StudyDefaults, kinetic_energy
 
@@ -24,7 +24,10 @@ SPRING_ARM, BIRD_ARM = 1e-2, 1.5e-2
 BEAK_HEIGHT, BEAK_ARM = 2e-2, 2.01e-2
 SPRING_STIFFNESS, GRAVITY = 5.6e-3, 9.81
 FRICTION = 0.3
+"""Default μ of all contacts."""
+
 RESTITUTION = (0.5, 0.0, 0.0)
+"""Default ε_N of beak, lower edge and upper edge."""
 
 PERIOD = 0.14597606514375183
 """Duration of one limit cycle [s], computed event by event in 45-digit arithmetic."""
@@ -32,19 +35,19 @@ PERIOD = 0.14597606514375183
 DESCENT = 0.019445379284716507
 """Descent in one limit cycle [m]."""
 
-INCIDENTS = (
-    Incident(-0.03959340699946194, "friction", 1, "slip", "stick"),
-    Incident(0.0, "friction", 1, "stick", "slip"),
-    Incident(0.005820757234809802, "unilateral", 1, "closed", "open"),
-    Incident(0.016709825280643503, "unilateral", 2, "open", "closed"),
-    Incident(0.016709825280643503, "unilateral", 2, "closed", "open"),
-    Incident(0.019811178939636433, "unilateral", 0, "open", "closed"),
-    Incident(0.019811178939636433, "unilateral", 0, "closed", "open"),
-    Incident(0.020390700477988667, "unilateral", 2, "open", "closed"),
-    Incident(0.022245391272032778, "unilateral", 2, "closed", "open"),
-    Incident(0.05753380196015821, "unilateral", 1, "open", "closed"),
-    Incident(0.05753380196015821, "unilateral", 1, "closed", "open"),
-    Incident(0.06026253599142089, "unilateral", 1, "open", "closed"),
+SWITCH_EVENTS = (
+    SwitchEvent(-0.03959340699946194, "friction", 1, "slip", "stick"),
+    SwitchEvent(0.0, "friction", 1, "stick", "slip"),
+    SwitchEvent(0.005820757234809802, "unilateral", 1, "closed", "open"),
+    SwitchEvent(0.016709825280643503, "unilateral", 2, "open", "closed"),
+    SwitchEvent(0.016709825280643503, "unilateral", 2, "closed", "open"),
+    SwitchEvent(0.019811178939636433, "unilateral", 0, "open", "closed"),
+    SwitchEvent(0.019811178939636433, "unilateral", 0, "closed", "open"),
+    SwitchEvent(0.020390700477988667, "unilateral", 2, "open", "closed"),
+    SwitchEvent(0.022245391272032778, "unilateral", 2, "closed", "open"),
+    SwitchEvent(0.05753380196015821, "unilateral", 1, "open", "closed"),
+    SwitchEvent(0.05753380196015821, "unilateral", 1, "closed", "open"),
+    SwitchEvent(0.06026253599142089, "unilateral", 1, "open", "closed"),
 )
 """Switching points of one limit cycle in the order of table 1 of Studer & Glocker (2005), with times after the section
 [s], computed event by event in 45-digit arithmetic."""
@@ -153,7 +156,7 @@ def section_error(state: State) -> float:
 LIMIT_CYCLE = KnownCycle(
     PERIOD,
     DESCENT,
-    INCIDENTS,
+    SWITCH_EVENTS,
     section=1,
     section_error=section_error,
     source="table 1 of the paper",
@@ -198,3 +201,4 @@ WOODPECKER = SceneKind(
     _build,
     StudyDefaults({"start": "cycle"}, duration=PERIOD, is_limit_cycle=True),
 )
+"""The scene ``woodpecker``."""

@@ -7,11 +7,11 @@ From t_B to t_E = t_B + Δt:
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
 
-χ is the speed of motors. Where h depends on the velocity as gyroscopic moments do, the step is solved twice: with h of
-a free motion, and with h at (u_B + u_E)/2 of the first solution. The error of Λ is O(Δt²) in the first one, and that of
-u_E O(Δt³) in the second, so that the order is 2 where joints turn bodies.
+χ is the target speed of motors. If h depends on the velocity, as gyroscopic moments do, the step is solved twice: with
+h of the free motion, and then with h at the velocity (u_B + u_E)/2 of the first solution. The error of Λ is O(Δt²) in
+the first solution, and that of u_E is O(Δt³) in the second. The order is therefore 2 for bodies that joints rotate.
 
-Bodies that penetrate at q_E may be moved apart to an allowed depth, and joints be closed (see
+Optionally, a projection at q_E moves penetrating bodies apart to an allowed depth and closes joints (see
 ``position_projection``).
 """
 
@@ -35,10 +35,10 @@ from .step import Step, StepError, check_finite
 
 
 class ContactSolver(Protocol):
-    """What a stepper needs of a solver; every ``Solver`` has it."""
+    """The part of the ``Solver`` interface that steppers use."""
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Return the solver, prepared for ``problem``."""
+        """Return the solver prepared for ``problem``."""
         ...
 
 
@@ -47,7 +47,7 @@ class MidpointRule:
     """The midpoint rule.
 
     Attributes:
-        system: what moves.
+        system: the mechanical system.
         solver: solves the contact problem of each step.
         stop: the stopping criterion of each solve.
         time_step: Δt [s], positive.

@@ -1,21 +1,23 @@
-"""Projection of positions, which ends the penetrations that Moreau's rule leaves.
+"""Projection of positions, which removes the penetrations that Moreau's rule leaves.
 
 The rule imposes contact laws on velocities. Bodies that meet within a step penetrate by up to |γ_N| Δt before their
-contact is active, and where they then stay together, ξ_N = 0 keeps them that deep for ever. The projection moves the
-end of a step to the nearest position, in the metric of M, in which no contact is deeper than allowed:
+contact becomes active. If they then stay in contact, ξ_N = 0 preserves this penetration. The projection moves the end
+of a step to the nearest position, in the metric of M, in which no contact is deeper than d:
 
     δq = M⁻¹ W_N p,      0 ≤ g + d + W_Nᵀ δq  ⊥  p ≥ 0,      for the contacts with g(q_E) < 0.
 
-Contacts that δq closes, or that the curvature of g leaves open, are treated in another pass at q_E + δq. Contacts are
-searched at q_E, not taken from the midpoint: else bodies that meet in the second half of a step would be pushed
-into each other.
-Joints are equations beside the contacts, r + Wᵀ δq = 0 with a free p. Their impulses are eliminated exactly, so that
-contacts are moved apart along what the joints leave free.
-Velocities stay as they are at contacts, so no kinetic energy is made (Acary, *Projected event-capturing time-stepping
-schemes for nonsmooth mechanical systems*, CMAME 256, 2013). The depth d that stays keeps lasting contacts active.
-At joints, u_E satisfies Wᵀ (u_E + ε u_B) = 0 with W of the midpoint. The part of u_E that opens them at q_E, of order
-Δt², would change its sign from step to step and grow. It is removed in the metric of M, u ← u − M⁻¹ W A⁺ Wᵀ u with
-A = Wᵀ M⁻¹ W. Order 2 stays, and the energy lost is of order Δt³.
+Another pass at q_E + δq treats contacts that δq closes, and penetrations that remain because g is curved. Contacts are
+searched at q_E instead of the midpoint, where bodies that meet in the second half of the step do not yet touch. The
+allowed depth d keeps lasting contacts active.
+
+Joints add equations, r + Wᵀ δq = 0 with p of any sign. Their impulses are eliminated exactly, so that contacts are
+moved apart only in directions that the joints permit.
+
+Velocities do not change at contacts, so the projection adds no kinetic energy (Acary, *Projected event-capturing
+time-stepping schemes for nonsmooth mechanical systems*, CMAME 256, 2013). At joints, u_E satisfies Wᵀ (u_E + ε u_B) = 0
+with W at the midpoint. The part of u_E that opens joints at q_E is of order Δt². It would change its sign from step to
+step and grow, and is therefore removed in the metric of M, u ← u − M⁻¹ W A⁺ Wᵀ u with A = Wᵀ M⁻¹ W. The order remains
+2, and the energy loss is of order Δt³.
 """
 
 import numpy as np
@@ -28,39 +30,41 @@ from ...errors import ProblemError
 from ..bodies.system import JointErrors, Overlaps, System
 
 MAX_PASSES = 3
-"""Most searches and moves at the end of one step. The next step treats what is left."""
+"""Largest number of passes at the end of a step; the next step corrects remaining penetrations."""
 
 MAX_SWEEPS = 50
-"""Most sweeps of one pass."""
+"""Largest number of sweeps in one pass."""
 
 ACCURACY = 0.1
-"""A projection is over when no contact is deeper than (1 + ``ACCURACY``) times the depth that is allowed."""
+"""A projection ends when no contact is deeper than (1 + ``ACCURACY``) times the allowed depth."""
 
 MAX_OPENING = 1e-6
-"""Largest residual [m or rad] with which a joint may leave the last pass. Larger ones mean that passes do not converge:
-the directions at the midpoint do not fit the end of the step."""
+"""Largest residual of a joint after the last pass [m or rad]; a larger one shows that passes do not converge, because
+the directions at the midpoint differ too much from those at the end of the step."""
 
 REDUNDANT = 1e-12
-"""Part of the largest eigenvalue of the scaled matrix of the joints below which a combination of rows is redundant."""
+"""Eigenvalues of the scaled matrix of the joints below this fraction of the largest one belong to redundant rows."""
 
 
 def projected(
     system: System, position: FloatArray, velocity: FloatArray, depth: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return q moved to where no contact is deeper than ``depth``, or to the shallowest of all passes, and u.
+    """Return the position in which no contact is deeper than ``depth``, and the velocity.
+
+    If no pass reaches this depth, the position is that of the shallowest pass.
 
     Args:
-        system: what moves.
+        system: the mechanical system.
         position: q, shape (n_coordinates,).
         velocity: u, shape (n_dofs,).
         depth: d [m], positive.
 
     Returns:
-        The position, shape (n_coordinates,), and the velocity. Without joints, the velocity is u, the position is q
-        itself if nothing is too deep there, and its deepest contact is not deeper than that at q.
+        The position, shape (n_coordinates,), and the velocity, shape (n_dofs,). Without joints, the velocity is u, and
+        the position is q itself if no contact is too deep there; the largest depth never increases.
 
     Raises:
-        ProblemError: if a joint is open by more than ``MAX_OPENING`` and stays open.
+        ProblemError: if the residual of a joint exceeds ``MAX_OPENING`` after the last pass.
     """
     tolerated = (1.0 + ACCURACY) * depth
     overlaps = system.overlaps(position, tolerated)
@@ -80,7 +84,7 @@ def projected(
 def _closed(
     system: System, position: FloatArray, velocity: FloatArray, overlaps: Overlaps, depth: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return q, at which joints close and contacts are moved apart, and u without the part that opens joints."""
+    """Return q with closed joints and separated contacts, and u without the part that opens joints."""
     joints = overlaps.joints
     for _ in range(MAX_PASSES):
         assert joints is not None
@@ -104,8 +108,8 @@ def _closed(
 def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -> FloatArray:
     """Return δq = M⁻¹ (W_N p + W p_J), shape (n_dofs,), that closes joints and moves contacts apart.
 
-    With A = Wᵀ M⁻¹ W of the joints, δq = −M⁻¹ W A⁺ r closes them, and P = M⁻¹ − M⁻¹ W A⁺ Wᵀ M⁻¹ is what they leave
-    contacts to move by.
+    With A = Wᵀ M⁻¹ W of the joints, δq = −M⁻¹ W A⁺ r closes them. Contacts then move by P = M⁻¹ − M⁻¹ W A⁺ Wᵀ M⁻¹,
+    which keeps the joints closed.
     """
     spread, inverse = _joint_inverse(overlaps.inverse_mass, joints)
     closing: FloatArray = -spread @ (inverse @ joints.residual)
@@ -122,7 +126,7 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
 
 
 def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[FloatArray, FloatArray]:
-    """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which leaves out combinations of rows that are redundant."""
+    """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which ignores redundant combinations of rows."""
     spread = (inverse_mass.matrix @ joints.directions).toarray()
     gram = joints.directions.T @ spread
     scale = 1.0 / np.sqrt(gram.diagonal())

@@ -15,16 +15,18 @@ STEPPERS: dict[str, type[Stepper]] = {kind.__name__: kind for kind in (Moreau, E
 """Steppers by name."""
 
 EXAMPLE = "Extrapolated(tolerance=1e-8)"
+"""A stepper with an option, for error messages."""
 
 _TYPES = {str: (str, "a name"), int: (int, "a whole number")}
-"""Types of values, and words for them, by the type of the default; all other options are numbers."""
+"""Types of an option and their description, by the type of its default; options of other types are numbers."""
 
 
 def make_stepper(text: str) -> Stepper:
     """Return a stepper: ``make_stepper("Moreau(step=5e-4)")``.
 
     Raises:
-        ProblemError: for an unknown name, option or search, with the nearest one, or a value of the wrong kind.
+        ProblemError: for an unknown stepper, option or search of switching points, with the nearest name, or for a
+            value of the wrong type.
     """
     written = read_name(text, "stepper", EXAMPLE, ProblemError)
     name = written.plain

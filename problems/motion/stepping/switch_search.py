@@ -1,18 +1,18 @@
-"""Searches for switching points: the length to try when a law switches, or is about to.
+"""Searches for switching points: the length of the next trial after a law has switched, or before it switches.
 
-``NestedIntervals`` is the paper's: the switch may lie in *either* of two successive steps whose laws differ, so both
-are repeated with half the step, down to the minimal one (figure 3). ``LastStepOnly`` repeats the second alone; its
-error stalls, because a gap may have closed after the middle of the first, where nothing is evaluated.
-``Anticipating`` approaches the switch from before, and needs four steps instead of forty. It follows the margins of all
-laws: a margin is positive as long as a law keeps its state, and zero when the law switches.
+``NestedIntervals`` is the search of the paper. The switch may lie in *either* of two successive steps whose laws
+differ, so both are repeated with half the length, down to the minimal step (figure 3). ``LastStepOnly`` repeats only
+the second step. Its error does not converge, because a gap may have closed in the second half of the first step, after
+the last evaluation. ``Anticipating`` approaches the switch from before, and needs four steps instead of forty. It
+extrapolates the margins of all laws: a margin is positive while a law keeps its state, and zero when the law switches.
 
-    open contact      g                    a gap that closes
-    closed contact    Λ_N / Δt             a force that ends
-    sticking          (b − ‖Λ_T‖) / Δt     a friction force that reaches its bound
-    slipping          ‖γ_T‖                a sliding velocity that ends
+    open contact      g                    the gap closes
+    closed contact    Λ_N / Δt             the force vanishes
+    sticking          (b − ‖Λ_T‖) / Δt     the friction force reaches its bound
+    slipping          ‖γ_T‖                the sliding velocity vanishes
 
-Forces are those in the middle of a step, gaps and velocities those at its end. Each margin is extrapolated by
-polynomials through its last few values; the difference between two degrees estimates the error of the root.
+Forces belong to the middle of a step, gaps and velocities to its end. Each margin is extrapolated by polynomials
+through its last few values; the difference between two degrees estimates the error of the root.
 """
 
 from abc import ABC, abstractmethod
@@ -31,7 +31,7 @@ APPROACH = 0.45
 """Length of the next trial as a fraction of the smooth part of a step in which a law switched."""
 
 BLIND_CUT = 0.1
-"""The same as a fraction of the whole step if the law switched at once."""
+"""Length of the next trial as a fraction of the step in which a law switched, if no part of it was smooth."""
 
 MEMORY = 5
 """Number of values of a margin to keep, one more than the degree of the polynomial through them."""
@@ -40,7 +40,7 @@ ROUNDING = 1e-9
 """Fraction of the largest force in a step that counts as no force."""
 
 REACH = 2.0
-"""Gaps are watched if they could close within this many of the longest steps."""
+"""Gaps are recorded if they could close within this multiple of the longest step."""
 
 FORCES = ("force", "slack")
 """Names of the margins that are forces."""
@@ -56,12 +56,12 @@ class Search(ABC):
     """A search for switching points; the methods of this class use only the states of the laws.
 
     Args:
-        system: what moves.
+        system: the mechanical system.
         min_step: Δt_min [s].
         max_step: Δt_max [s].
     """
 
-    takes_back = False
+    withdraws_last_step = False
     """Whether the accepted step before a switch is withdrawn as well."""
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
@@ -84,17 +84,17 @@ class Search(ABC):
         return wanted
 
     def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:  # noqa: B027
-        """Note an accepted step."""
+        """Record an accepted step."""
 
     @abstractmethod
     def note_switch(self, state: State) -> None:
-        """Note that a switching point was passed."""
+        """Record that a switching point was passed."""
 
 
 class NestedIntervals(Search):
-    """Halve the step, and repeat both steps between which the laws differ."""
+    """Search that halves the step, and repeats both steps whose laws differ."""
 
-    takes_back = True
+    withdraws_last_step = True
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         super().__init__(system, min_step, max_step)
@@ -117,13 +117,13 @@ class NestedIntervals(Search):
 
 
 class LastStepOnly(NestedIntervals):
-    """Halve the step, and repeat only the step in which the laws differ from those before; the error stalls."""
+    """Search that halves the step, and repeats only the second of two steps whose laws differ; its error stalls."""
 
-    takes_back = False
+    withdraws_last_step = False
 
 
 class Anticipating(Search):
-    """Step to just before the next switching point that the margins of the laws predict."""
+    """Search that steps to just before the next switching point, which the margins of the laws predict."""
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         super().__init__(system, min_step, max_step)
@@ -154,8 +154,8 @@ class Anticipating(Search):
         return max(self._min_step, factor * length)
 
     def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
-        """Whether a gap has closed within the step, or a force has ended after its last evaluation."""
-        return self._margins.penetrates(begin, end) or self._margins.outlasts(attempt.substeps, attempt.states)
+        """Whether a gap has closed within the step, or a force has vanished after its last evaluation."""
+        return self._margins.penetrates(begin, end) or self._margins.has_ended_force(attempt.substeps, attempt.states)
 
     def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
         """Note the margins of all laws."""
@@ -173,7 +173,7 @@ class Margins:
     """Margins of all laws since the last switching point.
 
     Args:
-        system: what moves.
+        system: the mechanical system.
         horizon: time ahead within which switches are needed [s].
     """
 
@@ -183,7 +183,7 @@ class Margins:
         self._values: dict[MarginKey, deque[tuple[float, float]]] = {}
 
     def forget(self) -> None:
-        """Forget all margins, as a switching point was passed."""
+        """Discard all margins, because a switching point was passed."""
         self._values.clear()
 
     def note(self, step: Step, length: float, states: LawStates) -> None:
@@ -205,8 +205,8 @@ class Margins:
         closed = self._system.gaps_below(after.position, 0.0)[0]
         return not np.isin(closed, self._system.gaps_below(before.position, 0.0)[0], assume_unique=True).all()
 
-    def outlasts(self, substeps: Substeps, states: LawStates) -> bool:
-        """Whether a force ends after the middle of the last of several equal steps, and before their end.
+    def has_ended_force(self, substeps: Substeps, states: LawStates) -> bool:
+        """Whether a force has vanished in the second half of the last of several equal steps.
 
         Laws are evaluated at the middle of each step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the
         n values gives the margin at the end, at 1.

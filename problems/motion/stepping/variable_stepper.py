@@ -193,7 +193,7 @@ class _StepControl:
                     yield held
                 raise
             if taken is None:
-                if held is not None and self._saw_switch and self._search.takes_back:
+                if held is not None and self._saw_switch and self._search.withdraws_last_step:
                     # the switch may lie in the step before the rejected one, too
                     self._state, self._states, held = held.begin, self._states_before, None
                     self._rejected += 1

@@ -11,8 +11,8 @@ from ..state import State
 
 
 @dataclass(frozen=True)
-class Incident:
-    """A switching point, with the middle of its interval as its time.
+class SwitchEvent:
+    """A switching point as an event at the middle of its interval.
 
     Attributes:
         time: middle of the interval in which it lies [s].
@@ -28,7 +28,7 @@ class Incident:
     before: str
     after: str
 
-    def is_like(self, other: "Incident") -> bool:
+    def is_like(self, other: "SwitchEvent") -> bool:
         """Whether both are the same switch, apart from their times."""
         return replace(self, time=0.0) == replace(other, time=0.0)
 
@@ -40,18 +40,18 @@ class KnownCycle:
     Attributes:
         period: its duration [s].
         descent: decrease of the first coordinate, a height, in one period [m].
-        incidents: its switching points, with times relative to the Poincaré section [s].
-        section: index of the incident at which a motion crosses the Poincaré section.
+        switch_events: its switching points, with times relative to the Poincaré section [s].
+        section: index of the event at which a motion crosses the Poincaré section.
         section_error: function that returns the largest relative error of a state one period after the section.
-        source: publication of ``incidents``, for users.
+        source: publication of ``switch_events``, for users.
         transient: number of periods after which a motion counts as being on the limit cycle.
         matches_scene_options: whether it was computed with the options of the scene; if not, only the order of
-            incidents is comparable.
+            switch_events is comparable.
     """
 
     period: float
     descent: float
-    incidents: tuple[Incident, ...]
+    switch_events: tuple[SwitchEvent, ...]
     section: int
     section_error: Callable[[State], float]
     source: str
@@ -61,31 +61,31 @@ class KnownCycle:
 
 @dataclass(frozen=True)
 class Cycle:
-    """One period of a motion, from the first incident of the limit cycle to the last one before it recurs.
+    """One period of a motion, from the first event of the limit cycle to the last one before it recurs.
 
     Attributes:
         known: the limit cycle.
-        incidents: in order of time.
+        switch_events: its switching points, in order of time.
         section: time at which it crosses the section [s].
         height: first coordinate at that time [m].
     """
 
     known: KnownCycle
-    incidents: tuple[Incident, ...]
+    switch_events: tuple[SwitchEvent, ...]
     section: float
     height: float
 
     @property
     def is_published(self) -> bool:
-        """Whether the incidents are those of the limit cycle, in its order."""
-        known = self.known.incidents
-        return len(self.incidents) == len(known) and all(map(Incident.is_like, self.incidents, known))
+        """Whether the switch_events are those of the limit cycle, in its order."""
+        known = self.known.switch_events
+        return len(self.switch_events) == len(known) and all(map(SwitchEvent.is_like, self.switch_events, known))
 
     @property
     def deviations(self) -> FloatArray:
-        """Times after the section minus those of the limit cycle [s], shape (n_incidents,), if ``is_published``."""
-        known = [incident.time for incident in self.known.incidents]
-        return np.array([incident.time - self.section for incident in self.incidents]) - known
+        """Times after the section minus those of the limit cycle [s], shape (n_switch_events,), if ``is_published``."""
+        known = [event.time for event in self.known.switch_events]
+        return np.array([event.time - self.section for event in self.switch_events]) - known
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class CycleSequence:
 
     @property
     def published_count(self) -> int:
-        """Number of complete periods with the incidents of the limit cycle."""
+        """Number of complete periods with the switch_events of the limit cycle."""
         return sum(cycle.is_published for cycle in self.cycles)
 
     def mean_period(self, last: int) -> float:
@@ -127,7 +127,9 @@ class CycleSequence:
         return self.mean_period(last) / self.known.period - 1.0, self.mean_descent(last) / self.known.descent - 1.0
 
 
-def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray, heights: FloatArray) -> CycleSequence:
+def find_cycles(
+    known: KnownCycle, found: Sequence[SwitchEvent], times: FloatArray, heights: FloatArray
+) -> CycleSequence:
     """Return the periods of a motion, found by its switching points.
 
     Args:
@@ -136,13 +138,13 @@ def find_cycles(known: KnownCycle, found: Sequence[Incident], times: FloatArray,
         times: times of some of its states [s], including those at switching points, shape (n,).
         heights: first coordinate at these times [m], shape (n,).
     """
-    begins = [index for index, incident in enumerate(found) if incident.is_like(known.incidents[0])]
-    section = known.incidents[known.section]
-    sections = [incident.time for incident in found if incident.is_like(section)]
+    begins = [index for index, event in enumerate(found) if event.is_like(known.switch_events[0])]
+    section = known.switch_events[known.section]
+    sections = [event.time for event in found if event.is_like(section)]
     at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
     complete = []
     for first, last in pairwise(begins):
-        inside = [incident.time for incident in found[first:last] if incident.is_like(section)]
+        inside = [event.time for event in found[first:last] if event.is_like(section)]
         if inside:
             complete.append(Cycle(known, tuple(found[first:last]), inside[0], at[inside[0]]))
     return CycleSequence(known, complete, np.array(sections), np.array([at[time] for time in sections]))

@@ -15,6 +15,7 @@ from ..state import State
 HEIGHT, ENERGY = "mean height", "energy lost"
 
 UNITS = {"flow rate": "balls/s", HEIGHT: "m", ENERGY: "J"}
+"""Units of the aggregates, by name."""
 
 GRID = 400
 """Number of times over which means are taken, in the second half of the duration."""

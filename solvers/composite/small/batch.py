@@ -11,7 +11,7 @@ from numba import njit
 from ....problems.contact.matrices.accurate import write_accurate_over_factors, write_accurate_over_matrix
 from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED, write_squared_violations
 from ...iteration.stopping import MAX_CHECK_INTERVAL
-from ..sweeping import ROWS_PER_CHECK
+from ..sweep_selection import ROWS_PER_CHECK
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
 from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
 
@@ -78,7 +78,10 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
     iterations,
     residuals,
 ):
-    """Do the same for problems given by W in CSC and a diagonal M⁻¹, whose root has the entries d_k … d_{k+1}."""
+    """Solve the problems ``first`` to ``last`` − 1, given by W in CSC and a diagonal M⁻¹; write the results of each.
+
+    The root of M⁻¹ has the entries d_k … d_{k+1}.
+    """
     for k in range(first, last):
         begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
         starts = indptr[begin + k : end + k + 1]

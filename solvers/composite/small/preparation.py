@@ -11,7 +11,7 @@ from ....problems.contact.coupling import components_over_matrix, components_ove
 from ....problems.contact.matrices.delassus import gather_blocks, multiply_pieces, write_diagonal
 from ....problems.contact.matrices.pieces import cut_columns
 from ...sweeps.step_size import write_step_sizes
-from ..sweeping import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
+from ..sweep_selection import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
 """Kinds of coupling: coupled such that other sweeps are faster, uncoupled contacts, and coupled contacts."""

@@ -1,9 +1,9 @@
 """Robust on a small problem: one call prepares the sweeps, and one call does them.
 
-The parts of ``Robust`` are Python between kernels, which on ten contacts takes ten times as long as the kernels. Here
-the whole of an ordinary solve is one kernel. It does the same in the same order, so that impulses, iterations and
-message are the same. Where the kernel meets anything unusual, the parts of ``Robust`` solve the problem from the start:
-that costs less than a tenth of their time.
+In ``Robust``, Python code runs between the kernels. On ten contacts it takes ten times as long as the kernels. Here one
+kernel does an entire ordinary solve. Its operations and their order are the same, and therefore impulses, iterations
+and message. If the kernel stops early, for example because the residual grows, ``Robust`` solves the problem from the
+start; the attempt costs less than a tenth of its time.
 """
 
 from collections.abc import Callable
@@ -17,13 +17,13 @@ from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
-from ..sweeping import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from ..sweep_selection import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 MIN_SECONDS = 0.01
-"""Least time limit [s]: a call of the kernel, which does not read the clock, takes less."""
+"""Smallest time limit [s] for which the kernel is used; it does not read the clock, and takes less."""
 
 MAX_SWEEPS = 10**9
 """Iteration limit of a call of the kernel, as a number of 64 bits."""
@@ -37,7 +37,7 @@ _KERNELS = DeferredKernels(
     uses_before_loading=300,
     uses_before_compiling=20_000,
 )
-"""They take about 0.1 s to load and 10 s to compile."""
+"""The kernels of small problems, which take about 0.1 s to load and 10 s to compile."""
 
 
 class PreparedSmall:
@@ -60,7 +60,7 @@ class PreparedSmall:
         self._by_parts: Prepared | None = None
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Sweep; where anything is unusual, solve by the parts of ``Robust``; see ``Prepared.solve``."""
+        """Sweep in one kernel; if it stops early, solve with ``Robust``. See ``Prepared.solve``."""
         n_rows = len(self.problem.free_velocity)
         impulses = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
         if observe is None and stop.max_seconds >= MIN_SECONDS and impulses.shape == (n_rows,):
@@ -76,7 +76,7 @@ class PreparedSmall:
 def prepare_small(
     problem: ContactProblem, prepare_by_parts: Callable[[ContactProblem], Prepared]
 ) -> PreparedSmall | None:
-    """Return the prepared sweeps of a small problem, or None where ``Robust`` does not begin with these sweeps."""
+    """Return the prepared sweeps of a small problem, or None if ``Robust`` does not begin with these sweeps."""
     free = problem.free_velocity
     laws = law_arguments(problem.laws) if 0 < len(free) <= FEW_ROWS else None
     if laws is None or not _KERNELS.should_use():

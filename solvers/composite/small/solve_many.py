@@ -1,7 +1,7 @@
 """Many small problems in one call, over several threads.
 
 The arrays of all small problems are joined, and each thread runs one kernel over a range of them, without Python. No
-problem affects another, so that the number of threads changes no bit of a solution.
+problem affects another, so solutions are bitwise identical for any number of threads.
 """
 
 import os
@@ -19,14 +19,14 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
 from ..robust import Robust
-from ..sweeping import FEW_ROWS
+from ..sweep_selection import FEW_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
 from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE
 
 PARTS_PER_THREAD = 4
-"""Ranges of problems for each thread, since some take longer than others."""
+"""Number of ranges of problems per thread, because some ranges take longer than others."""
 
 
 class SolvedProblems(NamedTuple):
@@ -46,13 +46,13 @@ def solve_many(
 ) -> SolvedProblems:
     """Solve many problems by ``Robust``, with the same results as one by one, and judge each answer.
 
-    It pays for problems of up to 150 rows given by G, or by the columns of W with a diagonal M⁻¹. Others, and those
-    that need more than sweeps, are solved one by one in one thread.
+    Problems of up to 150 rows, given by G or by the columns of W with a diagonal M⁻¹, are solved in batches. Other
+    problems, and those that need more than sweeps, are solved one by one in one thread.
 
     Args:
         problems: the contact problems, their names, or the paths of their files.
         tolerance: the judge's residual to reach.
-        threads: threads that work at the same time; their number changes no bit of a solution.
+        threads: number of threads; solutions are bitwise identical for any number.
         limits: max_iterations, max_seconds of each problem.
 
     Returns:

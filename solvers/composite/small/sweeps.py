@@ -1,8 +1,8 @@
 """Sweeps of a small problem from the first impulses to the outcome, in one kernel.
 
-Both kernels do what ``Robust`` does while nothing unusual happens: they sweep, check the residual after as many sweeps,
-and end when it reaches the tolerance. They stop without an outcome where ``Robust`` would do something else: where a
-window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may hide the
+Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same intervals, and end
+when it reaches the tolerance. They stop without an outcome if ``Robust`` would continue with another method: if a
+window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the
 residual.
 """
 
@@ -13,9 +13,9 @@ from ....problems.contact.residual import RESOLUTION, find_largest_held, write_s
 from ...iteration.stopping import (
     CYCLE_PATIENCE,
     DIVERGENCE_GROWTH,
-    MARK,
     MAX_CHECK_INTERVAL,
     MIN_PLATEAU_SWEEPS,
+    RECORD_RATIO,
 )
 from ...sweeps.blocks import solve_frictionless_blocks, solve_planar_blocks, solve_usual_spatial_blocks
 from ...sweeps.delassus import (
@@ -25,14 +25,15 @@ from ...sweeps.delassus import (
     write_spatial_velocity,
     write_velocity,
 )
-from ...sweeps.safeguarded import INTERVALS, cut_where_opposed
+from ...sweeps.safeguarded import INTERVALS, reduce_opposed_steps
 from ..windows import SHORT_WINDOW
 from .preparation import N_WORK, ROWS_OF_NUMBERS
 
 FIRST_INTERVAL, LAST_INTERVAL = INTERVALS[0], len(INTERVALS) - 1
+"""Number of sweeps in the first interval of ``SafeguardedSORprox``, and index of its last one."""
 
-IS_OVER, CONTINUES, IS_UNUSUAL = 1, 0, -1
-"""Whether a check ends the sweeps, with an answer or without one."""
+SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
+"""Results of a check: the tolerance is reached, sweeps continue, or the sweeps end without an outcome."""
 
 
 @njit(cache=True)
@@ -81,8 +82,8 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
         _write_velocity(width, starts, lanes, values, free, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
         state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
-        if state != CONTINUES or iteration >= max_iterations:
-            return state == IS_OVER, iteration
+        if state != CONTINUE or iteration >= max_iterations:
+            return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
         while count > 0:
@@ -97,7 +98,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
             count -= step
             if step == left:
                 since_check, checks_since_cut = 0, checks_since_cut + 1
-                if cut_where_opposed(width, width - 1, 2, before, previous, impulses, sizes, fraction):
+                if reduce_opposed_steps(width, width - 1, 2, before, previous, impulses, sizes, fraction):
                     checks_since_cut = 0
                     for i in range(n_blocks):
                         scaled[2 * i] = sizes[2 * i] * fraction[i]
@@ -138,11 +139,11 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
         _write_velocity(width, starts, lanes, values, free, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
         state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
-        if state != CONTINUES or iteration >= max_iterations:
-            return state == IS_OVER, iteration
+        if state != CONTINUE or iteration >= max_iterations:
+            return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
-        if iteration >= FIRST_INTERVAL:  # the safeguard would compare increments
+        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments, which this kernel does not
             return False, iteration
         if not _solve_blocks(width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses):
             return False, iteration
@@ -156,21 +157,21 @@ def _begin_progress():  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
-    """Return whether the sweeps are over, as ``Monitor`` and ``Window`` tell, and the progress so far."""
+    """Return the result of a check by the criteria of ``Monitor`` and ``Window``, and the progress so far."""
     best, first, unimproved, begin, before = progress
     sets, row_count, first_row, mu, bounds, partner_law = laws
     value = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
     found = 0.0 if value == 0.0 else value / scale
     if not found < np.inf:
-        return IS_UNUSUAL, progress
+        return UNUSUAL, progress
     if found <= tolerance:
         held = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
-        return (IS_OVER if RESOLUTION * held / scale <= tolerance else IS_UNUSUAL), progress
+        return (SOLVED if RESOLUTION * held / scale <= tolerance else UNUSUAL), progress
     if iteration == 0:
         first, before = max(found, 1.0), found
     unimproved += 1
     if found < best:
-        if found < MARK * best:
+        if found < RECORD_RATIO * best:
             unimproved = 0
         best = found
     is_unusual = not found < DIVERGENCE_GROWTH * first
@@ -178,7 +179,7 @@ def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impul
     if iteration - begin >= SHORT_WINDOW:
         is_unusual |= best > 0.1 * before
         begin, before = iteration, best
-    return (IS_UNUSUAL if is_unusual else CONTINUES), (best, first, unimproved, begin, before)
+    return (UNUSUAL if is_unusual else CONTINUE), (best, first, unimproved, begin, before)
 
 
 @njit(cache=True)

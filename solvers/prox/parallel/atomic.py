@@ -1,7 +1,7 @@
 """Atomic operations on arrays of 64-bit integers, with which threads of compiled kernels share work.
 
-numba has none for processors. Each is one instruction of LLVM, ordered such that what a thread wrote before
-``add`` is seen by a thread that reads the sum by ``read``.
+numba has no atomic operations for processors. Each function here is one instruction of LLVM. Memory is ordered such
+that a thread that reads a sum with ``read`` sees everything that another thread wrote before ``add``.
 """
 
 from typing import Any
@@ -11,9 +11,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 SPINS_BEFORE_YIELD = 20_000
-"""Readings, about 50 µs, after which a waiting thread lets others run on its core, for example the one it waits for.
+"""Number of readings, about 50 µs, after which a waiting thread yields its core, possibly to the thread it waits for.
 
-A colour of a thousand contacts takes as long. The system may give the core to another program for milliseconds.
+A colour of a thousand contacts takes about as long. After a yield, another program may use the core for milliseconds.
 """
 
 _yield_core = types.ExternalFunction("sched_yield", types.intc())
@@ -48,7 +48,7 @@ def _add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
 
 
 add: Any = intrinsic(_add)
-"""Add ``number`` to ``array[index]``; return what it was; (array, index, number)."""
+"""Add ``number`` to ``array[index]``; return its previous value; (array, index, number)."""
 
 
 def _read(typing_context, array, index):  # type: ignore[no-untyped-def]

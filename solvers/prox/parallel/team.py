@@ -1,7 +1,7 @@
 """Run one compiled kernel in several threads, including the calling one.
 
 The kernels release the interpreter's lock. The other threads start when they are first needed, wait without using a
-core, and end with the team. None outlives a solve, and no threading library need be installed. The threads claim tasks
+core, and end with the team. No thread outlives a solve, and no threading library is required. The threads claim tasks
 one by one (``atomic``), so a thread that is late or preempted delays the others by at most one task.
 """
 

@@ -7,7 +7,7 @@ its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_
     ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
     v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
 
-A record takes 88 bytes and the numbers of both balls 8, where two pieces with all else take 360 and 16.
+A record takes 88 bytes, and the indices of both balls take 8; two pieces with the other data take 360 and 16.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ EQUAL = 1e-12
 
 
 class Balls(NamedTuple):
-    """What records of a contact need to know about balls.
+    """The balls of a problem, from which the records of its contacts are created.
 
     Attributes:
         directions: W.
@@ -105,7 +105,7 @@ class BallSweep:
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
-        """Return the sweep with step sizes as in ``step_size``, or None where contacts are no balls' or too few."""
+        """Return the sweep with step sizes as in ``step_size``; None for few contacts or other bodies."""
         balls = balls_of(problem)
         if balls is None:
             return None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from proxbench.bench import load as load_run
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.capture import installed, rows, step
+from proxbench.problems.capture import mujoco_import, rows, step
 
 BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
 <body name="ball" pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
@@ -27,7 +27,7 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_without_mujoco_the_command_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(installed, "find_spec", lambda name: None)
+    monkeypatch.setattr(mujoco_import, "find_spec", lambda name: None)
     assert run_command(["capture", "model.xml"]) == 2
     assert "capturing needs MuJoCo, which is not installed; run pip install" in capsys.readouterr().err
 
@@ -102,7 +102,7 @@ def test_json_lists_each_refused_row_with_its_step_name_and_reason(
 def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
     ball: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mujoco = installed.mujoco()
+    mujoco = mujoco_import.mujoco()
     step, calls = mujoco.mj_step, []
 
     def failing(model: object, data: object) -> None:

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from proxbench.bench.cli.main import run_command
 from proxbench.problems import ContactProblem, save_problem
-from proxbench.problems.capture import installed
+from proxbench.problems.capture import mujoco_import
 from proxbench.problems.capture.files import has_step, read_step, save_step
 from proxbench.problems.capture.step import CapturedStep
 from proxbench.problems.engine_model import EngineModel, EngineSet
@@ -20,7 +20,7 @@ Capture = pytest.CaptureFixture[str]
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A contact whose engine regularises it: half the impulse of Coulomb's law solves the model of the engine."""
-    monkeypatch.setattr(installed, "find_spec", lambda name: None)  # captured files need no engine
+    monkeypatch.setattr(mujoco_import, "find_spec", lambda name: None)  # captured files need no engine
     forces = np.array([0.5, 0.0, 0.0])
     engine = EngineModel(
         matrix=sp.csr_array(np.eye(3)),

@@ -33,7 +33,7 @@ def measured(scene: str, engine: str, setting: str) -> Measurement:
 
 @pytest.fixture
 def no_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    versions = {kind.distribution: f"{kind.tried}.7" for kind in ENGINES.values()}
+    versions = {kind.distribution: f"{kind.tested_version}.7" for kind in ENGINES.values()}
     monkeypatch.setattr(metadata, "version", lambda name: versions.get(name, "1.0"))
     monkeypatch.setattr(run, "_measure_in_subprocess", measured)
 

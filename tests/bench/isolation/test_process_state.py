@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from proxbench.bench.isolation import pipe, process_tree
 from proxbench.bench.isolation.child import Assignment
-from proxbench.bench.isolation.process_state import ProcessState, replaced_names
+from proxbench.bench.isolation.process_state import ProcessState, replacement_text
 
 
 def test_a_process_in_which_nothing_happens_has_not_changed() -> None:
     before = ProcessState.now()
     assert (before.replaced(), before.changed(), before.changed_for_timing()) == ([], [], [])
-    assert replaced_names(before) == ""
+    assert replacement_text(before) == ""
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_a_name_that_is_replaced_in_the_framework_or_added_to_it_is_found(
     before = ProcessState.now()
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, value, raising=False)
-        changed, sentence = before.replaced(), replaced_names(before)
+        changed, sentence = before.replaced(), replacement_text(before)
     assert changed[0].endswith(found)
     assert sentence.startswith(f"it replaced {changed[0]}")
     assert before.replaced() == []
@@ -61,7 +61,7 @@ def test_of_several_replaced_names_the_first_is_named(monkeypatch: pytest.Monkey
     before = ProcessState.now()
     monkeypatch.setattr(pipe, "is_readable", len)
     monkeypatch.setattr(pipe, "read_message", len)
-    assert " and more; do not modify" in replaced_names(before)
+    assert " and more; do not modify" in replacement_text(before)
 
 
 @pytest.fixture

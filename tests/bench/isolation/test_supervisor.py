@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.isolation.child import Assignment
-from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe, keep
+from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe, supervise
 
 
 def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
@@ -37,7 +37,7 @@ def test_a_supervisor_whose_run_no_longer_waits_ends_without_a_case(tmp_path: Pa
     process = os.fork()
     if process == 0:
         try:
-            keep(0, orders.fileno(), 1, assignment)
+            supervise(0, orders.fileno(), 1, assignment)
         finally:
             os._exit(1)
     assert os.waitpid(process, 0)[1] == 0

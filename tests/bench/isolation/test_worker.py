@@ -13,7 +13,7 @@ from proxbench.bench.isolation.child import IN_A_COPY, MAX_FILE_BYTES
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.ladder import CasePass
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import load

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from proxbench.bench import load, run
 from proxbench.bench.errors import BenchError
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import Model

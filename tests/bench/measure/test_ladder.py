@@ -26,7 +26,7 @@ class Fake(LadderCase[None]):
         self.is_told = threading.Event()
         self._begin = begin
 
-    def is_left(self, level: int) -> bool:
+    def is_pending(self, level: int) -> bool:
         return True
 
     def begin(self) -> None:
@@ -51,7 +51,7 @@ class Fake(LadderCase[None]):
     def joined(self, before: Point, now: Point) -> Point:
         return now
 
-    def end_after(self, point: Point) -> str:
+    def reason_to_stop(self, point: Point) -> str:
         return ""
 
     def identity(self) -> dict[str, Any]:
@@ -123,8 +123,8 @@ def test_more_threads_than_the_run_may_use_are_unsupported(monkeypatch: pytest.M
     monkeypatch.setattr(Fake, "threads", 3)
     monkeypatch.setattr(case, "_worker", SimpleNamespace(process=0, busy_seconds=0.0, close=lambda: None))
     monkeypatch.setattr(MeasuringCore, "pin", lambda core, process, count: pinned.append(count))
-    case.occupy(MeasuringCore(1, allowed=frozenset({0, 1, 2})))
+    case.pin_to_core(MeasuringCore(1, allowed=frozenset({0, 1, 2})))
     assert (pinned, case.outcome) == ([3], Outcome.MEASURED)
     monkeypatch.setattr(case, "end", lambda: setattr(case, "_worker", None))
-    case.occupy(MeasuringCore(1, allowed=frozenset({0, 1})))
+    case.pin_to_core(MeasuringCore(1, allowed=frozenset({0, 1})))
     assert (pinned, case.outcome) == ([3], Outcome.UNSUPPORTED)

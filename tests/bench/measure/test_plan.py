@@ -7,7 +7,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.plan import DEFAULT_SOLVERS, make_plan
 from proxbench.bench.store.plans import LADDER, THOROUGH_LADDER, THOROUGH_PASSES, Limits, RunSettings
 from proxbench.problems import ProblemError
-from proxbench.problems.exchange.catalog import is_held
+from proxbench.problems.exchange.catalog import is_shipped
 from proxbench.solvers import SolverError
 
 
@@ -16,7 +16,7 @@ def test_the_default_is_the_quick_suite_with_eight_problems_and_eight_variants()
     assert len(plan.problems) >= 8
     assert len(plan.solvers) == len(DEFAULT_SOLVERS) >= 8
     assert plan.record.tolerances == list(LADDER)
-    assert all(isinstance(name, str) and is_held(name) for name in plan.problems)
+    assert all(isinstance(name, str) and is_shipped(name) for name in plan.problems)
 
 
 @pytest.mark.parametrize(

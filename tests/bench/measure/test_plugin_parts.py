@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from proxbench.bench.plugins.describing import solver_spec
-from proxbench.bench.plugins.files import sources, use_plugin_files
+from proxbench.bench.plugins.descriptions import solver_spec
+from proxbench.bench.plugins.files import plugin_uses, use_plugin_files
 from proxbench.bench.plugins.remote_solver import open_solver
 from proxbench.bench.plugins.solver_specs import SolverSpec
 from proxbench.problems import PluginError, load
@@ -41,7 +41,7 @@ def composed(tmp_path: Path) -> Iterator[SolverSpec]:
 def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: SolverSpec) -> None:
     assert composed.name == "Fallback(SORprox, Part)"
     assert not composed.is_built_in
-    assert sources([composed.name], [])[0].name == "Part"
+    assert plugin_uses([composed.name], [])[0].name == "Part"
     with open_solver(composed) as solver:
         solution = solver.prepare(load("hard-counterexample")).solve(Stop(1e-12))
     assert solution.status is Status.SOLVED

@@ -8,7 +8,7 @@ import pytest
 from proxbench.bench import load, resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.plugins.files import use_plugin_files
 from proxbench.bench.plugins.problems import resolve_problem
 from proxbench.bench.store.outcome import Outcome

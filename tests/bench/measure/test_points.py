@@ -68,7 +68,7 @@ def test_a_time_limit_that_excluded_rounds_caused_is_forgotten() -> None:
         assert found.measured.total_seconds.q3 == 1.0
         assert sorted(one.excluded for one in found.rounds) == ["", "preempted"]
     twice = joined(late, point(one_round(1, 9.0, "preempted"), Outcome.TIME_LIMIT))
-    assert twice.is_late_for_others
+    assert twice.is_late_under_load
     assert twice.n_passes == 2
     by_itself = point(one_round(0, 9.0), Outcome.TIME_LIMIT)
     assert joined(by_itself, point(one_round(1))).outcome is Outcome.TIME_LIMIT
@@ -93,5 +93,5 @@ def test_a_time_limit_is_that_of_others_only_where_all_rounds_are_excluded(exclu
     found = Point(
         tolerance=1e-4, outcome=Outcome.TIME_LIMIT, status="time limit", reason="", measured=measured_in(rounds)
     )
-    assert found.is_late_for_others is is_late
+    assert found.is_late_under_load is is_late
     assert not found.is_repeated

@@ -1,7 +1,7 @@
 """Claims that a problem has no solution stand where nobody has one."""
 
 import pytest
-from proxbench.bench.measure.refutation import find_refuted
+from proxbench.bench.measure.refutation import mark_refuted_claims
 from proxbench.bench.store.outcome import Outcome, point_outcome, verdicts
 from proxbench.bench.store.records import CaseRecord, Point
 from proxbench.problems import Model, load
@@ -23,10 +23,10 @@ def test_huge_impulses_refute_no_honest_claim(size: float) -> None:
     outcome = point_outcome(Status.SOLVED, TOLERANCE, Model.COULOMB, own, coulomb)
     assert outcome is Outcome.WRONG
     honest = case_of("Honest", Status.INFEASIBLE, Outcome.INFEASIBLE, 1.0)
-    assert find_refuted([honest, case_of("Bracing", Status.SOLVED, outcome, own.residual)], None) == []
+    assert mark_refuted_claims([honest, case_of("Bracing", Status.SOLVED, outcome, own.residual)], None) == []
 
 
 def test_a_solution_refutes_a_claim() -> None:
     claim = case_of("Hasty", Status.INFEASIBLE, Outcome.INFEASIBLE, 1.0)
-    [changed] = find_refuted([claim, case_of("Solver", Status.SOLVED, Outcome.SOLVED, 1e-9)], None)
+    [changed] = mark_refuted_claims([claim, case_of("Solver", Status.SOLVED, Outcome.SOLVED, 1e-9)], None)
     assert changed.points[0].outcome is Outcome.WRONG

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.plugins.remote_solver import FailedSolveError, RemoteSolver
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load

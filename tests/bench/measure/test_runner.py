@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import load, resume, run
-from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.contacts.case_process import Measurement
 from proxbench.bench.measure.execution.events import CaseFinished, RunStarted
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import PASSES, Limits

@@ -6,7 +6,7 @@ import numpy as np
 from proxbench.bench.measure.contacts.case import Case, MeasuredRound
 from proxbench.bench.measure.ladder import CasePass
 from proxbench.bench.measure.timed_round import TimedRound
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import Point
 from proxbench.problems import ContactProblem

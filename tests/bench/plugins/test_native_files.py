@@ -11,8 +11,8 @@ from proxbench.bench import resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from proxbench.bench.plugins import native_files
-from proxbench.bench.plugins.describing import solver_spec
-from proxbench.bench.plugins.files import check_plugins_unchanged, sources, use_plugin_files
+from proxbench.bench.plugins.descriptions import solver_spec
+from proxbench.bench.plugins.files import check_plugins_unchanged, plugin_uses, use_plugin_files
 from proxbench.bench.plugins.remote_solver import FailedSolveError, RemoteSolver
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
@@ -83,7 +83,7 @@ def test_the_process_that_judges_knows_a_library_as_data(sweeps: Path) -> None:
 
 def test_a_stored_use_names_the_file_its_digest_and_the_version(sweeps: Path) -> None:
     spec = solver_spec(f"Fallback(Shared({sweeps}), NSGS)")
-    (use,) = sources([spec.name, "SORprox"], [])
+    (use,) = plugin_uses([spec.name, "SORprox"], [])
     assert use == spec.files[0]
     assert (use.name, use.file, len(use.sha256)) == (f"Shared('{sweeps}')", str(sweeps), 64)
     assert "(pgs 1.0)" in use.source

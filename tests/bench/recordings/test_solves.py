@@ -75,7 +75,7 @@ def test_one_bad_solver_does_not_spoil_the_others(recorded: RecordedSolves, read
     (about,) = read_back(recorded.file).static("/about", "TextDocument:text")
     assert "RuntimeError: the plugin gave up" in about
     assert "Enumeration" in about
-    assert [trace.failed for trace in recorded.traces] == [False, False, True, False]
+    assert [trace.has_failed for trace in recorded.traces] == [False, False, True, False]
     assert len(recorded.traces[1].shown) > 20
 
 

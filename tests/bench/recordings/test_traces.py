@@ -47,12 +47,12 @@ def test_a_solver_without_iterates_is_seen_at_start_and_end() -> None:
 @pytest.mark.parametrize(("kind", "words"), [("raise", "It raised"), ("nan", "")])
 def test_a_misbehaving_solver_ends_its_own_trace_only(kind: Any, words: str) -> None:
     trace = trace_solve(load("funnel-30"), Misbehaving(kind), Stop(1e-6, 100))
-    assert trace.ended.startswith(words)
-    assert trace.failed == (kind == "raise")
+    assert trace.ending.startswith(words)
+    assert trace.has_failed == (kind == "raise")
     assert trace.iterations[0] == 0
 
 
 def test_an_unsupported_problem_is_named_with_the_reason() -> None:
     trace = trace_solve(load("funnel-30"), create("Enumeration"), Stop(1e-6, 100))
-    assert trace.ended.startswith("The solver does not support this problem: ")
+    assert trace.ending.startswith("The solver does not support this problem: ")
     assert trace.iterations == []

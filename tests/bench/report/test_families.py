@@ -97,7 +97,7 @@ def test_a_row_of_a_problem_counts_who_solves_it_and_names_the_fastest(grouped: 
 def test_many_problems_have_a_row_each_and_faults_are_still_spelled_out(
     grouped: RunFrames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tables, "MOST_TABLES", 2)
+    monkeypatch.setattr(tables, "MAX_TABLES", 2)
     text = printed(grouped)
     assert max(map(len, text.splitlines())) <= 120
     assert "hard-immovable · " not in text

@@ -167,7 +167,7 @@ def test_times_are_compared_between_solvers_in_as_many_threads(
     assert baseline_of(threaded) in ("A", "B")
     charts = profile_charts(threaded, tables, baseline)
     for name, left_out in {"performance": "C, D", "speedup": "C, D" if baseline == "A" else "A, B"}.items():
-        assert f"without solvers in other numbers of threads: {left_out}" in subtitle(charts[name])
+        assert f"without solvers that use another number of threads: {left_out}" in subtitle(charts[name])
     for name in ("data", "accuracy"):
         assert "threads" not in subtitle(charts[name])
 
@@ -191,7 +191,7 @@ def test_the_script_of_the_page_compares_solvers_in_as_many_threads(baseline: st
     assert found["fastest"]["C"] is found["fastest"]["D"] is None
     assert found["fastest"]["A"] + found["fastest"]["B"] == threaded.cases["problem"].nunique()
     left_out = ["C, D", "C, D" if baseline == "A" else "A, B"]
-    assert found["notes"] == [f"Without solvers in other numbers of threads: {names}." for names in left_out]
+    assert found["notes"] == [f"Without solvers that use another number of threads: {names}." for names in left_out]
 
 
 @pytest.mark.parametrize("seed", range(6))

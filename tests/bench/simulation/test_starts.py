@@ -133,4 +133,4 @@ def test_a_stepper_that_offers_no_impulses_starts_cold_and_refuses_another_start
     with pytest.raises(BenchError, match="EventDriven starts each solve from zero and does not support start=warm"):
         make_simulation_plan("woodpecker", stepper="EventDriven", start="warm")
     method = make_method("EventDriven with Enumeration", [1e-9])
-    assert method.started("warm").record.start == method.record.start == "cold"
+    assert method.with_start("warm").record.start == method.record.start == "cold"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from msgspec.structs import replace
 from proxbench.bench.measure.points import joined, keep_finest_impulses
-from proxbench.bench.store.conversion import sealed, unsealed
+from proxbench.bench.store.conversion import decode_record, encode_record
 from proxbench.bench.store.impulses import Impulses, worst
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Point
@@ -32,7 +32,7 @@ def test_impulses_are_kept_to_the_bit_also_in_a_file(impulses: np.ndarray) -> No
     verdict = judge(problem, np.zeros(3))
     made = Impulses.of(impulses, verdict, verdict)
     case = case_record(points=[point(made)])
-    (again,) = unsealed(sealed(case), CaseRecord, "it", "").points
+    (again,) = decode_record(encode_record(case), CaseRecord, "it", "").points
     assert again.measured is not None
     (read,) = again.measured.impulses
     assert read == made

@@ -11,9 +11,9 @@ from proxbench.bench.store.plans import (
     PASSES,
     THOROUGH_LADDER,
     THOROUGH_PASSES,
-    KnownRecord,
     MethodRecord,
     PlanRecord,
+    ReferenceRecord,
     RunSettings,
     TrajectoryRecord,
 )
@@ -23,8 +23,8 @@ TRAJECTORY = TrajectoryRecord(name="stack", duration=1.0, members=[1.0], error="
 STUDY = PlanRecord(problems=["stack"], solvers=["Moreau with NSGS"], methods=[METHOD], trajectories=[TRAJECTORY])
 
 
-def known(failure: str = "", **values: float) -> KnownRecord:
-    return KnownRecord(member=1.0, values=values, failure=failure)
+def known(failure: str = "", **values: float) -> ReferenceRecord:
+    return ReferenceRecord(member=1.0, values=values, failure=failure)
 
 
 def test_members_of_a_reference_have_values_of_the_same_names_unless_they_failed() -> None:

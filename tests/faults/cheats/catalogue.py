@@ -11,8 +11,8 @@ from cheating_solvers import ANSWERS, Answering, Honest
 from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.ladder import CasePass, measure_ladder
 from proxbench.bench.measure.measuring_core import MeasuringCore
-from proxbench.bench.measure.refutation import find_refuted
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.measure.refutation import mark_refuted_claims
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import PASSES
 from proxbench.bench.store.records import CaseRecord
@@ -54,4 +54,4 @@ def measured(solver: Honest, problem_name: str = "", ladder: Iterable[float] = L
         if record.outcome is not Outcome.MEASURED:
             break
     core.release()
-    return next(iter(find_refuted([record], case.is_solvable)), record)
+    return next(iter(mark_refuted_claims([record], case.is_solvable)), record)

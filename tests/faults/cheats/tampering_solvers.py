@@ -17,7 +17,7 @@ import numpy as np
 from cheating_solvers import LARGE, Honest
 from proxbench.bench.isolation import process_usage
 from proxbench.bench.isolation.process_state import ProcessState
-from proxbench.bench.measure.contacts import protocol
+from proxbench.bench.measure.contacts import case_process
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import ContactProblem
 from proxbench.solvers import Solution, Stop
@@ -77,7 +77,7 @@ class Hiding(Tampering):
 
     def tamper(self) -> None:
         self.spoil()
-        protocol.replaced_names = lambda before: ""
+        case_process.replacement_text = lambda before: ""
         ProcessState.changed_for_timing = lambda state: []
 
     def spoil(self) -> None:
@@ -87,7 +87,7 @@ class Hiding(Tampering):
 class SlowClock(Hiding):
     def spoil(self) -> None:
         true, process = time.perf_counter, time.process_time
-        protocol.perf_counter = lambda: true() / 10.0
+        case_process.perf_counter = lambda: true() / 10.0
         process_usage.process_time = lambda: process() / 10.0
 
 
@@ -95,20 +95,20 @@ class StoppedClock(Hiding):
     limits = Limits(solve_seconds=1.0, case_seconds=5.0)
 
     def spoil(self) -> None:
-        protocol.perf_counter = lambda: 0.0
+        case_process.perf_counter = lambda: 0.0
 
 
 class BeforeSolving(Hiding):
     ready: dict[int, Solution]
 
     def spoil(self) -> None:
-        true, self.ready = protocol.Measurement._solve, {}
+        true, self.ready = case_process.Measurement._solve, {}
 
         def solve(measurement: Any, problem: ContactProblem, stop: Stop, start: Any = None) -> Any:
             self.ready[id(problem)] = Honest.solve(self, problem, stop, None)
             return true(measurement, problem, stop, start)
 
-        protocol.Measurement._solve = solve
+        case_process.Measurement._solve = solve
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         known = self.ready.pop(id(problem), None)

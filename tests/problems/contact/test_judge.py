@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
 from proxbench.problems.contact.projections import onto_cone
 from proxbench.problems.contact.residual import ModelResidual, Residual
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 
 MIXED = Laws(
     np.array([0, 0, 1, 0, 2, 1, 2]),
@@ -310,7 +310,7 @@ def test_a_joint_that_nothing_moves_is_infeasible_unless_it_is_at_rest() -> None
 def test_a_built_in_solution_with_joints_and_rolling_has_no_residual(
     seed: int, dim: int, joints: int, rolling: int
 ) -> None:
-    problem = with_linked_solution(LinkedFamily(4, dim, n_joints=joints, rolling_rows=rolling), seed)
+    problem = random_linked_problem(LinkedFamily(4, dim, n_joints=joints, rolling_rows=rolling), seed)
     assert problem.answer is not None
     verdict = judge(problem, problem.answer.witness)  # type: ignore[arg-type]
     for field in ("residual", "local_residual", "energy_residual", "natural_map_max", "cone_violation"):
@@ -322,7 +322,7 @@ def test_a_built_in_solution_with_joints_and_rolling_has_no_residual(
 def test_with_joints_and_rolling_the_residual_that_solvers_stop_on_is_the_one_of_the_verdict(
     model: Model, seed: int
 ) -> None:
-    problem = with_linked_solution(LinkedFamily(4, 3, rolling_rows=1 + seed), seed)
+    problem = random_linked_problem(LinkedFamily(4, 3, rolling_rows=1 + seed), seed)
     impulses = np.random.default_rng(seed).normal(size=problem.n_rows)
     residual = ModelResidual(problem, model)(impulses, problem.relative_velocity(impulses))
     assert residual == pytest.approx(judge(problem, impulses, model).residual, rel=1e-14)

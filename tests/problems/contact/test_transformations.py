@@ -5,7 +5,7 @@ import pytest
 from proxbench.problems import ContactProblem, Laws, ProblemError, judge
 from proxbench.problems.contact.transformations import duplicated, in_units, permuted, rotated, united
 from proxbench.problems.hard import hard_case
-from proxbench.problems.hard.families import Family, LinkedFamily, with_linked_solution, with_solution
+from proxbench.problems.hard.families import Family, LinkedFamily, random_linked_problem, random_problem
 
 NAMES = ["hard-mixed-laws", "hard-sticking-box", "hard-tower-3", "hard-tresca-joint", "hard-remote-partner"]
 
@@ -67,7 +67,7 @@ def test_both_copies_of_a_contact_share_its_impulse(name: str) -> None:
 
 
 def test_known_velocities_and_sums_go_along() -> None:
-    problem = with_solution(Family(6, 1, n_dofs=4), 2)
+    problem = random_problem(Family(6, 1, n_dofs=4), 2)
     other = permuted(problem, [5, 4, 3, 2, 1, 0])
     assert other.problem.answer is not None
     assert problem.answer is not None
@@ -99,7 +99,7 @@ def test_what_cannot_be_put_otherwise_is_refused() -> None:
 @pytest.mark.parametrize("rolling_rows", [0, 1, 2, 3])
 @pytest.mark.parametrize("how", ["units", "order", "tangents", "copy", "beside"])
 def test_joints_and_rolling_friction_are_transformed_with_their_solution(how: str, rolling_rows: int) -> None:
-    problem = with_linked_solution(LinkedFamily(4, 3, rolling_rows=rolling_rows), 3)
+    problem = random_linked_problem(LinkedFamily(4, 3, rolling_rows=rolling_rows), 3)
     assert problem.answer is not None
     assert problem.answer.witness is not None
     rng = np.random.default_rng(1)

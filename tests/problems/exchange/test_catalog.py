@@ -12,7 +12,7 @@ from proxbench.problems.exchange.catalog import (
     SUITES,
     cache_folder,
     is_available,
-    is_held,
+    is_shipped,
     problem_names,
     suite_members,
     suite_names,
@@ -25,9 +25,9 @@ FROZEN = {file.name.removesuffix(".npz"): file for file in LIBRARY.iterdir() if 
 
 
 def test_every_standard_problem_that_is_held_loads_and_only_bodies_are_generated_on_demand() -> None:
-    for name in filter(is_held, SUITES["all"]):
+    for name in filter(is_shipped, SUITES["all"]):
         assert load(name).name == name
-    assert {name for name in SUITES["all"] if not is_held(name)} < {*SUITES["bodies"], *SUITES["sequences"]}
+    assert {name for name in SUITES["all"] if not is_shipped(name)} < {*SUITES["bodies"], *SUITES["sequences"]}
 
 
 def test_the_library_holds_nothing_else_and_keeps_to_its_size() -> None:

@@ -12,11 +12,11 @@ from proxbench.problems.hard.families import (
     STATES,
     Family,
     LinkedFamily,
-    braced,
+    random_braced_problem,
+    random_linked_problem,
+    random_problem,
+    random_spectrum_problem,
     single_precision,
-    with_linked_solution,
-    with_solution,
-    with_spectrum,
 )
 
 
@@ -26,7 +26,7 @@ def families(draw: Any) -> Family:
         n_contacts=draw(st.integers(1, 12)),
         dim=draw(st.integers(1, 3)),
         n_dofs=draw(st.integers(1, 40)),
-        mass_range=draw(st.integers(0, 12)),
+        mass_exponent=draw(st.integers(0, 12)),
         density=draw(st.sampled_from([0.1, 0.5, 1.0])),
         friction=draw(st.sampled_from([0.0, 0.125, 0.5, 1.0, 10.0])),
         states=tuple(draw(st.lists(st.sampled_from(STATES), min_size=1, unique=True))),
@@ -35,7 +35,7 @@ def families(draw: Any) -> Family:
 
 @given(family=families(), seed=st.integers(0, 2**32 - 1), is_braced=st.booleans())
 def test_the_chosen_solution_solves_exactly(family: Family, seed: int, is_braced: bool) -> None:
-    problem = (braced if is_braced else with_solution)(family, seed)
+    problem = (random_braced_problem if is_braced else random_problem)(family, seed)
     answer = problem.answer
     assert answer is not None
     assert answer.witness is not None
@@ -58,7 +58,7 @@ def test_with_joints_and_rolling_too_the_chosen_solution_solves_exactly(
     family: Family, joints: int, rolling_rows: int, rolling: float, seed: int
 ) -> None:
     linked = LinkedFamily(**vars(family), n_joints=joints, rolling_rows=rolling_rows, rolling_friction=rolling)
-    problem = with_linked_solution(linked, seed)
+    problem = random_linked_problem(linked, seed)
     assert problem.answer is not None
     assert problem.answer.witness is not None
     assert judge(problem, problem.answer.witness).residual <= 1e-13
@@ -83,9 +83,9 @@ def exact_velocity(problem: Any, impulses: list[float]) -> list[Fraction]:
 
 def test_rank_spectrum_and_sparsity_are_as_chosen() -> None:
     eigenvalues = np.array([1e-4, 1e-2, 1.0, 1.0, 0.0, 0.0])
-    found = np.linalg.eigvalsh(with_spectrum(eigenvalues, 3, 0.5, 1).delassus().toarray())
+    found = np.linalg.eigvalsh(random_spectrum_problem(eigenvalues, 3, 0.5, 1).delassus().toarray())
     assert found == pytest.approx(np.sort(eigenvalues), abs=1e-14)
-    problem = with_solution(Family(20, 3, n_dofs=30, density=0.1), 1)
+    problem = random_problem(Family(20, 3, n_dofs=30, density=0.1), 1)
     assert problem.factors is not None
     assert np.linalg.matrix_rank(problem.delassus().toarray()) <= 30
     assert problem.factors.force_directions.nnz <= 0.2 * 30 * 60
@@ -95,12 +95,12 @@ def test_rank_spectrum_and_sparsity_are_as_chosen() -> None:
 def test_single_precision_loses_nothing() -> None:
     family = Family(6, 3, n_dofs=20, friction=0.25)
     assert np.array_equal(
-        single_precision(family, 3).delassus().toarray(), with_solution(family, 3).delassus().toarray()
+        single_precision(family, 3).delassus().toarray(), random_problem(family, 3).delassus().toarray()
     )
 
 
 def test_every_state_occurs() -> None:
-    problem = with_solution(Family(200, 3, n_dofs=20), 0)
+    problem = random_problem(Family(200, 3, n_dofs=20), 0)
     assert problem.answer is not None
     assert problem.answer.witness is not None
     impulses, velocity = (

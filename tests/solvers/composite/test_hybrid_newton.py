@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.families import Family, random_problem
 from proxbench.problems.hard.stacks import stack
 from proxbench.problems.hard.supports import block_on_supports
 from proxbench.solvers import SolverError, Status, Stop, create, solve
@@ -154,7 +154,7 @@ HIGH_FRICTION = {
 
 @pytest.mark.parametrize(("family", "seed"), HIGH_FRICTION.values(), ids=HIGH_FRICTION)
 def test_restarts_solve_problems_on_which_sweeps_diverge(family: Family | None, seed: int | str) -> None:
-    problem = load(str(seed)) if family is None else with_solution(family, int(seed))
+    problem = load(str(seed)) if family is None else random_problem(family, int(seed))
     swept = solve(problem, "SafeguardedSORprox", tolerance=1e-8, max_iterations=3000)
     solution = solve(problem, "HybridNewton", tolerance=1e-8, max_iterations=3000)
     assert swept.status is Status.ITERATION_LIMIT

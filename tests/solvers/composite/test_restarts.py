@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, load
 from proxbench.problems.contact.residual import Residual
-from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.families import Family, random_problem
 from proxbench.solvers import Solution, Status, Stop, create
 from proxbench.solvers.composite import restarts as restarts_module
 from proxbench.solvers.composite.restarts import Restarts
@@ -37,7 +37,7 @@ def restarts_of(
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_restarts_begin_from_the_best_iterate(seed: int) -> None:
     """One step from impulses that have the states of the solution solves the problem; from others it does not."""
-    problem = with_solution(Family(6, dim=2, n_dofs=30, friction=0.5, states=("slip", "open")), seed)
+    problem = random_problem(Family(6, dim=2, n_dofs=30, friction=0.5, states=("slip", "open")), seed)
     assert problem.answer is not None
     witness = np.asarray(problem.answer.witness)
     far = np.random.default_rng(seed).uniform(10.0, 20.0, problem.n_rows)
@@ -53,7 +53,7 @@ def test_restarts_begin_from_the_best_iterate(seed: int) -> None:
 def test_restarts_try_the_first_iterate_too(name: str) -> None:
     """The first iterate leads to a solution even if the best iterate is useless."""
     five = Family(5, dim=2, n_dofs=4, density=0.6, friction=0.5, states=("slip",))
-    problem = with_solution(five, 1130) if name == "five sliding" else load(name)
+    problem = random_problem(five, 1130) if name == "five sliding" else load(name)
     restarts, driver, newton = restarts_of(problem, np.zeros(problem.n_rows), Stop(1e-8))
     useless = np.full(problem.n_rows, 1e6)
     driver.monitor.check_convergence(0, newton.residual(useless), useless)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.composite import sweeping
+from proxbench.solvers.composite import sweep_selection
 from proxbench.solvers.composite.robust import PreparedRobust
-from proxbench.solvers.composite.sweeping import can_accelerate, select_sweeps, sweeps_between_checks
+from proxbench.solvers.composite.sweep_selection import can_accelerate, select_sweeps, sweeps_between_checks
 from proxbench.solvers.composite.windows import WINDOW
 from proxbench.solvers.iteration.loop import iterate
 from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
@@ -78,7 +78,7 @@ def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(
     name: str, tolerance: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With constant momentum, which makes these sweeps slow."""
-    monkeypatch.setattr(sweeping, "FAST_MOMENTUM", 0.8)
+    monkeypatch.setattr(sweep_selection, "FAST_MOMENTUM", 0.8)
     problem = load(name)
     solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
     assert solution.status is Status.SOLVED

@@ -22,11 +22,11 @@ def sequence_on(name: str) -> SolverSequence:
 
 def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:
     window = Window(100)
-    assert not window.is_lost(0, 1.0)
-    assert not window.is_lost(99, 0.5)
-    assert not window.is_lost(100, 0.09)
-    assert not window.is_lost(199, 0.09)
-    assert window.is_lost(200, 0.01)
+    assert not window.is_slow(0, 1.0)
+    assert not window.is_slow(99, 0.5)
+    assert not window.is_slow(100, 0.09)
+    assert not window.is_slow(199, 0.09)
+    assert window.is_slow(200, 0.01)
 
 
 @pytest.mark.parametrize(("longest", "end"), [(0, WINDOW), (600, 600), (5000, 1000)])
@@ -38,7 +38,7 @@ def test_a_slow_window_is_shortened_once_and_not_below_its_constant_part(longest
         return longest
 
     window = Window(1000, 7, limit)
-    lost = [sweep for sweep in range(0, 1001, 10) if window.is_lost(7 + sweep, 0.5)]
+    lost = [sweep for sweep in range(0, 1001, 10) if window.is_slow(7 + sweep, 0.5)]
     assert lost[0] == end
     assert calls == [longest]
 
@@ -46,7 +46,7 @@ def test_a_slow_window_is_shortened_once_and_not_below_its_constant_part(longest
 def test_windows_that_gain_a_digit_are_not_measured() -> None:
     """The limit requires a prepared interior point method, which fast sweeps must not pay for."""
     window = Window(1000, 0, lambda: pytest.fail("the limit was computed"))
-    assert not any(window.is_lost(sweep, 10.0 ** (-sweep / 300)) for sweep in range(0, 5000, 10))
+    assert not any(window.is_slow(sweep, 10.0 ** (-sweep / 300)) for sweep in range(0, 5000, 10))
 
 
 def test_a_window_takes_the_work_of_a_fixed_number_of_steps() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.residual import Residual
-from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.families import Family, random_problem
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.conic.clarabel_coulomb import ClarabelCoulomb
 from proxbench.solvers.conic.fixed_point import FastFixedPoint, PreparedFixedPoint
@@ -69,8 +69,8 @@ def test_the_iteration_limit_does_not_change_the_cone_programs(name: str) -> Non
     assert np.array_equal(few, many[:2])
 
 
-NO_CONVEX_SOLUTION = with_solution(
-    Family(n_contacts=5, dim=2, n_dofs=4, mass_range=0, density=0.6, friction=0.5, states=("slip",)), 1130
+NO_CONVEX_SOLUTION = random_problem(
+    Family(n_contacts=5, dim=2, n_dofs=4, mass_exponent=0, density=0.6, friction=0.5, states=("slip",)), 1130
 )
 """It has a Coulomb solution; its convex model has none, nor has any cone program near De Saxcé's plain iterates."""
 

@@ -5,7 +5,7 @@ import pytest
 from proxbench.problems import ContactProblem, Laws, Model, judge
 from proxbench.problems.contact.projections import onto_cone
 from proxbench.problems.contact.transformations import in_units
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.solvers import Status, Stop, create, solve
 
 CONVEX = ["ClarabelSOCP"]
@@ -64,7 +64,7 @@ def test_a_contact_that_slides_and_rolls_obeys_coulomb_and_not_the_convex_model(
 
 
 def test_the_dual_of_rolling_friction_is_declined_with_the_reason() -> None:
-    problem = with_linked_solution(LinkedFamily(2, 3, rolling_rows=2), 0)
+    problem = random_linked_problem(LinkedFamily(2, 3, rolling_rows=2), 0)
     for solver in FACTORS:
         assert "rolling friction" in str(create(solver).supports(problem))
 
@@ -72,7 +72,7 @@ def test_the_dual_of_rolling_friction_is_declined_with_the_reason() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_contacts_and_joints_have_the_same_velocity_in_both_forms(seed: int) -> None:
     family = LinkedFamily(3, 3, 25, friction=0.125, states=("stick", "open"), n_joints=3, rolling_rows=0)
-    problem = with_linked_solution(family, seed)
+    problem = random_linked_problem(family, seed)
     found = [create(name).prepare(problem).solve(Stop(1e-8)) for name in ("ClarabelSOCP", FACTORS[0])]
     velocities = [problem.relative_velocity(solution.impulses) for solution in found]
     assert [judge(problem, solution.impulses, Model.CONVEX).residual <= 1e-8 for solution in found] == [True, True]

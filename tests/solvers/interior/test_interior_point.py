@@ -10,7 +10,7 @@ import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.laws import Laws
 from proxbench.problems.contact.transformations import in_units
-from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.families import Family, random_problem
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.interior.progress import proves_infeasibility
 from threadpoolctl import threadpool_limits
@@ -44,7 +44,7 @@ def test_known_answers_are_met_under_every_law(name: str) -> None:
 
 def test_convergence_is_quadratic_in_the_end_where_the_answer_is_strictly_complementary() -> None:
     """σ and 1 − α fall with τ there, so an order above one shows in the last steps."""
-    problem = with_solution(Family(6, dim=3, n_dofs=60, friction=0.5, states=("stick",)), 3)
+    problem = random_problem(Family(6, dim=3, n_dofs=60, friction=0.5, states=("stick",)), 3)
     seen: list[float] = []
     create("InteriorPoint").prepare(problem).solve(
         Stop(1e-11, 60), observe=lambda _, impulses: seen.append(judge(problem, impulses).residual)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, judge, load
 from proxbench.problems.contact.transformations import in_units
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.solvers import Status, Stop, create, solve
 
 JOINTS = ["InteriorPoint", "InteriorPoint(form='factors')", "CentralPath", "CentralPath(form='factors')"]
@@ -76,7 +76,7 @@ def test_a_pile_that_resists_rolling_takes_no_more_steps_than_one_that_does_not(
 
 
 def test_rolling_rows_without_resistance_have_no_impulse() -> None:
-    problem = with_linked_solution(LinkedFamily(4, 3, 40, rolling_rows=2, rolling_friction=0.0), 1)
+    problem = random_linked_problem(LinkedFamily(4, 3, 40, rolling_rows=2, rolling_friction=0.0), 1)
     solution = solve(problem, "InteriorPoint", tolerance=1e-8)
     assert solution.status is Status.SOLVED
     assert np.array_equal(solution.impulses[problem.laws.first_row[problem.laws.is_rolling]], np.zeros(4))

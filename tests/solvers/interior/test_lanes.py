@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from proxbench.problems import ContactProblem, load
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.solvers.interior import cones
 from proxbench.solvers.interior.lanes import lanes_of
 
-ROLLING = {axes: with_linked_solution(LinkedFamily(6, 3, 30, rolling_rows=axes), 0) for axes in (1, 2, 3)}
+ROLLING = {axes: random_linked_problem(LinkedFamily(6, 3, 30, rolling_rows=axes), 0) for axes in (1, 2, 3)}
 PROBLEMS = [load("funnel-planar-30"), load("funnel-30"), *ROLLING.values()]
 
 pytestmark = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: f"{problem.layout.width}-lanes")
@@ -53,7 +53,7 @@ def test_the_steps_of_the_cones_add_up_to_that_of_their_block(problem: ContactPr
     cones.linearise(kind, r, u, 0.3, second, matrices, shifts)
     cones.couple(kind, none, none, r, u, matrices, shifts, 0.3, second, coupled, right)
     dr = layout.pad(np.ones(problem.n_rows)) * random_arrays(problem)[0]
-    cones.follow(kind, none, none, u, matrices, shifts, coupled, right, zeros, lanes.from_block(dr), du, ds)
+    cones.write_changes(kind, none, none, u, matrices, shifts, coupled, right, zeros, lanes.from_block(dr), du, ds)
     block = lanes.sum_to_block(right) - (lanes.matrices_to_block(coupled) @ dr[:, :, None])[:, :, 0]
     used = layout.pad(np.ones(problem.n_rows)) > 0.0
     assert lanes.sum_to_block(du)[used] == pytest.approx(block[used], rel=1e-10, abs=1e-10)

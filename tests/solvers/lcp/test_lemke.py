@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, Model, judge, load, suite
 from proxbench.problems.contact.residual import Residual
 from proxbench.problems.hard import HARD_CASES, hard_case
-from proxbench.problems.hard.families import Family, braced
+from proxbench.problems.hard.families import Family, random_braced_problem
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 from proxbench.solvers.lcp.formulation import complementarity
 from scipy.sparse.csgraph import connected_components
@@ -197,9 +197,9 @@ def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
 def test_a_ray_at_the_rounding_limit_proves_nothing(seed: int) -> None:
     """Contacts that brace each other bear c = −G (λ, 0) by construction; paths through them may end on rays."""
     if seed == 1:
-        family = Family(n_contacts=6, dim=2, n_dofs=6, mass_range=4, density=1.0, friction=0.0)
+        family = Family(n_contacts=6, dim=2, n_dofs=6, mass_exponent=4, density=1.0, friction=0.0)
     else:
         rng = np.random.default_rng(seed)
-        n_contacts, dim, n_dofs, mass_range = (int(rng.integers(*ends)) for ends in ((1, 8), (1, 4), (1, 9), (0, 7)))
-        family = Family(n_contacts, dim, n_dofs, mass_range, 1.0, 0.0)
-    assert solve(braced(family, seed), "Lemke", tolerance=1e-6).status in (Status.SOLVED, Status.STALLED)
+        n_contacts, dim, n_dofs, mass_exponent = (int(rng.integers(*ends)) for ends in ((1, 8), (1, 4), (1, 9), (0, 7)))
+        family = Family(n_contacts, dim, n_dofs, mass_exponent, 1.0, 0.0)
+    assert solve(random_braced_problem(family, seed), "Lemke", tolerance=1e-6).status in (Status.SOLVED, Status.STALLED)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.contacts.case_process import Measurement
 from proxbench.problems import load
 from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.solvers import create

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
-from proxbench.problems.hard.families import Family, with_solution
+from proxbench.problems.hard.families import Family, random_problem
 from proxbench.problems.hard.stacks import stack
 from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.newton.semismooth_newton import CycleDetector
@@ -33,7 +33,7 @@ def test_a_stack_of_any_masses_takes_at_most_one_step_per_contact(masses: list[f
 @pytest.mark.parametrize("seed", range(5))
 def test_it_converges_quadratically_where_contacts_slip_in_space(seed: int) -> None:
     """The direction of slip is the one curvature; Λ_N known, the residual is squared by every step."""
-    problem = with_solution(Family(6, dim=3, n_dofs=60, friction=0.5, states=("slip",)), seed)
+    problem = random_problem(Family(6, dim=3, n_dofs=60, friction=0.5, states=("slip",)), seed)
     assert problem.answer is not None
     witness = np.asarray(problem.answer.witness)
     noise = np.random.default_rng(seed).uniform(-1.0, 1.0, len(witness))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws, judge, load
 from proxbench.problems.contact.residual import Residual
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.solvers import Prepared, SolverError, Status, Stop, create, solve
 from proxbench.solvers.iteration.loop import PreparedIteration
 from proxbench.solvers.sweeps.blocks import BlockIterates, BlockSweep
@@ -162,7 +162,7 @@ def test_a_joint_is_solved_in_one_sweep_and_redundant_joints_come_to_rest() -> N
 @pytest.mark.parametrize("rolling_rows", [1, 2, 3])
 def test_rolling_contacts_and_joints_are_solved_together(rolling_rows: int, relaxation: float) -> None:
     for seed in range(5):
-        problem = with_linked_solution(LinkedFamily(5, 3, 40, rolling_rows=rolling_rows, n_joints=3), seed)
+        problem = random_linked_problem(LinkedFamily(5, 3, 40, rolling_rows=rolling_rows, n_joints=3), seed)
         cones: list[float] = []
         solver = create("NSGS", relaxation=relaxation).prepare(problem)
         solution = solver.solve(

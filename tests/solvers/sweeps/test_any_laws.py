@@ -5,7 +5,7 @@ import pytest
 from proxbench.problems import ContactProblem, LawKind, Laws, judge
 from proxbench.problems.contact.laws import ROWS_OF_KIND
 from proxbench.problems.contact.residual import Residual
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.problems.hard.joints import parallelogram
 from proxbench.solvers import Status, Stop, create, solve
 
@@ -47,7 +47,7 @@ def history(solver: str, problem: ContactProblem, count: int) -> list[np.ndarray
 @pytest.mark.parametrize("row_sum", [False, True])
 @pytest.mark.parametrize(("dim", "joints", "rolling"), CASES)
 def test_gauss_seidel_sweeps_are_those_of_the_paper(dim: int, joints: int, rolling: int, row_sum: bool) -> None:
-    problem = with_linked_solution(LinkedFamily(5, dim, 25, n_joints=joints, rolling_rows=rolling), dim)
+    problem = random_linked_problem(LinkedFamily(5, dim, 25, n_joints=joints, rolling_rows=rolling), dim)
     step_size = "row_sum" if row_sum else "diagonal"
     for form in ("delassus", "factors"):
         seen = history(f"SORprox(relaxation=0.8, step_size='{step_size}', form='{form}')", problem, 7)
@@ -58,7 +58,7 @@ def test_gauss_seidel_sweeps_are_those_of_the_paper(dim: int, joints: int, rolli
 
 @pytest.mark.parametrize(("dim", "joints", "rolling"), CASES)
 def test_jacobi_sweeps_are_those_of_the_paper(dim: int, joints: int, rolling: int) -> None:
-    problem = with_linked_solution(LinkedFamily(5, dim, 25, n_joints=joints, rolling_rows=rolling), dim)
+    problem = random_linked_problem(LinkedFamily(5, dim, 25, n_joints=joints, rolling_rows=rolling), dim)
     seen = history("JORprox(relaxation=0.3)", problem, 7)
     for count in (1, 7):
         expected = by_the_book(problem, count, 0.3, row_sum=False, jacobi=True)
@@ -83,8 +83,8 @@ def test_an_uncoupled_joint_does_not_change_the_iterates_of_contacts(dim: int, s
 
 @pytest.mark.parametrize("name", ["Lemke", "PyramidPGS", "Enumeration"])
 def test_methods_for_contacts_alone_decline_joints_and_rolling_with_the_reason(name: str) -> None:
-    joints = with_linked_solution(LinkedFamily(2, 2, rolling_rows=0, n_joints=1), 0)
-    rolling = with_linked_solution(LinkedFamily(2, 2, rolling_rows=1, n_joints=0), 0)
+    joints = random_linked_problem(LinkedFamily(2, 2, rolling_rows=0, n_joints=1), 0)
+    rolling = random_linked_problem(LinkedFamily(2, 2, rolling_rows=1, n_joints=0), 0)
     assert "joints" in str(create(name).supports(joints))
     assert "rolling friction" in str(create(name).supports(rolling))
 

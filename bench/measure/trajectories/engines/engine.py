@@ -36,14 +36,14 @@ class EngineKind:
     Attributes:
         module: name of its driver, a module of this package.
         distribution: name of the distribution whose version is stored.
-        tried: beginning of the versions with which the driver was tested.
+        tested_version: beginning of the versions with which the driver was tested.
         settings: the settings that are compared.
         model: how it differs from rigid bodies with Coulomb friction.
     """
 
     module: str
     distribution: str
-    tried: str
+    tested_version: str
     settings: tuple[Setting, ...]
     model: str
 
@@ -142,8 +142,8 @@ def version_of(name: str) -> str:
         version = metadata.version(kind.distribution)
     except metadata.PackageNotFoundError:
         raise BenchError(f"the engine {name} is not installed; {remedy}.") from None
-    if kind.tried and not version.startswith(f"{kind.tried}."):
-        raise BenchError(f"the engine {name} {version} is not supported, only {kind.tried}.x is; {remedy}.")
+    if kind.tested_version and not version.startswith(f"{kind.tested_version}."):
+        raise BenchError(f"the engine {name} {version} is not supported, only {kind.tested_version}.x is; {remedy}.")
     return version
 
 

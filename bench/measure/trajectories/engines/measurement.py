@@ -22,11 +22,12 @@ from .solved_problem import SolvedProblem
 JUDGED_FRAMES = 10
 """Number of frames of a run whose first step is judged."""
 
-ACCURATE = 1e-8
+ACCURATE_RESIDUAL = 1e-8
 """Residual to which Proxbench solves the problems of an engine again."""
 
 MAX_BODIES_SOLVED_AGAIN = 10
-"""Largest number of bodies for which it does; problems of hundreds of balls would take longer than the motion."""
+"""Largest number of bodies in scenes whose problems are solved again; hundreds of balls would take longer than the
+motion."""
 
 
 class Measurement(msgspec.Struct, frozen=True, kw_only=True):
@@ -123,7 +124,7 @@ def _solved_again(one: SolvedProblem) -> float:
     from .....problems.contact.solver import Stop
     from .....solvers.registry import create
 
-    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE, 10_000, math.inf))
+    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE_RESIDUAL, 10_000, math.inf))
     return judge(one.problem, solution.impulses).residual
 
 

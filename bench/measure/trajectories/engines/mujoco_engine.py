@@ -13,6 +13,7 @@ from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 
 STIFF_IMPEDANCE = "0.99 0.9999 0.0001"
+"""Value of ``solimp`` of stiff contacts: smallest and largest impedance, and the width of the transition [m]."""
 
 
 class MuJoCoEngine:

@@ -11,8 +11,8 @@ from ....simulation.plan import make_simulation_plan
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem
 
-WARM_UP = 0.6
-"""Simulated share of the motion before a run, so that all kernels are loaded."""
+WARM_UP_SHARE = 0.6
+"""Fraction of the motion that is simulated before a run, to load all kernels."""
 
 
 class OwnEngine:
@@ -67,6 +67,6 @@ def axes_of(description: Description) -> FloatArray:
 def build(description: Description, time_step: float, options: dict[str, Any]) -> OwnEngine:
     """Build a scene; option: ``tolerance``."""
     warm_up, engine = (OwnEngine(description, time_step, options["tolerance"]) for _ in range(2))
-    for _ in range(round(WARM_UP * description.duration / time_step)):
+    for _ in range(round(WARM_UP_SHARE * description.duration / time_step)):
         warm_up.step()
     return engine

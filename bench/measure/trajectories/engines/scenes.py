@@ -30,6 +30,8 @@ from .description import Body, Description, Motion, Panel
 THROW_SPEED, SLIDING_FRICTION = 6.0, 0.5
 HALF_EDGE, CUBE_MASS = 0.1, 8.0
 FACETS = 32
+"""Number of flat panels around a funnel."""
+
 WALL_HEIGHT, PANEL_THICKNESS = 0.5, 0.05
 SETTLED_SECONDS = 0.1
 """Time before the end of a pile over which its overlap counts [s]."""

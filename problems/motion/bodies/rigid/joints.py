@@ -1,16 +1,15 @@
 """Joints between rigid bodies: constraints, limits, friction and motors, and their rows of W.
 
-A ball joint holds three distances along axes at zero, a revolute joint these and two orientations, a prismatic one two
-distances and three orientations, a fixed one three of each, and a distance joint holds |d| at its length; see
-``joint_rows``. Joints constrain velocities; a stepper with a depth removes the drift of positions
-(``stepping.position_projection``). In addition to its constraints,
+Each constraint of a joint holds a scalar at zero; see ``joint_rows``. A ball joint holds three distances along axes. A
+revolute joint also holds two orientations. A prismatic joint holds two distances and three orientations, and a fixed
+joint three of each. A distance joint holds |d| at its length. Joints constrain velocities; a stepper with a depth
+removes the drift of positions (``stepping.position_projection``). Further laws act on the coordinate s of a joint,
+which is the angle of a revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
 
-    limits      s ≥ s_min and s ≤ s_max, gaps of unilateral laws that are active while g(q_M) < 0, like contacts
-    a rope      |d| ≤ length, likewise
-    friction    −ξ ∈ N_[−aΔt, aΔt](Λ) with ξ = ṡ: a force of at most a against ṡ
-    a motor     the same with ξ = ṡ − w: a force of at most a until ṡ has the target speed w
-
-act on the coordinate s of the joint, the angle of a revolute joint or the displacement of a prismatic one.
+    limits      s ≥ s_min and s ≤ s_max: gaps of unilateral laws, active if g(q_M) < 0 like contacts
+    rope        |d| ≤ length, a gap like that of a limit
+    friction    −ξ ∈ N_[−aΔt, aΔt](Λ) with ξ = ṡ: a force of at most ``a`` opposes ṡ
+    motor       the same with ξ = ṡ − w: a force of at most ``a`` until ṡ reaches the target speed w
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,7 +35,10 @@ MAX_CLOSING_ERROR = 1e-6
 """Largest residual of a joint at the start of a motion, in m or, for orientations, rad."""
 
 Kind = Literal["ball", "revolute", "prismatic", "fixed", "distance", "rope"]
+"""Kinds of joints."""
+
 Vector = tuple[float, float, float]
+"""x, y and z."""
 
 _ROWS: dict[str, tuple[int, int]] = {
     "ball": (3, 0),
@@ -46,6 +48,7 @@ _ROWS: dict[str, tuple[int, int]] = {
     "distance": (1, 0),
     "rope": (0, 0),
 }
+"""Numbers of distances and of orientations that each kind of joint holds at zero."""
 
 
 @dataclass(frozen=True)
@@ -283,7 +286,7 @@ class RigidJoints:
 
 @dataclass(frozen=True, eq=False)
 class _LawRow:
-    """A row with its law: its fixed bound [N s or N m s], its ε, and the speed that counts as rest."""
+    """A row with its law: its fixed bound [N s or N m s], its ε, and the target speed of a motor."""
 
     joint: Joint
     row: JointRow

@@ -20,7 +20,7 @@ from .prisms import PrismScene
 class CardHouse(PrismScene):
     """A house of cards in the plane (x, z), with one pair fewer in each storey than in the one below.
 
-    Leaning cards are cut level at foot and head, and upright where the two of a pair meet, so that faces touch faces.
+    Leaning cards are cut horizontally at both ends, and vertically where the cards of a pair meet, so that faces touch.
     Pairs come first, from left to right and from the lowest storey up, the left card first; then the level cards.
 
     Attributes:

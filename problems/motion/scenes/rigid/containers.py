@@ -65,6 +65,7 @@ PACKING = 0.6
 """Volume fraction of a random pile of boxes."""
 
 DOWN = (0.0, 0.0, -1.0)
+"""Direction of gravity."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ...bodies.rigid.shapes import Shape
 from ..effects import check_distinct
 
 ROLLING_ROWS = {"spinning": 1, "rolling": 2, "both": 3}
-"""Rows of rolling friction by the axes about which it acts."""
+"""Number of rows of rolling friction, by the axes about which it acts."""
 
 
 class BodyEffect(Protocol):
@@ -31,7 +31,7 @@ class RollingResistance:
         axes: "rolling" in the plane of contact, "spinning" about the normal, or "both" with one bound.
 
     Raises:
-        ProblemError: for other axes.
+        ProblemError: for unknown axes.
     """
 
     coefficient: float

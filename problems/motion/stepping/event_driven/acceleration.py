@@ -55,7 +55,7 @@ class Constraints:
         rows: the rows of W with an unknown force: N of closed contacts, T of those that stick, shape (m,).
         matrix: A [1/kg], shape (m, m).
         free: b [m/s²], the accelerations without contact forces, shape (m,).
-        free_motion: M⁻¹ h [of u̇], shape (n_dofs,).
+        free_motion: M⁻¹ h, in the units of u̇, shape (n_dofs,).
         responses: u̇ for a unit of each unknown force, shape (n_dofs, m).
     """
 

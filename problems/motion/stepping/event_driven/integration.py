@@ -1,29 +1,29 @@
 """Event-driven integration of systems with few contacts, an independent reference for time stepping.
 
-Smooth phases, in which every contact keeps its mode (open, stick, slip forwards or backwards), are integrated with an
-explicit Runge–Kutta method of order 8 under the contact laws on acceleration level (see ``acceleration``). A phase ends
-at the first event:
+During a smooth phase every contact keeps its mode: open, stick, slip forwards or slip backwards. Phases are integrated
+by an explicit Runge–Kutta method of order 8 under the contact laws at acceleration level (see ``acceleration``). A
+phase ends at the first event:
 
     open contact        g falls to 0                                    impact, see below
     closed contact      λ_N falls to 0                                  it opens
     sticking contact    μ λ_N − |λ_T| falls to 0                        it begins to slip against λ_T
-    slipping contact    γ_T comes to 0                                  it sticks, or slips the other way
+    slipping contact    γ_T reaches 0                                   it sticks, or slips the other way
 
 An impact solves one contact problem with all contacts that are closed or hit: −(G Λ + (I + ε) Wᵀu) ∈ N_C(Λ), the impact
-law of Moreau's rule. Contacts with γ_N = 0 after it are closed, those with γ_N > 0 open; a closed contact slips if
-γ_T ≠ 0.
+law of Moreau's rule. Afterwards, contacts with γ_N = 0 are closed and those with γ_N > 0 are open. A closed contact
+slips if γ_T ≠ 0.
 
-After an event the modes of the next phase follow from the inclusion on acceleration level, one contact problem for all
-contacts with γ_N = 0, in which those with γ_T = 0 may stick or begin to slip in the direction of γ̇_T. It is degenerate
-for the contact whose event it is (λ_N = 0 = γ̇_N, or |λ_T| = μ λ_N and γ̇_T = 0): there the sign in which the event
-function falls has decided already, the contact opens or slips, and the inclusion determines the others only.
+The inclusion at acceleration level determines the modes of the next phase. It is one contact problem for all contacts
+with γ_N = 0; those with γ_T = 0 may stick, or begin to slip in the direction of γ̇_T. The problem is degenerate for the
+contact of the event, where λ_N = 0 = γ̇_N, or |λ_T| = μ λ_N and γ̇_T = 0. That contact therefore opens or slips, as the
+sign of its event function indicates, and the inclusion determines the modes of the other contacts only.
 
-A contact that has opened is watched by its gap velocity first, and by its gap from the moment on at which that turns
-downwards. So no zero of g at the begin of a flight is taken for its end, however short the flight.
+After a contact has opened, its gap velocity is monitored until it becomes negative, and then its gap. The zero of the
+gap at the beginning of a flight is therefore not mistaken for its end, however short the flight.
 
-Impacts and accelerations are both solved by the solver handed in; Enumeration solves them exactly. Where friction
-admits several solutions, its first one is taken; where contacts are redundant, forces of least norm are, and with them
-the instant at which one of several sticking contacts begins to slip.
+The given solver solves impacts and accelerations; ``Enumeration`` solves them exactly. If friction permits several
+solutions, the first one of the solver is used. If contacts are redundant, the forces of least norm are used. They also
+determine when one of several sticking contacts begins to slip.
 """
 
 from collections import deque
@@ -50,24 +50,36 @@ ROUNDING = 1e-12
 """Velocities and accelerations below this fraction of the largest ones in their problem count as zero."""
 
 SIMULTANEOUS = 1e-6
-"""Contacts that would hit within this fraction of the shortest flight hit together."""
+"""Contacts that would hit within this fraction of the shortest flight count as simultaneous."""
 
 TRUSTED_RESIDUAL = 1e-9
-"""Largest judged residual of a contact problem whose solution is taken."""
+"""Largest judged residual of an accepted solution."""
 
 MAX_EVENTS_AT_ONCE = 100
-"""Phases within the shortest flight after which no consistent mode is expected any more."""
+"""Largest number of phases within the shortest flight; more indicate that no mode is consistent."""
 
 ABSOLUTE_TOLERANCE = 1e-15
 """Absolute tolerance of the integration of smooth phases, in the units of q and u."""
 
 MAX_START_GAP = 1e-6
-"""Gap [m] up to which a contact, penetrated or not, counts as closed at the start and is put to gap 0."""
+"""Gap [m] up to which a contact, penetrated or not, counts as closed at the start, with its gap set to 0."""
 
 
 @dataclass(eq=False)
 class Integration:
-    """One motion in progress; the options are those of ``EventDriven``."""
+    """A motion in progress.
+
+    Attributes:
+        system: the mechanical system.
+        solver: solves impacts and accelerations.
+        stop: the stopping criteria of each solve.
+        start: the initial state.
+        tolerance: relative error of the integration of smooth phases.
+        longest_step: longest time between two states [s].
+        flight: shortest flight [s]; see ``EventDriven``.
+        events: the events so far, in order of time.
+        phases: the smooth phases so far.
+    """
 
     system: MechanicalSystem
     solver: ContactSolver
@@ -90,7 +102,7 @@ class Integration:
         self.armed = np.ones(n_contacts, dtype=np.bool_)
 
     def motion(self) -> Motion:
-        """Return what is found so far."""
+        """Return the motion computed so far."""
         return Motion(tuple(self.events), tuple(self.phases), self._state())
 
     def advance_to(self, until: float) -> Iterator[None]:
@@ -102,8 +114,8 @@ class Integration:
                 if len(begins) == MAX_EVENTS_AT_ONCE and self.time - begins[0] < self.flight:
                     raise MotionError(
                         f"at t = {self.time:.9g} s the contact modes change {MAX_EVENTS_AT_ONCE} times within "
-                        f"{self.flight:.0e} s; no mode is consistent to rounding. Time stepping does not need "
-                        "one.",
+                        f"{self.flight:.0e} s; no mode is consistent to rounding; use a "
+                        "time-stepping method, such as Moreau.",
                         self.motion(),
                     )
                 begins.append(self.time)
@@ -126,7 +138,7 @@ class Integration:
         if gap.min(initial=0.0) < -MAX_START_GAP:
             contact = int(np.argmin(gap))
             raise MotionError(
-                f"contact {contact} is {-gap[contact]:.2e} m deep in penetration at the start; separate the bodies.",
+                f"contact {contact} penetrates by {-gap[contact]:.2e} m at the start; separate the bodies.",
                 self.motion(),
             )
         touching = gap <= MAX_START_GAP
@@ -139,7 +151,7 @@ class Integration:
             self._impact(hitting)
         else:
             self._settle(self.modes)
-            self.events.clear()  # the modes at the start are no events
+            self.events.clear()  # determining the initial modes is not an event
 
     def advance(self, until: float) -> None:
         """Integrate one phase, up to ``until`` or to the event that ends it."""
@@ -162,7 +174,10 @@ class Integration:
             dense_output=True,
         )
         if solution.status < 0:
-            raise MotionError(f"integration fails at t = {solution.t[-1]:.9g} s: {solution.message}", self.motion())
+            raise MotionError(
+                f"the integration of a smooth phase failed at t = {solution.t[-1]:.9g} s: {solution.message}",
+                self.motion(),
+            )
         self.phases.append(Phase(self.time, float(solution.t[-1]), solution.sol))
         self.time = float(solution.t[-1])
         self.position, self.velocity = solution.y[: self.n, -1].copy(), solution.y[self.n :, -1].copy()
@@ -175,7 +190,7 @@ class Integration:
     def _rates(self, time: float, both: FloatArray) -> FloatArray:
         position, velocity = both[: self.n], both[self.n :]
         acceleration, _ = self.laws.motion(position, velocity, self.modes)
-        if not np.isfinite(acceleration).all():  # with which solve_ivp would never end
+        if not np.isfinite(acceleration).all():  # otherwise solve_ivp would not end
             raise MotionError(f"the motion is no longer finite at t = {time:.9g} s.", self.motion())
         return np.concatenate([velocity, acceleration])
 
@@ -219,12 +234,12 @@ class Integration:
         after = self._contact_velocity()
         closed = taking_part & (after[:, 0] <= margin)
         self._settle(Modes(closed, self._slip(closed, after, margin)), hitting, impulses)
-        self._look_for_accumulation(hitting & (after[:, 0] > margin))
+        self._check_accumulation(hitting & (after[:, 0] > margin))
 
     def _settle(
         self, candidates: Modes, hitting: NDArray[np.bool_] | None = None, impulses: FloatArray | None = None
     ) -> None:
-        """Begin a phase: project onto the constraints, and let the laws on acceleration level choose the modes."""
+        """Begin a phase: project onto the constraints, and find the modes from the laws at acceleration level."""
         self._project(candidates)
         closed, slip = candidates.closed.copy(), candidates.slip.copy()
         if closed.any():
@@ -232,8 +247,9 @@ class Integration:
                 problem = self.laws.problem(self.position, self.velocity, candidates)
             except ProblemError as reason:
                 raise MotionError(
-                    f"at t = {self.time:.9g} s the laws on acceleration level make no contact problem: {reason} A slip "
-                    "that draws its contact in (Painlevé) has no continuous motion; time stepping jumps over it.",
+                    f"at t = {self.time:.9g} s the laws at acceleration level are not a contact problem: "
+                    f"{str(reason).rstrip('.')}; the force of a slipping contact may pull it in (Painlevé), use a "
+                    "time-stepping method, such as Moreau.",
                     self.motion(),
                 ) from None
             accelerations = problem.relative_velocity(self._solved(problem, "acceleration"))
@@ -270,7 +286,7 @@ class Integration:
             raise ProblemError("the force directions W depend on q; give the system 'direction_rates', (q, u) ↦ Ẇᵀ u.")
 
     def _record(self, modes: Modes, hitting: NDArray[np.bool_], impulses: FloatArray | None) -> None:
-        """Write down which contacts change their states."""
+        """Record the changes of contact states as events."""
         state, nothing = self._state(), np.zeros(self.width)
 
         def note(law: LawName, i: int, before: LawState, after: LawState, strokes: FloatArray) -> None:
@@ -286,8 +302,8 @@ class Integration:
                 friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
                 note("friction", i, *friction, nothing)
 
-    def _look_for_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
-        """Raise ``AccumulationError`` where flights become shorter and fall below the resolution."""
+    def _check_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
+        """Raise ``AccumulationError`` if flights become shorter than the resolution."""
         for i in np.flatnonzero(bouncing).tolist():
             times = self._impacts.setdefault(i, [])
             times.append(self.time)
@@ -303,8 +319,8 @@ class Integration:
         residual = judge(problem, solution.impulses).residual
         if not residual <= TRUSTED_RESIDUAL:
             raise MotionError(
-                f"at t = {self.time:.9g} s the solver leaves the {level} law at residual {residual:.1e} "
-                f"({solution.status}); take Enumeration for up to six contacts, or a tighter tolerance.",
+                f"at t = {self.time:.9g} s the solver reaches only residual {residual:.1e} of the {level} law "
+                f"({solution.status}); use Enumeration for up to six contacts, or a smaller tolerance.",
                 self.motion(),
             )
         impulses: FloatArray = solution.impulses

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from proxbench.bench.measure.contacts.answers import JudgedAnswers, confirmed, judge_answers
+from proxbench.bench.measure.contacts.answers import JudgedAnswers, judge_answers, judge_control_solves
 from proxbench.bench.measure.contacts.control import ControlSolve
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.store.outcome import Outcome
@@ -61,7 +61,7 @@ def first(impulses: np.ndarray, status: Status = Status.SOLVED, problem: Contact
 def point_with(*firsts: ControlSolve, place: str = "in a first solve in a fresh process") -> Point:
     measured = measured_in([timed_round(0, 1.0)], residual=1e-7, model_residual=1e-8)
     point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
-    return confirmed(PROBLEM, Model.COULOMB, point, firsts, place)
+    return judge_control_solves(PROBLEM, Model.COULOMB, point, firsts, place)
 
 
 def test_right_first_solves_confirm_a_point() -> None:

@@ -76,24 +76,24 @@ def test_a_solve_that_fails_is_not_repeated(excluded: str) -> None:
 
 def test_a_pass_measures_points_that_are_missing_or_were_not_measured_in_it() -> None:
     solved = point(1e-2)
-    assert [made_case(solved).is_left(level) for level in range(3)] == [False, True, True]
-    assert [made_case(solved, number=1).is_left(level) for level in range(3)] == [True, True, True]
-    assert not made_case(point(1e-2, passes=2), number=1).is_left(0)
+    assert [made_case(solved).is_pending(level) for level in range(3)] == [False, True, True]
+    assert [made_case(solved, number=1).is_pending(level) for level in range(3)] == [True, True, True]
+    assert not made_case(point(1e-2, passes=2), number=1).is_pending(0)
 
 
 def test_a_failed_point_and_those_behind_it_are_left_as_they_are() -> None:
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="0.01 already ended stalled")
     failed = made_case(point(1e-2, Outcome.STALLED, "stalled"), rest, number=1)
-    assert [failed.is_left(level) for level in range(2)] == [False, False]
+    assert [failed.is_pending(level) for level in range(2)] == [False, False]
 
 
 def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_it() -> None:
     late = point(1e-2, Outcome.TIME_LIMIT, "time limit", "preempted")
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="")
-    assert made_case(late, number=1).is_left(0)
-    assert not made_case(late, rest, number=1).is_left(1)  # as long as it is the last word
-    assert made_case(point(1e-2, passes=2), rest, number=1).is_left(1)
-    assert not made_case(point(1e-2, Outcome.TIME_LIMIT, "time limit"), number=1).is_left(0)
+    assert made_case(late, number=1).is_pending(0)
+    assert not made_case(late, rest, number=1).is_pending(1)  # as long as it is the last word
+    assert made_case(point(1e-2, passes=2), rest, number=1).is_pending(1)
+    assert not made_case(point(1e-2, Outcome.TIME_LIMIT, "time limit"), number=1).is_pending(0)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_i
     ],
 )
 def test_finer_points_follow_those_that_a_solver_claims_in_time(outcome: Outcome, status: str, reason: str) -> None:
-    assert made_case().end_after(point(1e-2, outcome, status)) == reason
+    assert made_case().reason_to_stop(point(1e-2, outcome, status)) == reason
 
 
 def test_a_point_holds_the_worst_of_all_answers_and_counts_them() -> None:
@@ -136,7 +136,7 @@ def test_a_claim_after_the_time_limit_does_not_count_unless_the_rounds_are_exclu
     assert made_case(limits=limits).point(1e-4, [fast]).outcome is Outcome.SOLVED
     excluded = [measured_round(0.02, "preempted")] * 2
     assert made_case(limits=limits).point(1e-4, [*excluded, fast]).outcome is Outcome.SOLVED
-    assert made_case(limits=limits).point(1e-4, excluded).is_late_for_others
+    assert made_case(limits=limits).point(1e-4, excluded).is_late_under_load
 
 
 def test_claimed_iterations_are_corrected_by_those_that_were_observed() -> None:

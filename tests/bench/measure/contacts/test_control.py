@@ -23,7 +23,7 @@ from proxbench.bench.measure.contacts.clock_account import (
 from proxbench.bench.measure.contacts.control import Controls
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.measure.timed_round import TimedRound
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems import judge, load
@@ -233,5 +233,5 @@ def test_first_solves_have_as_many_cores_as_timed_ones(monkeypatch: pytest.Monke
     spec = spec_replace(solver_spec("SORprox"), threads=2)
     with contextlib.closing(Controls(PROBLEM, warm_up_data(PROBLEM), spec, LIMITS)) as controls:
         controls.first_solves(STOP, 1.0, never)
-        controls.occupy(MeasuringCore(0, allowed=frozenset({0, 1})))
+        controls.pin_to_core(MeasuringCore(0, allowed=frozenset({0, 1})))
     assert set(pinned) == {2}

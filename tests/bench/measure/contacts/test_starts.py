@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from proxbench.bench import load, resume, run
 from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.ladder import CasePass
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem

@@ -19,7 +19,7 @@ from proxbench.bench.measure.execution.events import (
 from proxbench.bench.measure.execution.local import LocalExecutor
 from proxbench.bench.measure.ladder import LadderCase
 from proxbench.bench.measure.machine import this_machine
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import PlanRecord
 from proxbench.bench.store.records import CaseRecord, Point, RunRecord, Session

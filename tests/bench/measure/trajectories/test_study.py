@@ -174,7 +174,7 @@ def test_a_reference_is_kept_as_far_as_it_is_simulated(tmp_path: Path, monkeypat
 def test_a_variable_step_that_flickers_is_given_up_and_says_where(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(task.TrajectoryTask, "most_solves", 300)
+    monkeypatch.setattr(task.TrajectoryTask, "max_solves", 300)
     monkeypatch.setattr(task.TrajectoryTask.__init__, "__defaults__", (300,))
     run = study("woodpecker", results=tmp_path, members=[1.0], methods={"Extrapolated with SORprox": (1e-2, 1e-7)})
     good, given_up = run.points.to_dict("records")

@@ -6,11 +6,11 @@ import pytest
 from holding_solver import PAUSE_SECONDS, Holding
 from proxbench.bench.isolation.worker import Fault
 from proxbench.bench.measure.ladder import CasePass
-from proxbench.bench.measure.trajectories.case import Member, Simulated, TrajectoryCase
+from proxbench.bench.measure.trajectories.case import Member, SimulationRound, TrajectoryCase
 from proxbench.bench.measure.trajectories.methods import make_method
 from proxbench.bench.measure.trajectories.plan import LIMITS
 from proxbench.bench.measure.trajectories.task import TrajectoryTask
-from proxbench.bench.plugins.describing import solver_spec
+from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import Point
 from proxbench.problems.motion.trajectories.problem import EndPosition, TrajectoryProblem
@@ -27,16 +27,18 @@ def case() -> TrajectoryCase:
     return TrajectoryCase(problem, method, LIMITS, None, CasePass())
 
 
-def simulated(**changes: Any) -> Simulated:
+def simulated(**changes: Any) -> SimulationRound:
     """Return a simulation of 20 steps in 2 ms."""
     counts = {"iterations": 20, "steps": 20, "unsolved": 0, "involuntary": 0, "voluntary": 0, "waited": 0.0}
     times = {"prepare": [0.0], "solve": [2e-3], "processor": [2e-3]}
-    return Simulated.read({"status": "solved", "message": "", **counts, **times, "values": VALUES, **changes}, 1.0)
+    return SimulationRound.read(
+        {"status": "solved", "message": "", **counts, **times, "values": VALUES, **changes}, 1.0
+    )
 
 
 def test_a_solver_that_pretends_to_compile_gains_no_time_and_sleeps_without_a_processor(case: TrajectoryCase) -> None:
     answer, _ = TrajectoryTask(case.problem, case.method, 60.0).answer("simulate", (1e-6, 1.0))
-    read = Simulated.read(answer, 60.0)
+    read = SimulationRound.read(answer, 60.0)
     wall, slept = float(read.totals.sum()), PAUSE_SECONDS * read.iterations
     assert read.status == "solved"
     assert read.steps == 20
@@ -82,7 +84,7 @@ def test_finer_points_are_simulated_unless_a_coarser_one_took_too_long(
     """A step at which a coarse point fails need not fail a finer one."""
     measured = None if outcome is Outcome.NOT_ATTEMPTED else measured_in([timed_round(0, 1.0)])
     point = Point(tolerance=1e-3, outcome=outcome, status=outcome.value, reason=reason, measured=measured)
-    assert case.end_after(point) == ends
+    assert case.reason_to_stop(point) == ends
 
 
 @pytest.mark.parametrize("changes", [{"values": {}}, {"solve": [2.0]}, {"processor": []}, {"steps": -1}])

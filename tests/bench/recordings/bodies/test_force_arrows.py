@@ -9,7 +9,7 @@ def test_arrows_grow_with_the_root_of_a_force_and_an_impact_does_not_cover_every
     sizes = np.array([1.0] * 8 + [4.0] * 10 + [1e6])
     arrows.add(1, *NO_FORCES)
     arrows.add(2, sizes[:, None] * [0.0, 0.6, 0.8], np.zeros((19, 3)), np.full(19, 0.1), np.zeros(19, np.uint16))
-    (first, nothing, *_), (second, vectors, *_) = arrows.drawn()
+    (first, nothing, *_), (second, vectors, *_) = arrows.arrows()
     assert (first, second) == (1, 2)
     assert len(nothing) == 0
     lengths = np.linalg.norm(vectors, axis=1)
@@ -23,4 +23,4 @@ def test_a_motion_without_forces_has_nothing_to_explain() -> None:
     arrows = ForceArrows()
     arrows.add(1, *NO_FORCES)
     assert arrows.explanation == ""
-    assert [number for number, *_ in arrows.drawn()] == [1]
+    assert [number for number, *_ in arrows.arrows()] == [1]

@@ -1,7 +1,13 @@
 """Meshes lie on what they show, and orientations follow angular velocities exactly."""
 
 import numpy as np
-from proxbench.bench.recordings.bodies.meshes import about_depth, ball_mesh, surface_meshes, turned, upright
+from proxbench.bench.recordings.bodies.meshes import (
+    ball_mesh,
+    identity_orientations,
+    planar_orientation,
+    surface_meshes,
+    turned,
+)
 from proxbench.problems.motion.scenes.effects import Planar
 from proxbench.problems.motion.scenes.funnel import STANDARD_EFFECTS, Funnel
 from scipy.spatial.transform import Rotation
@@ -37,7 +43,7 @@ def test_planar_walls_stand_left_and_right() -> None:
 
 def test_many_small_turns_are_one_large_one() -> None:
     spins = np.array([[0.0, 0.0, 2.0 * np.pi], [1.0, -2.0, 0.5], [0.0, 0.0, 0.0]])
-    orientations = upright(3)
+    orientations = identity_orientations(3)
     for _ in range(100):
         orientations = turned(orientations, spins, 0.01)
     expected = Rotation.from_rotvec(spins)
@@ -47,11 +53,11 @@ def test_many_small_turns_are_one_large_one() -> None:
 
 def test_turns_about_different_axes_follow_in_space_not_in_the_body() -> None:
     first, second = np.array([[0.3, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.7]])
-    found = Rotation.from_quat(turned(turned(upright(1), first, 1.0), second, 1.0))
+    found = Rotation.from_quat(turned(turned(identity_orientations(1), first, 1.0), second, 1.0))
     expected = Rotation.from_rotvec(second) * Rotation.from_rotvec(first)
     np.testing.assert_allclose(found.as_matrix(), expected.as_matrix(), atol=1e-14)
 
 
 def test_planar_angles_turn_from_right_to_up() -> None:
-    found = Rotation.from_quat(about_depth(np.pi / 2)).apply([1.0, 0.0, 0.0])
+    found = Rotation.from_quat(planar_orientation(np.pi / 2)).apply([1.0, 0.0, 0.0])
     np.testing.assert_allclose(found, [0.0, 0.0, 1.0], atol=1e-15)

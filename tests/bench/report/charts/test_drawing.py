@@ -4,7 +4,7 @@ import altair as alt
 import pandas as pd
 import pytest
 from proxbench.bench.report.charts.drawing import MAX_LEGEND_ROWS, heading, log_scale, solver_legend
-from proxbench.bench.report.charts.palette import looks
+from proxbench.bench.report.charts.palette import solver_styles
 
 
 def test_a_logarithmic_scale_is_a_little_wider_than_the_values() -> None:
@@ -27,7 +27,7 @@ def test_notes_are_wrapped_and_lose_no_word() -> None:
 @pytest.mark.parametrize("number", [1, 7, 41])
 def test_a_legend_names_the_solvers_shown_in_their_order(number: int) -> None:
     names = [f"Solver(option={k})" for k in range(number)]
-    legend = solver_legend(looks([*names, "Hidden"]), reversed(names)).to_dict()
+    legend = solver_legend(solver_styles([*names, "Hidden"]), reversed(names)).to_dict()
     assert legend["values"] == names
     assert (legend["columns"] - 1) * MAX_LEGEND_ROWS < number <= legend["columns"] * MAX_LEGEND_ROWS
 

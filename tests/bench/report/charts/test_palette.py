@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from proxbench.bench.report.charts.palette import PALETTE, look, looks, on_dark, rgb
+from proxbench.bench.report.charts.palette import PALETTE, on_dark, rgb, solver_style, solver_styles
 
 DICHROMATS = {
     "all cones": np.eye(3),
@@ -43,20 +43,20 @@ def test_colours_stay_apart_where_cones_are_missing(eyes: str) -> None:
 
 
 def test_forty_solvers_differ_in_their_lines_and_in_their_marks() -> None:
-    assigned = [look(index) for index in range(40)]
+    assigned = [solver_style(index) for index in range(40)]
     assert len({(one.colour, one.dash) for one in assigned}) == 40
     assert len({(one.colour, one.shape) for one in assigned}) == 40
 
 
 def test_neighbours_differ_in_colour_shape_and_dash() -> None:
-    for one, other in zip(map(look, range(40)), map(look, range(1, 41)), strict=True):
+    for one, other in zip(map(solver_style, range(40)), map(solver_style, range(1, 41)), strict=True):
         assert one.colour != other.colour
         assert one.shape != other.shape
         assert one.dash != other.dash
 
 
 def test_a_look_depends_on_the_place_in_the_run_alone() -> None:
-    assert looks(["a", "b"])["b"] == looks(["c", "d", "e"])["d"]
+    assert solver_styles(["a", "b"])["b"] == solver_styles(["c", "d", "e"])["d"]
 
 
 @pytest.mark.parametrize("colour", PALETTE)

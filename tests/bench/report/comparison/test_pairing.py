@@ -52,7 +52,7 @@ def test_warm_cases_of_other_starts_are_left_out_and_named(tmp_path: Path) -> No
         ]
         runs.append(store_run(tmp_path / name, changed))
     found = compare(*runs)
-    assert "omitted because warm solvers continue other steps or contacts on these problems: p-2" in found.notes
+    assert "omitted because the starts of warm solvers differ on these problems: p-2" in found.notes
     assert set(found.cases["solver"][found.cases["problem"] == "p-2"]) == {"A"}
     assert set(found.cases["solver"][found.cases["problem"] == "p-1"]) == {"A", "Warm(A)"}
     assert not any("omitted" in note for note in compare(runs[0], runs[0]).notes)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from proxbench.bench import compare, load
 from proxbench.bench.report.comparison.comparison import Comparison, compare_runs
-from proxbench.bench.report.comparison.times import ONE_SIDED, RUN_SPREAD, TAILS
+from proxbench.bench.report.comparison.times import DEGREES_OF_FREEDOM, ONE_SIDED_CONFIDENCE, RUN_SPREAD
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import PluginUse, Session
 from scipy import special
@@ -172,7 +172,7 @@ def test_the_interval_of_a_case_follows_from_the_scatter_of_its_passes(
     squares, freedom = 2.0 * float((offsets**2).sum()), 2 * (passes - 1)
     variance = max(squares / freedom, squares / special.chdtri(freedom, 0.5))
     noise = np.sqrt(variance * efficiency * 2.0 / passes)
-    half = special.stdtrit(TAILS, ONE_SIDED) * np.hypot(noise, RUN_SPREAD)
+    half = special.stdtrit(DEGREES_OF_FREEDOM, ONE_SIDED_CONFIDENCE) * np.hypot(noise, RUN_SPREAD)
     assert found["ratio"] == pytest.approx(1.0)
     assert np.log(found["high"]) == pytest.approx(half, rel=1e-9)
     assert np.log(found["low"]) == pytest.approx(-half, rel=1e-9)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.report.layout.output_file import check_pictures_writable, drawn, output_file, picture_files
+from proxbench.bench.report.layout.output_file import check_pictures_writable, draw_pictures, output_file, picture_files
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.problems.exchange.files.atomic_file import replacing
@@ -102,6 +102,6 @@ def test_a_drawing_that_fails_says_where_the_result_is(error: Exception) -> None
         raise error
 
     with pytest.raises(BenchError, match=r"^a\.npz is kept, but its chart is missing: .*--resume a\.npz") as caught:
-        drawn(draw, Path("a.npz"))
+        draw_pictures(draw, Path("a.npz"))
     assert "\n" not in str(caught.value)
     assert caught.value.__cause__ is error

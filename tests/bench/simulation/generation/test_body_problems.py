@@ -5,13 +5,13 @@ import pytest
 from proxbench.bench.simulation.generation.body_problems import ARCH_LIMITS, BodyRecipe, body_problem, body_recipes
 from proxbench.bench.simulation.generation.box_scenes import BoxPile, BoxTable, BoxTrain
 from proxbench.problems import ContactProblem, ProblemError, load
-from proxbench.problems.exchange.catalog import SUITES, is_held
+from proxbench.problems.exchange.catalog import SUITES, is_shipped
 from proxbench.problems.exchange.families import family_of
 from proxbench.problems.motion.bodies.rigid.starts import check_start
 from proxbench.problems.motion.equilibrium import find_equilibrium
 from proxbench.problems.motion.scenes.rigid.boxes import BoxStack
 
-FROZEN = [name for name in SUITES["bodies"] if is_held(name)]
+FROZEN = [name for name in SUITES["bodies"] if is_shipped(name)]
 
 
 def rank(problem: ContactProblem) -> int:

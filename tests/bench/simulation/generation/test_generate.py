@@ -42,7 +42,7 @@ def test_every_problem_that_is_not_a_formula_has_a_recipe() -> None:
 def test_the_pile_that_resists_rolling_is_the_frozen_pile_with_another_law() -> None:
     recipe = recipes()["pile-100-rolling"]
     assert isinstance(recipe, RollingRecipe)
-    resisting = with_rolling_friction(load(recipe.of), recipe.rolling_friction)
+    resisting = with_rolling_friction(load(recipe.problem), recipe.rolling_friction)
     assert load("pile-100-rolling").digest == resisting.digest
 
 

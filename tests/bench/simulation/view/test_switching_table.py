@@ -8,7 +8,7 @@ from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.step_row import step_columns
 from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 from proxbench.bench.simulation.view.table import print_simulation
-from proxbench.problems.motion.scenes.woodpecker import DESCENT, INCIDENTS, PERIOD
+from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, SWITCH_EVENTS
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.step import LawStates
 from rich.console import Console
@@ -18,10 +18,10 @@ def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[
     """A motion along the limit cycle from row ``first`` + 1 on; periods in ``extra`` have an additional switch."""
     simulation = Simulation(make_simulation_plan("woodpecker", duration=(periods + 2.0) * PERIOD))
     rows = []
-    count = round(periods * len(INCIDENTS))
+    count = round(periods * len(SWITCH_EVENTS))
     for number in range(first, first + count):
-        period, row = divmod(number, len(INCIDENTS))
-        one = INCIDENTS[row]
+        period, row = divmod(number, len(SWITCH_EVENTS))
+        one = SWITCH_EVENTS[row]
         time, states = one.time + 0.05 + period * PERIOD, (LAW_STATES.index(one.before), LAW_STATES.index(one.after))
         switch = (time, time, LAWS.index(one.law), one.contact, *states)
         rows += [switch] * (2 if period in extra and row == 6 else 1)

@@ -99,7 +99,7 @@ def test_a_residual_that_is_not_finite_counts_as_unsolved_and_stays_json() -> No
 
 def test_steps_in_which_fast_contacts_hide_others_are_named_with_their_local_residual() -> None:
     simulation = made(np.array([0.1, 0.2, 0.3]), residual=[1e-5, 1e-5, 0.0], local_residual=[9e-4, 0.5, 1e-18])
-    assert simulation.hiding.tolist() == [False, True, False]
+    assert simulation.has_hidden_errors.tolist() == [False, True, False]
     text = printed(simulation, width=120)
     assert " local " in text
     assert "fast contacts hide others in 1 step: local residual up to 5.0e-01, judged 1.0e-05, at t = 0.2 s" in text

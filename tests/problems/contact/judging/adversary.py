@@ -18,7 +18,7 @@ from exact_residual import exact_residual
 from proxbench.problems import ContactProblem, Laws, ProblemError, judge, load
 from proxbench.problems.contact.residual import Residual
 from proxbench.problems.exchange.catalog import suite_members
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 
 FACTOR, ROUNDING = 2.5, 2e-15
 """A certificate of r is right where the exact residual is at most ``FACTOR`` r + ``ROUNDING``."""
@@ -96,7 +96,7 @@ def random_problem(
                 problem, answer = library[rng.integers(len(library))]
             elif kind == 1:
                 family = LinkedFamily(int(rng.integers(1, 4)), int(rng.integers(1, 4)), rolling_rows=rng.integers(1, 4))
-                problem = with_linked_solution(family, int(rng.integers(2**31)))
+                problem = random_linked_problem(family, int(rng.integers(2**31)))
                 answer = np.zeros(problem.n_rows) if problem.answer is None else known_impulses(problem)
             elif kind == 2:
                 problem, answer = walls(rng)

@@ -13,7 +13,7 @@ from proxbench.problems import ContactProblem, ProblemError, judge, load, read_f
 from proxbench.problems.contact.laws import LawKind
 from proxbench.problems.exchange.fclib.contents import DIGEST
 from proxbench.problems.hard import hard_case
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 from proxbench.solvers import solve
 
 JOINTED = np.append(made.IMPULSES, made.JOINT_IMPULSES)
@@ -216,7 +216,7 @@ def test_joints_without_contacts_are_a_problem(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rolling_rows", [0, 2])
 def test_a_problem_of_ours_with_both_laws_comes_back_with_the_same_digest(rolling_rows: int, tmp_path: Path) -> None:
-    problem = with_linked_solution(LinkedFamily(5, 3, n_dofs=20, mass_range=4, rolling_rows=rolling_rows), 3)
+    problem = random_linked_problem(LinkedFamily(5, 3, n_dofs=20, mass_exponent=4, rolling_rows=rolling_rows), 3)
     write_fclib(problem, tmp_path / "p.hdf5")
     assert read_fclib(tmp_path / "p.hdf5").digest == problem.digest
 
@@ -266,7 +266,7 @@ def test_parts_that_do_not_belong_together_get_one_sentence(data: Data, words: s
 
 
 def test_rolling_friction_without_factors_is_refused(tmp_path: Path) -> None:
-    problem = with_linked_solution(LinkedFamily(2, 3, n_dofs=9), 0)
+    problem = random_linked_problem(LinkedFamily(2, 3, n_dofs=9), 0)
     assembled = ContactProblem(problem.free_velocity, problem.laws, matrix=problem.delassus())
     with pytest.raises(ProblemError, match="rolling friction only in global problems; create the problem from"):
         write_fclib(assembled, tmp_path / "p.hdf5")

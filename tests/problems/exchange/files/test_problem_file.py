@@ -9,7 +9,7 @@ import pytest
 from proxbench.problems import ContactProblem, ProblemError, load, save_problem
 from proxbench.problems.exchange.files.problem_file import problem_bytes, read_problem
 from proxbench.problems.hard import HARD_CASES
-from proxbench.problems.hard.families import LinkedFamily, with_linked_solution
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 
 
 def changes(problem: ContactProblem, read: ContactProblem) -> list[str]:
@@ -115,7 +115,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_stray_one(tmp_path: Path, mon
 
 
 def linked(rolling_rows: int = 2) -> ContactProblem:
-    return with_linked_solution(LinkedFamily(3, 3, rolling_rows=rolling_rows), 0)
+    return random_linked_problem(LinkedFamily(3, 3, rolling_rows=rolling_rows), 0)
 
 
 def with_format(path: Path, number: int) -> Path:

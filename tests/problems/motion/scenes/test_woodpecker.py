@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from proxbench.problems.motion.scenes.woodpecker import (
     DESCENT,
-    INCIDENTS,
     PERIOD,
+    SWITCH_EVENTS,
     published_start,
     section_start,
     woodpecker,
@@ -52,7 +52,7 @@ def test_the_published_start_hops_down_the_pole() -> None:
 
 
 def test_the_incidents_that_tables_are_compared_with_are_those_of_the_published_cycle() -> None:
-    first = [(time - PERIOD, *what) for time, *what in published_cycle.INCIDENTS[-2:]]  # table 1 begins with these
-    rows = [*first, *published_cycle.INCIDENTS[:-2]]
-    assert [(one.law, one.contact + 1, one.before, one.after) for one in INCIDENTS] == [row[1:] for row in rows]
-    assert [one.time for one in INCIDENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)
+    first = [(time - PERIOD, *what) for time, *what in published_cycle.SWITCH_EVENTS[-2:]]  # table 1 begins with these
+    rows = [*first, *published_cycle.SWITCH_EVENTS[:-2]]
+    assert [(one.law, one.contact + 1, one.before, one.after) for one in SWITCH_EVENTS] == [row[1:] for row in rows]
+    assert [one.time for one in SWITCH_EVENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)

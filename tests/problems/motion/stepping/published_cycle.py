@@ -3,7 +3,7 @@
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, section_start
 from proxbench.problems.motion.state import State
 
-INCIDENTS = (
+SWITCH_EVENTS = (
     (0.005820757234809802, "unilateral", 2, "closed", "open"),
     (0.016709825280643503, "unilateral", 3, "open", "closed"),
     (0.016709825280643503, "unilateral", 3, "closed", "open"),
@@ -20,7 +20,7 @@ INCIDENTS = (
 """Time after the section [s], law, contact from 1 on, before, after; computed with 45 digits. The paper's table 1
 has the same twelve rows and begins with the last two."""
 
-TIMES = [incident[0] for incident in INCIDENTS]
+TIMES = [incident[0] for incident in SWITCH_EVENTS]
 
 
 def section_error(state: State) -> float:

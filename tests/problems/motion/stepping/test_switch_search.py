@@ -223,7 +223,7 @@ def test_a_force_that_ends_after_its_last_evaluation_is_noticed_at_the_end_of_a_
         assert sequence.end is None  # it has ended before the last evaluation
     else:
         is_seen = count > 1  # one value is a constant
-        assert Margins(system, 1.0).outlasts(sequence.substeps, sequence.states) is (has_ended and is_seen)
+        assert Margins(system, 1.0).has_ended_force(sequence.substeps, sequence.states) is (has_ended and is_seen)
 
 
 def test_margins_of_friction_are_what_is_left_of_it_and_how_fast_it_slides() -> None:

@@ -24,7 +24,7 @@ from proxbench.problems.motion.stepping.switch_search import SEARCHES, Anticipat
 from proxbench.problems.motion.stepping.variable_stepper import VariableStepper
 from proxbench.solvers import Stop, create
 
-from .published_cycle import INCIDENTS, TIMES, section_error
+from .published_cycle import SWITCH_EVENTS, TIMES, section_error
 from .variable_steps import oscillator, steps_of
 
 
@@ -52,7 +52,7 @@ def test_a_period_of_the_woodpecker_costs_few_solves(
 def test_twenty_periods_have_the_twelve_incidents_of_the_published_table_in_order_and_in_time() -> None:
     found = switches(cycle(20.0001, tolerance=1e-9, min_step=1e-10))
     assert [(switch.law, switch.contact + 1, switch.before, switch.after) for switch in found] == [
-        incident[1:] for incident in INCIDENTS
+        incident[1:] for incident in SWITCH_EVENTS
     ] * 20
     times = np.array([0.5 * (switch.begin + switch.end) for switch in found]).reshape(20, 12)
     sections = np.append(0.0, times[:-1, -1])

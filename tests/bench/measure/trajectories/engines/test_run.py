@@ -17,7 +17,7 @@ from proxbench.bench.measure.trajectories.engines.scenes import SCENES, describe
 @pytest.fixture(autouse=True)
 def tried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let every engine seem installed in the version that was tried."""
-    versions = {kind.distribution: f"{kind.tried}.1" for kind in ENGINES.values()}
+    versions = {kind.distribution: f"{kind.tested_version}.1" for kind in ENGINES.values()}
     monkeypatch.setattr(metadata, "version", lambda name: versions.get(name, "1.0"))
 
 

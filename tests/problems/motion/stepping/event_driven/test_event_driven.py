@@ -21,7 +21,7 @@ from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Status, Stop, create
 
 from ...general_ball import general_start, general_system
-from ..published_cycle import INCIDENTS, TIMES
+from ..published_cycle import SWITCH_EVENTS, TIMES
 
 NORMAL_IMPULSES = (4.7907580039e-05, 0.0012845029298, 0.00018723394475, 8.0323966803e-05, 1.1379247394e-05)
 """Λ_N [N s] of the five impacts of a period; published limit cycle computed with 45 digits."""
@@ -41,7 +41,7 @@ def cycle(periods: float) -> Motion:
 def test_one_period_of_the_woodpecker_has_the_published_events() -> None:
     motion = cycle(1.001)
     found = [(event.law, event.contact + 1, event.before, event.after) for event in motion.events]
-    assert found == [incident[1:] for incident in INCIDENTS]
+    assert found == [incident[1:] for incident in SWITCH_EVENTS]
     assert [event.time for event in motion.events] == pytest.approx(TIMES, abs=1e-12)
     struck = [event.impulses for event in motion.events if event.after == "closed"]
     assert [impulses[0] for impulses in struck] == pytest.approx(NORMAL_IMPULSES, rel=1e-9)
@@ -253,7 +253,7 @@ def test_a_start_that_touches_up_to_rounding_is_put_onto_its_contact_and_stays_t
 
 def test_a_start_in_penetration_is_named() -> None:
     ball = BouncingBall()
-    with pytest.raises(MotionError, match=r"contact 0 is 1\.00e-03 m deep"):
+    with pytest.raises(MotionError, match=r"contact 0 penetrates by 1\.00e-03 m"):
         simulate(general_system(ball), State(0.0, np.array([ball.radius - 1e-3]), np.zeros(1)), 1.0)
 
 
@@ -305,7 +305,7 @@ class Refusing:
 
 def test_a_wrong_solution_is_never_taken_and_the_motion_up_to_there_is_kept() -> None:
     ball = BouncingBall()
-    with pytest.raises(MotionError, match="impact law at residual") as raised:
+    with pytest.raises(MotionError, match=r"residual .* of the impact law") as raised:
         simulate(general_system(ball), general_start(ball), 1.0, Refusing())
     assert raised.value.motion.end.time == pytest.approx(ball.fall_time, abs=1e-13)
     assert raised.value.motion.end.velocity[0] == pytest.approx(-9.81 * ball.fall_time, rel=1e-12)

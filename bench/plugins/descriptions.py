@@ -204,8 +204,8 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
     file.check_offers()
     found = [offer for offer in all_offers() if offer.file == file]
     for offer in found:
-        if offer.refusal:
-            raise PluginError(offer.refusal)
+        if offer.rejection:
+            raise PluginError(offer.rejection)
         if offer.kind == "solver":
             registry.create(offer.name)
     return {kind: [offer.name for offer in found if offer.kind == kind] for kind in KINDS}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Solver, Stop
-from proxbench.solvers.composite.sweeping import select_sweeps, sweeps_between_checks
+from proxbench.solvers.composite.sweep_selection import select_sweeps, sweeps_between_checks
 from proxbench.solvers.prox.nsgs import NSGS
 from proxbench.solvers.prox.safeguarded_sorprox import SafeguardedSORprox
 from proxbench.solvers.prox.sorprox import SORprox

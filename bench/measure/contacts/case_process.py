@@ -26,7 +26,7 @@ from ....problems.exchange.files.problem_file import read_problem
 from ....problems.representation import counted
 from ....solvers.contract import prepared_fault, reason_fault, solution_fault, type_fault
 from ...isolation.child import MisbehaviourError, raise_fault
-from ...isolation.process_state import ProcessState, exempt_from_collection, replaced_names
+from ...isolation.process_state import ProcessState, exempt_from_collection, replacement_text
 from ...isolation.process_usage import ContextSwitches, used_processor_seconds
 from ...plugins.solver_specs import SolverSpec
 from ...store.outcome import LATE_PREPARING
@@ -49,7 +49,7 @@ WARM_SECONDS = 0.004
 """Wall time of solving another problem before a first solve, to warm the caches [s]."""
 
 MAX_NUMBERS = 2**22
-"""Number of values in different answers at which a round ends."""
+"""A round ends when its different answers contain this many values in all."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ class TimedSolve:
     """One timed solve.
 
     Attributes:
-        solution: with impulses of the harness's own.
+        solution: the solution, with a copy of its impulses.
         prepare: wall seconds of ``prepare`` [s].
         solve: wall seconds of ``solve`` and of copying its impulses [s].
         processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
@@ -187,7 +187,7 @@ class Measurement:
         Raises:
             MisbehaviourError: if global state has been replaced or changed.
         """
-        raise_fault(replaced_names(self.before))
+        raise_fault(replacement_text(self.before))
         self._check_unchanged()
 
     def _solve(self, problem: ContactProblem, stop: Stop, start: FloatArray | None = None) -> TimedSolve:

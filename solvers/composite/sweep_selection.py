@@ -24,9 +24,10 @@ from ..prox.safeguarded_sorprox import SafeguardedSORprox
 from ..prox.sorprox import SORprox
 
 Sweeps = NSGS | SORprox | SafeguardedSORprox
+"""Methods among which the sweeps of a composite solver are chosen."""
 
 MIN_MOMENTUM_CONTACTS = 100
-"""Number of spatial contacts from which momentum saves time."""
+"""Least number of spatial contacts with which momentum saves time."""
 
 RELAXATION = 1.5
 """Relaxation without momentum."""
@@ -69,7 +70,7 @@ def can_accelerate(problem: ContactProblem) -> bool:
     return UNCOUPLED < density(problem) <= MAX_MOMENTUM_DENSITY
 
 
-def last_digits_for(problem: ContactProblem) -> Sweeps | NesterovSORprox:
+def refining_sweeps(problem: ContactProblem) -> Sweeps | NesterovSORprox:
     """Return the sweeps that refine an approximate solution of another method."""
     return NesterovSORprox() if can_accelerate(problem) else select_sweeps(problem)
 

@@ -10,7 +10,7 @@ from .times import reaching_tolerances
 SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"
 """Kinds of changes: reached only in the second run, only in the first run, and undecided."""
 
-SHARED = 2.0
+SHARED_CORE_SLOWDOWN = 2.0
 """Largest slowdown of a solve on a shared core."""
 
 CHANGES = [*CASE, "accuracy", "change", "reason"]
@@ -22,7 +22,7 @@ def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
 
     A change is undecided if the other run reached a time limit, of a solve or of a case, that a shared core can
     explain: all its rounds are excluded, the limits differ, or the run that reaches the accuracy took more than
-    1/``SHARED`` of the limit.
+    1/``SHARED_CORE_SLOWDOWN`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]
@@ -46,7 +46,7 @@ def _ending(
     if ended["outcome"] != Outcome.MEASURED:
         limits = [run.info.plan.limits.case_seconds for run in (own, other)]
         taken = float(_of_case(own.cases, case)["wall_seconds"].iloc[0])
-        short = limits[0] != limits[1] or taken * SHARED > limits[1]
+        short = limits[0] != limits[1] or taken * SHARED_CORE_SLOWDOWN > limits[1]
         return bool(ended["outcome"] == Outcome.TIMEOUT and short), f"{ended['outcome']}, {ended['reason']}"
     points = _of_case(other.points, case)
     finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
@@ -56,7 +56,7 @@ def _ending(
     reason = f"{point['outcome']}, {point['reason'] or 'judged residual {:.0e}'.format(point['residual'])}"
     limits = [run.info.plan.limits.solve_seconds for run in (own, other)]
     taken = _of_case(own.points, case).set_index("tolerance")["total_seconds"][tolerance]
-    short = bool(point["is_excluded"]) or limits[0] != limits[1] or taken * SHARED > limits[1]
+    short = bool(point["is_excluded"]) or limits[0] != limits[1] or taken * SHARED_CORE_SLOWDOWN > limits[1]
     return bool(point["outcome"] == Outcome.TIME_LIMIT and short), reason
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...arrays import FloatArray
 from ..bodies.rigid.round_shapes import Capsule, Cylinder, Sphere
 from ..bodies.rigid.shapes import Box, HalfSpace, Shape
-from .polyhedra import Packed, packed
+from .polyhedra import PackedPolyhedra, pack_polyhedra
 from .round_bodies import CYLINDER, PLANE, POLYHEDRON, SEGMENT, RoundShapes
 
 MAX_KEPT = 16
@@ -17,7 +17,7 @@ MAX_KEPT = 16
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeNumbers:
+class ShapeArrays:
     """Shapes as arrays.
 
     Attributes:
@@ -35,12 +35,12 @@ class ShapeNumbers:
     round_shapes: RoundShapes
 
     @cached_property
-    def packed(self) -> Packed:
+    def packed(self) -> PackedPolyhedra:
         """The polyhedra, boxes among them."""
-        return packed(self.shapes)
+        return pack_polyhedra(self.shapes)
 
 
-def shape_numbers(shapes: tuple[Shape, ...]) -> ShapeNumbers:
+def shape_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
     """Return shapes as arrays; the same tuple returns the same arrays, without hashing thousands of shapes."""
     known = _kept.get(id(shapes))
     if known is None:
@@ -50,7 +50,7 @@ def shape_numbers(shapes: tuple[Shape, ...]) -> ShapeNumbers:
     return known
 
 
-def _as_arrays(shapes: tuple[Shape, ...]) -> ShapeNumbers:
+def _as_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
     n = len(shapes)
     half_sizes, kind, half, radius = np.zeros((n, 3)), np.full(n, POLYHEDRON), np.zeros(n), np.zeros(n)
     for index, shape in enumerate(shapes):
@@ -63,7 +63,7 @@ def _as_arrays(shapes: tuple[Shape, ...]) -> ShapeNumbers:
             half[index] = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
             radius[index] = shape.radius
     is_ball = np.array([isinstance(shape, Sphere) for shape in shapes], dtype=np.bool_)
-    return ShapeNumbers(shapes, half_sizes, half_sizes[:, 0] > 0.0, is_ball, RoundShapes(kind, half, radius))
+    return ShapeArrays(shapes, half_sizes, half_sizes[:, 0] > 0.0, is_ball, RoundShapes(kind, half, radius))
 
 
-_kept: dict[int, ShapeNumbers] = {}
+_kept: dict[int, ShapeArrays] = {}

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.contact.matrices.given import read_matrix
+from proxbench.problems.contact.matrices.user_matrices import read_matrix
 
 
 @settings(max_examples=40, deadline=None)

@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from proxbench.bench.isolation.child import MisbehaviourError
-from proxbench.bench.measure.contacts import protocol as measure
-from proxbench.bench.measure.contacts.protocol import Measurement
+from proxbench.bench.measure.contacts import case_process as measure
+from proxbench.bench.measure.contacts.case_process import Measurement
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop

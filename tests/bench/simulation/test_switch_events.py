@@ -1,4 +1,4 @@
-"""The woodpecker's incidents in the order of the published table, and its period and descent."""
+"""The woodpecker's switch_events in the order of the published table, and its period and descent."""
 
 from dataclasses import replace
 
@@ -7,14 +7,14 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.trajectory import Simulation
-from proxbench.problems.motion.scenes.woodpecker import INCIDENTS, PERIOD
+from proxbench.problems.motion.scenes.woodpecker import PERIOD, SWITCH_EVENTS
 from proxbench.problems.motion.trajectories.limit_cycle import CycleSequence, find_cycles
 
 
 def periods(simulation: Simulation) -> CycleSequence:
     known = simulation.plan.scene.limit_cycle
     assert known is not None
-    return find_cycles(known, simulation.incidents, simulation.times, simulation.trajectory[:, 0])
+    return find_cycles(known, simulation.switch_events, simulation.times, simulation.trajectory[:, 0])
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +38,11 @@ def test_period_and_descent_are_those_of_the_limit_cycle(pecking: Simulation) ->
 
 def test_a_period_with_an_incident_too_many_is_not_the_published_one(pecking: Simulation) -> None:
     first = periods(pecking).cycles[0]
-    doubled = replace(first, incidents=(*first.incidents, first.incidents[-1]))
+    doubled = replace(first, switch_events=(*first.switch_events, first.switch_events[-1]))
     assert not doubled.is_published
 
 
 def test_incidents_are_in_order_of_time(pecking: Simulation) -> None:
-    times = [incident.time for incident in pecking.incidents]
+    times = [event.time for event in pecking.switch_events]
     assert times == sorted(times)
-    assert len(times) >= 2 * len(INCIDENTS)
+    assert len(times) >= 2 * len(SWITCH_EVENTS)

@@ -20,9 +20,10 @@ REPEATS = 5
 """Number of repeated solves that are compared with the first one."""
 
 N_CONTACTS = 20
+"""Number of contacts of each problem."""
 
 ATTEMPTS = 4
-"""Number of different problems on which a solver must repeat answers to fail the check."""
+"""Number of problems that are tried; a solver fails only if it repeats stored answers on all of them."""
 
 RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 """Factor and time [s] by which a first solve, with cold caches, may take longer than repeated ones."""
