@@ -1,4 +1,4 @@
-"""The convex program that an engine solves in a step, and how well forces or impulses solve it.
+"""The model that an engine solves in a step, and how well forces or impulses solve it.
 
 MuJoCo minimises over the forces f of its constraint rows
 
@@ -8,6 +8,9 @@ with A = J M⁻¹ Jᵀ [1/kg], a regularisation R and b = J q̈ − a_ref [m/s²
 dynamics with contacts and constraints, 2014). The sets Ω are the line (equality), an interval (friction loss), the
 half-line (limits, contacts without friction, edges of a pyramid) and the elliptic cone ‖(f_k/μ_k)‖ ≤ f_N. Coulomb's law
 is another problem: it has neither R nor a_ref, and its friction is not associated.
+
+Kamino keeps Coulomb's friction and makes contacts and limits compliant. With g = (A + diag R) f + b it requires, for
+each contact, that f and g + μ ‖g_T‖ e_N are complementary in the cone and its dual (De Saxcé & Feng 1998).
 
 The impulses of the contact problem are Λ = h S f. For an elliptic cone this is invertible. A contact with a pyramid has
 two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋). A and b depend on these sums
@@ -42,11 +45,13 @@ class EngineSet(IntEnum):
     INTERVAL = 1
     HALF_LINE = 2
     ELLIPTIC_CONE = 3
+    COULOMB_CONE = 4
+    """An elliptic cone with De Saxcé's change of the normal velocity."""
 
 
 @dataclass(frozen=True, eq=False)
 class EngineModel:
-    """The convex program of one step of an engine.
+    """The model of one step of an engine.
 
     Attributes:
         name: name and version of the engine.
@@ -302,7 +307,7 @@ class _Sets:
     def of(model: EngineModel) -> "_Sets":
         of_row = np.repeat(np.arange(len(model.kind)), model.row_counts)
         kinds = model.kind[of_row]
-        is_tangent = kinds == EngineSet.ELLIPTIC_CONE
+        is_tangent = kinds >= EngineSet.ELLIPTIC_CONE
         is_tangent[model.first_row] = False
         return _Sets(of_row, kinds, is_tangent, np.maximum.reduceat(model.diagonal, model.first_row))
 
@@ -314,7 +319,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
 
         residual = max_i α_i ‖f_i − P_i(f_i − g_i/α_i)‖ / scale,      g = (A + diag R) f + b,
 
-    which is 0 where f solves the model, and does not depend on units.
+    which is 0 where f solves the model, and does not depend on units. For a ``COULOMB_CONE``, μ ‖g_T‖ is added to g_N.
 
     Args:
         model: the engine's model.
@@ -329,6 +334,9 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
         return 0.0
     sets = model._sets
     force, slope = found / model.coefficient, model.gradient(found) * model.coefficient
+    follows_coulomb = model.kind == EngineSet.COULOMB_CONE
+    sliding = np.sqrt(np.add.reduceat(np.where(sets.is_tangent, slope, 0.0) ** 2, model.first_row))
+    slope[model.first_row[follows_coulomb]] += sliding[follows_coulomb]
     alpha = sets.alpha[sets.of_row]
     point = force - np.divide(slope, alpha, out=np.zeros_like(slope), where=alpha > 0.0)
     moved = _projection(model, sets, point)
@@ -351,7 +359,7 @@ def _projection(model: EngineModel, sets: _Sets, point: FloatArray) -> FloatArra
     normal = point[first]
     radius = np.sqrt(np.add.reduceat(np.where(sets.is_tangent, point, 0.0) ** 2, first))
     height = np.where(radius <= -normal, 0.0, 0.5 * (normal + radius))
-    is_outside = (model.kind == EngineSet.ELLIPTIC_CONE) & (radius > normal)
+    is_outside = (model.kind >= EngineSet.ELLIPTIC_CONE) & (radius > normal)
     shrink = np.divide(height, radius, out=np.zeros_like(height), where=radius > 0.0)
     projected = np.where(sets.is_tangent, point * shrink[sets.of_row], height[sets.of_row])
     return np.where(is_outside[sets.of_row], projected, moved)

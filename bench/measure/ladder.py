@@ -62,9 +62,11 @@ class LadderCase(ABC, Generic[Answer]):
         outcome: MEASURED, or the fault of the case.
         points: the finished points of the ladder.
         is_solvable: whether the problem has a solution under Coulomb's law; None if unknown.
+        is_built_in: whether its process measures a built-in solver and runs no code of plugins.
     """
 
     is_solvable: bool | None = None
+    is_built_in: bool = False
 
     def __init__(self, ladder: Sequence[float], limits: Limits, stored: CaseRecord | None, case_pass: CasePass) -> None:
         """Store the plan of the case and its previous measurements."""
@@ -215,7 +217,7 @@ class LadderCase(ABC, Generic[Answer]):
         if found is None:
             return None
         try:
-            timed = kind.read(found[0], time.monotonic() - began)
+            timed = kind.read(found[0], time.monotonic() - began, self.is_built_in)
             exceeds = self.core.number is not None and timed.exceeds(self.threads)
             if exceeds or not self.core.holds(process, self.threads):
                 raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")

@@ -11,6 +11,9 @@ and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If
 
 Preemption of further threads of a solver is not detected: w is that of its main thread, and P may exceed T.
 
+An adapter of an external solver works beside its library, for example to judge answers. T includes that work for these
+checks, but the time of a solve does not.
+
 The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """
 
@@ -57,6 +60,7 @@ class TimedRound(Struct, frozen=True):
         prepare, solve, processor: times of each solve [s].
         involuntary, voluntary: numbers of context switches.
         waited: time of being ready but not running [s]; None if the system does not count it.
+        beside: wall time of each solve beside the library of an external solver [s]; empty if all of it counts.
     """
 
     status: Status
@@ -68,10 +72,16 @@ class TimedRound(Struct, frozen=True):
     involuntary: Count
     voluntary: Count
     waited: Seconds | None
+    beside: list[Seconds] = []
 
     @classmethod
-    def read(cls, answer: dict[str, Any], wall_seconds: float) -> Self:
-        """Convert an answer to a round, which took ``wall_seconds`` as measured outside the process [s].
+    def read(cls, answer: dict[str, Any], wall_seconds: float, is_built_in: bool = False) -> Self:
+        """Convert an answer to a round.
+
+        Args:
+            answer: the answer.
+            wall_seconds: wall time of the request, as measured outside the process [s].
+            is_built_in: whether the solver is built in, so that no code of a plugin can write ``beside``.
 
         Raises:
             Fault: MISBEHAVED, if the answer is invalid.
@@ -80,9 +90,10 @@ class TimedRound(Struct, frozen=True):
             timed = msgspec.convert(answer, cls)
         except msgspec.ValidationError:
             raise invalid_answer_fault() from None
-        if not len(timed.prepare) == len(timed.solve) == len(timed.processor):
+        lengths = {len(timed.prepare), len(timed.solve), len(timed.processor), len(timed.beside or timed.prepare)}
+        if len(lengths) > 1 or (timed.beside and not is_built_in):
             raise invalid_answer_fault()
-        counted = float(timed.totals.sum())
+        counted = float(timed.walls.sum())
         if not counted <= wall_seconds:
             clock = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
             raise Fault(Outcome.MISBEHAVED, clock)
@@ -92,6 +103,11 @@ class TimedRound(Struct, frozen=True):
     def totals(self) -> FloatArray:
         """Wall time of each solve, including preparation [s], shape (n,)."""
         return np.add(self.prepare, self.solve)
+
+    @property
+    def walls(self) -> FloatArray:
+        """Wall time of each solve, including preparation and work beside the library [s], shape (n,)."""
+        return np.add(self.totals, self.beside) if self.beside else self.totals
 
     @property
     def undisturbed_seconds(self) -> float:
@@ -111,7 +127,7 @@ class TimedRound(Struct, frozen=True):
     @property
     def is_preempted(self) -> bool:
         """Whether another process ran on its core for more than a tolerable part of its time."""
-        wall = float(self.totals.sum())
+        wall = float(self.walls.sum())
         missing, waited = wall - sum(self.processor), self.waited or 0.0
         may_have_slept = self.voluntary > 0 and self.involuntary == 0
         lost = waited if may_have_slept else max(missing, waited)
@@ -120,7 +136,7 @@ class TimedRound(Struct, frozen=True):
     def exceeds(self, cores: int) -> bool:
         """Return whether its processor time exceeds that of as many cores."""
         allowed = cores * (PARALLEL_SECONDS + CLOCK_SECONDS * self.n_readings)
-        return sum(self.processor) - cores * (1.0 + TOLERATED_SHARE) * float(self.totals.sum()) > allowed
+        return sum(self.processor) - cores * (1.0 + TOLERATED_SHARE) * float(self.walls.sum()) > allowed
 
     def record(self, session: int, number: int, turn: int, probe: float, is_steady: bool) -> Round:
         """Return the record of the round.
@@ -141,7 +157,7 @@ class TimedRound(Struct, frozen=True):
             solve_seconds=float(np.median(_warm(self.solve))),
             total_seconds=quartiles(_warm(self.totals)),
             repeats=len(self.totals),
-            wall_seconds=float(self.totals.sum()),
+            wall_seconds=float(self.walls.sum()),
             processor_seconds=sum(self.processor),
             involuntary_switches=self.involuntary,
             voluntary_switches=self.voluntary,

@@ -16,8 +16,8 @@ class Model:
     * ``Model.CONVEX``: the associated law, −ξ ∈ N_K(Λ) with K the friction cone; a sliding contact dilates.
     * ``Model.pyramid(k)``: Coulomb friction with the disc replaced by the inscribed regular k-gon.
     * ``Model.FRICTIONLESS``: no friction impulses.
-    * ``Model.ENGINE``: the convex program that an engine solved in a captured step, with its regularisation; the convex
-      model for all other problems.
+    * ``Model.ENGINE``: the model that an engine solved in a captured step, with its regularisation; the convex model
+      for all other problems.
     """
 
     kind: ModelKind

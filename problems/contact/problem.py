@@ -55,7 +55,7 @@ class ContactProblem:
         answer: the known parts of its solution, or ``None``.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
         keys: name of each contact, the same in all steps of a sequence; empty if contacts have no names.
-        engine: the convex program that an engine solved in this step, if it was captured.
+        engine: the model that an engine solved in this step, if the file of the step contains it.
 
     Raises:
         ProblemError: if a field has the wrong shape or a value that is not finite, or both or neither of ``matrix`` and

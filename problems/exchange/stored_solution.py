@@ -4,6 +4,7 @@ from ..arrays import FloatArray
 from ..contact.answer import Answer
 from ..contact.judge import judge
 from ..contact.problem import ContactProblem
+from ..engine_model import own_residual
 
 MAX_RESIDUAL = 1e-4
 """Largest judged residual with which stored impulses count as a solution."""
@@ -11,9 +12,12 @@ MAX_RESIDUAL = 1e-4
 RESIDUAL_KEY = "stored_solution_residual"
 """Key in the provenance: the judged residual of the stored impulses."""
 
+OWN_RESIDUAL_KEY = "stored_solution_own_residual"
+"""Key in the provenance: their residual in the own model of the engine, if the problem has one."""
+
 
 def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:
-    """Return the problem with the residual of stored impulses in its provenance.
+    """Return the problem with the residuals of stored impulses in its provenance.
 
     Args:
         problem: the problem.
@@ -21,4 +25,5 @@ def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> Conta
     """
     residual = judge(problem, impulses).residual
     known = Answer(witness=impulses) if residual <= MAX_RESIDUAL else None
-    return problem.answered(known, **{RESIDUAL_KEY: residual})
+    own = {} if problem.engine is None else {OWN_RESIDUAL_KEY: own_residual(problem.engine, impulses)}
+    return problem.answered(known, **{RESIDUAL_KEY: residual}, **own)

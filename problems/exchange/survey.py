@@ -18,7 +18,7 @@ from .fclib.files import SUFFIXES as FCLIB_SUFFIXES
 from .fclib.files import is_fclib_name, read_fclib
 from .files.problem_file import SUFFIXES, read_problem
 from .repair import ASYMMETRY, Repair
-from .stored_solution import RESIDUAL_KEY
+from .stored_solution import OWN_RESIDUAL_KEY, RESIDUAL_KEY
 
 RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled G below this fraction of the largest one count as zero."""
@@ -49,6 +49,7 @@ class Survey:
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: number of stored guesses.
         solution: judged residual of the stored impulses; ``None`` if none were written.
+        own_solution: their residual in the own model of the engine; ``None`` without such a model.
     """
 
     file: str
@@ -65,6 +66,7 @@ class Survey:
     conditioning: float
     guesses: int
     solution: float | None
+    own_solution: float | None
 
 
 def survey(path: Path) -> Survey:
@@ -75,7 +77,8 @@ def survey(path: Path) -> Survey:
     """
     problem = _read(path)
     laws, provenance = problem.laws, problem.provenance
-    rolling, residual = laws.friction_coefficient[laws.is_rolling], provenance.get(RESIDUAL_KEY)
+    rolling = laws.friction_coefficient[laws.is_rolling]
+    residual, own = (provenance.get(key) for key in (RESIDUAL_KEY, OWN_RESIDUAL_KEY))
     joints = laws.n_joint_rows
     return Survey(
         file=str(path),
@@ -92,6 +95,7 @@ def survey(path: Path) -> Survey:
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
         guesses=int(provenance.get(GUESSES, 0)),
         solution=None if residual is None else float(residual),
+        own_solution=None if own is None else float(own),
     )
 
 

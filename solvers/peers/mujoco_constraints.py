@@ -1,25 +1,30 @@
 """MuJoCo: the constraint solvers of MuJoCo, on the cone program of a contact problem or of a captured step."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
+
+import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import residual_under
+from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_option
+from ..iteration.stopping import Clock
 from .installed import check_installed
 from .mujoco_problem import TESTED_VERSION, ConstraintStage
 from .mujoco_program import program_of, unsupported_reason
-from .rounds import Call, PreparedRounds, Round
+from .rounds import TIME_SHARE
 
 Algorithm = Literal["Newton", "CG", "PGS"]
 
-FIRST_TOLERANCE, TIGHTENING = 1e-2, 1e-3
-"""MuJoCo's tolerance of the cost in the first round, and the factor that reduces it after each round that meets it.
+OWN_TOLERANCES = (*(10.0**-digits for digits in range(2, 17)), 1e-30)
+"""MuJoCo's tolerances of the cost, in the order of the calls; only rounding ends a call with the last one."""
 
-They do not depend on the tolerance of the solve, so that a solve with a smaller tolerance has the same iterates.
-"""
+FIRST_ITERATIONS, GROWTH = 100, 10
+"""Largest number of iterations of the first call, and its factor after a call that does not meet its own tolerance."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,9 @@ class MuJoCo(Method):
 
     In a captured step they solve the program of the engine, with the A, R, b and cones that the problem holds, and
     ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there refers to this program.
+
+    A solve calls ``mj_fwdConstraint`` from the same start with ever smaller tolerances of MuJoCo, until the judge's
+    residual reaches the tolerance of the solve. ``proxbench run`` counts the time of the call that reaches it, alone.
 
     Attributes:
         algorithm: ``"Newton"``, ``"CG"`` or ``"PGS"``.
@@ -67,26 +75,85 @@ class MuJoCo(Method):
         return PreparedMuJoCo(problem, self)
 
 
-class PreparedMuJoCo(PreparedRounds):
-    """MuJoCo's constraint stage prepared for one problem."""
+@dataclass(frozen=True)
+class _Answer:
+    """The answer of one call, or the start of a solve.
 
-    first_iterations, growth = 100, 10.0
+    Attributes:
+        impulses: Λ [N s], shape (n_rows,).
+        residual: the judge's residual in the model of the solver.
+        iterations: iterations of the call, for a start of the last call.
+        seconds: wall time of ``mj_fwdConstraint`` [s]; None for a start.
+    """
+
+    impulses: FloatArray
+    residual: float
+    iterations: int = 0
+    seconds: float | None = None
+
+
+class PreparedMuJoCo:
+    """MuJoCo's constraint stage prepared for one problem.
+
+    Attributes:
+        problem: the problem.
+        residual: its residual in the model of the solver.
+        library_seconds: wall time of ``mj_fwdConstraint`` in the call whose answer the last solve returned [s]; None if
+            that is the start of the solve.
+    """
 
     def __init__(self, problem: ContactProblem, options: MuJoCo) -> None:
-        super().__init__(problem)
-        self.residual = residual_under(problem, Model.ENGINE)
+        self.problem, self.residual = problem, residual_under(problem, Model.ENGINE)
+        self.library_seconds: float | None = None
         self._stage = ConstraintStage(program_of(problem, options.impedance), options.algorithm)
+        self._stage.run(OWN_TOLERANCES[0], iterations=1)  # the first call maps the memory of the stage
 
-    def begin(self, max_seconds: float) -> Call:
-        """Return the call; Newton and CG start from the accelerations of given impulses, PGS from zero."""
-        stage, own = self._stage, FIRST_TOLERANCE
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Solve to the judge's residual; the observer is ignored.
 
-        def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
-            nonlocal own
-            stage.start(impulses)
-            stage.run(own, iterations)
-            done = stage.iterations
-            own *= TIGHTENING if done < iterations else 1.0
-            return Round(stage.impulses, max(done, 1), done < iterations)
+        Newton and CG start from the accelerations that the impulses of ``start`` cause, PGS from zero.
+        """
+        self.library_seconds = None
+        if self.residual.infeasible:
+            return infeasible_solution(self.problem)
+        first = initial_impulses(self.problem, self.residual, start)
+        best, status = self._search(stop, _Answer(first, self.residual.judged(self.problem, first)))
+        self.library_seconds = best.seconds
+        reason = "" if status is Status.SOLVED else f"residual {best.residual:.1e}"
+        if status is Status.STALLED:
+            reason = f"its own tolerance {OWN_TOLERANCES[-1]:.0e} is met, but the residual is {best.residual:.1e}"
+        return Solution(best.impulses, status, best.iterations, reason)
 
-        return call
+    def _search(self, stop: Stop, start: _Answer) -> tuple[_Answer, Status]:
+        """Return the best answer of calls with ever smaller tolerances of MuJoCo, and how they end."""
+        clock, best, level, planned, pace = Clock(stop.max_seconds), start, 0, FIRST_ITERATIONS, 0.0
+        while best.residual > stop.tolerance:
+            if level == len(OWN_TOLERANCES):
+                return best, Status.STALLED
+            count = min(planned, stop.max_iterations)
+            if pace > 0.0:
+                count = min(count, int(TIME_SHARE * clock.remaining / pace))
+            if count < 1:
+                return best, Status.TIME_LIMIT if stop.max_iterations else Status.ITERATION_LIMIT
+            answer, pace = self._call(start.impulses, OWN_TOLERANCES[level], count)
+            if not np.isfinite(answer.impulses).all():
+                return best, Status.DIVERGED
+            if answer.residual < best.residual:
+                best = answer
+            elif best is start:
+                best = start = replace(start, iterations=answer.iterations)
+            if answer.iterations < count:
+                level += 1
+            elif count < stop.max_iterations:
+                planned *= GROWTH
+            elif best.residual > stop.tolerance:
+                return best, Status.ITERATION_LIMIT
+        return best, Status.SOLVED
+
+    def _call(self, start: FloatArray, tolerance: float, iterations: int) -> tuple[_Answer, float]:
+        """Return the answer of one call from ``start`` to MuJoCo's ``tolerance``, and the time of an iteration [s]."""
+        stage = self._stage
+        stage.start(start)
+        seconds = stage.run(tolerance, iterations)
+        impulses, done = stage.impulses, max(stage.iterations, 1)
+        return _Answer(impulses, self.residual.judged(self.problem, impulses), done, seconds), seconds / done

@@ -10,14 +10,14 @@ from proxbench.problems import ContactProblem, Model, ProblemError, judge, load,
 from proxbench.problems.contact.transformations import duplicated, in_units, permuted, rotated
 from proxbench.problems.engine_model import EngineModel, EngineSet, judge_own_model, own_residual
 
-LINE, INTERVAL, HALF_LINE, CONE = EngineSet
+LINE, INTERVAL, HALF_LINE, CONE, COULOMB_CONE = EngineSet
 
 
 def model_of(
     kinds: list[EngineSet], offset: list[float], bound: float = 0.0, coefficient: float = 1.0, unit: float = 1.0
 ) -> EngineModel:
     n_rows = len(offset)
-    widths = [3 if kind == CONE else 1 for kind in kinds]
+    widths = [3 if kind in (CONE, COULOMB_CONE) else 1 for kind in kinds]
     is_friction = np.concatenate([np.arange(width) > 0 for width in widths])
     b = unit * np.array(offset)
     return EngineModel(
@@ -66,6 +66,14 @@ def test_an_elliptic_cone(offset: list[float], solution: list[float], unit: floa
     model = model_of([CONE], offset, coefficient=0.5, unit=unit)
     assert judge_own_model(model, solution) < 1e-15
     assert judge_own_model(model, [solution[0], solution[1] + 0.1, solution[2]]) > 1e-3
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 1e6])
+def test_a_cone_of_coulombs_law_slides_against_the_velocity_and_does_not_separate(unit: float) -> None:
+    model = model_of([COULOMB_CONE], [-1.0, 3.0, 4.0], coefficient=0.5, unit=unit)
+    assert judge_own_model(model, [1.0, -0.3, -0.4]) < 1e-15
+    assert judge_own_model(model, [2.8, -0.84, -1.12]) > 0.1  # the solution of the elliptic cone
+    assert judge_own_model(model_of([COULOMB_CONE], [-5.0, 1.0, 1.0], coefficient=0.5), [5.0, -1.0, -1.0]) < 1e-15
 
 
 def test_forces_that_are_not_finite_have_an_infinite_residual() -> None:

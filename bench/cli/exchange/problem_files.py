@@ -30,16 +30,16 @@ Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Prob
 def info(sources: Sources, as_json: options.Json = False) -> int:
     """Show sizes, ranks, friction and conditioning of problem files.
 
-    Captured steps also show the residuals of the engine's forces.
+    Steps with the own model of an engine also show the residuals of its forces.
 
     The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from dataclasses import asdict
 
-    from ....problems.exchange.survey import problem_files, survey
+    from ....problems.exchange.survey import problem_files
     from ...report.layout.text import print_json
 
-    found, broken = _apply(sources, problem_files, lambda file, _: (survey(file), _engine(file)))
+    found, broken = _apply(sources, problem_files, lambda file, _: _described(file))
     if as_json:
         # a condition number may be infinite, which JSON cannot represent
         rows = [
@@ -53,15 +53,19 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     return int(bool(broken))
 
 
-def _engine(file: Path) -> dict[str, Any] | None:
-    """Return the quality of the engine's forces in a captured step as JSON values, ``None`` for other files."""
+def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
+    """Return the description of a file, and the quality of the engine's forces as JSON values, if it has its model."""
     from ....problems.capture.files import has_step, read_step
+    from ....problems.exchange.survey import survey
     from .capture import engine_quality
 
-    if not has_step(file):
-        return None
-    step = read_step(file)
-    return {"name": step.engine.name, **engine_quality(step)}
+    found = survey(file)
+    if has_step(file):
+        step = read_step(file)
+        return found, {"name": step.engine.name, **engine_quality(step)}
+    if found.own_solution is None:
+        return found, None
+    return found, {"own model": found.own_solution, "Coulomb": found.solution}
 
 
 def import_files(
@@ -276,9 +280,7 @@ def _print_surveys(found: Sequence["Survey"], engines: Sequence[dict[str, Any] |
         "solution: judged residual of the stored impulses"
     )
     if tracks:
-        print(
-            "own model: residual of the engine's forces in the convex program that it solves; Coulomb: judged residual"
-        )
+        print("own model: residual of the engine's forces in the model that it solves; Coulomb: judged residual")
 
 
 def _range(ends: tuple[float, float]) -> str:

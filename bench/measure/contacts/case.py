@@ -92,6 +92,7 @@ class Case(LadderCase[MeasuredRound]):
         """Store the plan of the case and its previous measurements."""
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
+        self.is_built_in = solver.is_built_in
         self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._before = before
@@ -304,7 +305,8 @@ class Case(LadderCase[MeasuredRound]):
             raise invalid_answer_fault()
         began = time.monotonic()
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
-        return TimedRound.read(answer, time.monotonic() - began).undisturbed_seconds
+        passed = time.monotonic() - began
+        return TimedRound.read(answer, passed, self.solver.is_built_in).undisturbed_seconds
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve for which the solver reports ``claimed``.

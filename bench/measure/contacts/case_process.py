@@ -59,15 +59,17 @@ class TimedSolve:
     Attributes:
         solution: the solution, with a copy of its impulses.
         prepare: wall seconds of ``prepare`` [s].
-        solve: wall seconds of ``solve`` and of copying its impulses [s].
+        solve: wall seconds of ``solve`` and of copying its impulses, or of the library of an external solver alone [s].
         processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
             an executable [s].
+        beside: wall seconds of ``solve`` and of copying beside the library [s].
     """
 
     solution: Solution
     prepare: float
     solve: float
     processor: float
+    beside: float
 
 
 @dataclass
@@ -78,11 +80,13 @@ class Measurement:
         problem: the problem; at first a perturbed copy, to warm up on.
         solver: the solver.
         before: state of the process before the solver was created.
+        times_library: whether the ``library_seconds`` of a prepared solver count as the time of its solve.
     """
 
     problem: ContactProblem
     solver: Solver
     before: ProcessState = field(default_factory=ProcessState.now)
+    times_library: bool = False
 
     def unsupported_reason(self) -> str:
         """Return why the solver does not support the problem; empty if it does."""
@@ -220,7 +224,9 @@ class Measurement:
             if collecting:
                 gc.enable()
         raise_fault(solution_fault(problem, solution))
-        return TimedSolve(replace(solution, impulses=impulses), ready - began, done - ready, worked)
+        library = getattr(prepared, "library_seconds", None) if self.times_library else None
+        solve = done - ready if library is None else library
+        return TimedSolve(replace(solution, impulses=impulses), ready - began, solve, worked, done - ready - solve)
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
@@ -253,7 +259,8 @@ class MeasuringTask:
     @cached_property
     def _measurement(self) -> Measurement:
         before = ProcessState.now()
-        return Measurement(_problem(self.problem_data), self.solver_spec.make(), before)
+        spec = self.solver_spec
+        return Measurement(_problem(self.problem_data), spec.make(), before, times_library=spec.is_built_in)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request, by its name and arguments.
@@ -314,6 +321,7 @@ def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> Timed
         [one.solve for one in solves],
         [one.processor for one in solves],
         *switches,
+        [one.beside for one in solves] if any(one.beside for one in solves) else [],
     )
 
 

@@ -53,7 +53,7 @@ class ClockAccount:
         """
         self._n_solves += len(timed.totals)
         self._n_rounds += 1
-        self._on_clock += float(np.maximum(timed.totals, timed.processor).sum())
+        self._on_clock += float(np.maximum(timed.walls, timed.processor).sum())
         self._worked += worked
         while self._worked > self._explained() and self._calibrations < MAX_CALIBRATIONS:
             self._calibrations += 1

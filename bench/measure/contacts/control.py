@@ -288,7 +288,7 @@ class Controls:
         passed = time.monotonic() - began
         if not self._can_fork:
             self.close()
-        return TimedRound.read(answer, passed), numbers_of(content)
+        return TimedRound.read(answer, passed, self.solver.is_built_in), numbers_of(content)
 
 
 def _compared(solve: ControlSolve, seconds: float, again: Callable[[], float]) -> ControlSolve:

@@ -22,7 +22,7 @@ from .methods import Method
 from .task import TrajectoryTask
 
 
-class SimulationRound(TimedRound, frozen=True):
+class SimulationRound(TimedRound, frozen=True, kw_only=True):
     """The result of one simulation from its process: a round of one "solve", whose iterations are one-step solves.
 
     Attributes:

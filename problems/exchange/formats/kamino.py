@@ -2,25 +2,33 @@
 
     D, P, v_f, mu, njc, nbc, nl, nc    of ``solver._solver_kamino._problem_fd.data``, each with ``.numpy()``
     bound_lower, bound_upper           of the same, if there are bounded multipliers, shape (nbc,)
-    compliance                         of the same, if contacts or limits are compliant; D contains it
+    compliance                         of the same, if contacts or limits are compliant; D contains it, see below
     lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, judged
 
 D, shape (n, n) or (n·n,), and v_f, shape (n,), are scaled by the diagonal preconditioner P: with G and c in physical
 units, D = P G P and v_f = P c. Dump them before the solve, which adds its penalty to the diagonal of D. The rows
 belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc), with T1, T2, N for each contact. A
 bounded multiplier is the friction or the limited effort of a joint, |λ| ≤ b; its bounds are b/P.
+
+The compliance R [1/kg], shape (n,), is physical: D = P (G + diag R) P. It lets a contact or limit approach at −R λ, so
+v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard contacts; G + diag R
+with Coulomb friction is the own model of Kamino.
+
 Arrays may be longer than their content, as Kamino allocates them; lambdas are physical impulses [N s]. Source: Newton
 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray
 from ...contact.laws import LawKind, Laws
 from ...contact.problem import ContactProblem
+from ...engine_model import EngineModel, EngineSet
 from ...errors import ProblemError
 from ..repair import Repair
 from ..stored_solution import with_stored_solution
@@ -34,6 +42,14 @@ SINGLE_PRECISION = 1e-4
 
 ARRAYS = ("D", "v_f", "mu", *COUNTS)
 """Names of the arrays that a dump must have, apart from defaults."""
+
+_SETS = {
+    LawKind.BILATERAL: EngineSet.LINE,
+    LawKind.PLANAR_FRICTION: EngineSet.INTERVAL,
+    LawKind.SPATIAL_FRICTION: EngineSet.INTERVAL,
+    LawKind.UNILATERAL: EngineSet.HALF_LINE,
+}
+"""Sets of the rows of a law in the own model of Kamino; a contact without friction has intervals of length 0."""
 
 
 def recognises(arrays: Arrays) -> bool:
@@ -49,7 +65,8 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
         repair: how an asymmetric or indefinite D is read.
 
     Raises:
-        ProblemError: if an array is missing or does not match the others, or the bounds of a multiplier are not ±b.
+        ProblemError: if an array is missing or does not match the others, the bounds of a multiplier are not ±b, or a
+            compliance is negative or not part of D.
     """
     for name in ("D", "v_f"):
         if name not in arrays:
@@ -66,10 +83,14 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     order = normal_first(contacts, joints + bounded + limits)
     c = _first(arrays, "v_f", n) / scale
     notes: dict[str, Any] = {"source": "Kamino"}
-    if "compliance" in arrays:
-        notes["largest_compliance"] = float(_first(arrays, "compliance", n).max(initial=0.0))
+    compliance = _compliance(arrays, delassus.diagonal())
+    if compliance.any():
+        notes["largest_compliance"] = float(compliance.max())
     # D has single precision, which determines the tolerances
-    problem = problem_of_delassus(delassus.astype(np.float32), c, mu, order, repair, laws=laws, **notes)
+    hard = (delassus - np.diag(compliance)).astype(np.float32)
+    problem = problem_of_delassus(hard, c, mu, order, repair, laws=laws, **notes)
+    if compliance.any():
+        problem = replace(problem, engine=_own_model(problem, compliance[order]))
     if "lambdas" not in arrays:
         return problem
     impulses = stored_impulses(arrays["lambdas"].ravel()[:n], n)[order]
@@ -91,10 +112,57 @@ def _bounded_laws(arrays: Arrays, count: int, scale: FloatArray) -> Laws:
     return Laws.in_order(kind, np.zeros(count), upper * scale, none)
 
 
+def _compliance(arrays: Arrays, diagonal: FloatArray) -> FloatArray:
+    """Return the compliance of each row [1/kg], zeros if there is none.
+
+    Raises:
+        ProblemError: if it is negative, or larger than the diagonal of D in physical units.
+    """
+    if "compliance" not in arrays:
+        return np.zeros(len(diagonal))
+    found = _first(arrays, "compliance", len(diagonal))
+    if not (found >= 0.0).all():
+        raise ProblemError("'compliance' must not be negative or NaN.")
+    if (found > (1.0 + SINGLE_PRECISION) * diagonal).any():
+        raise ProblemError("'compliance' exceeds the diagonal of D, which contains it; dump both before one solve.")
+    return found
+
+
+def _own_model(problem: ContactProblem, compliance: FloatArray) -> EngineModel:
+    """Return Kamino's own model, Coulomb friction on G + diag R, over impulses instead of forces."""
+    laws, size = problem.laws, problem.n_rows
+    kinds: list[EngineSet] = []
+    coefficient, bound, starts = np.ones(size), np.zeros(size), []
+    for law in range(len(laws.kind)):
+        rows = laws.first_row[law] + np.arange(laws.row_count[law])
+        if laws.partner[law] >= 0 and laws.friction_coefficient[law] > 0.0:
+            kinds[-1], coefficient[rows] = EngineSet.COULOMB_CONE, laws.friction_coefficient[law]
+            continue
+        kinds += len(rows) * [_SETS[LawKind(laws.kind[law])]]
+        starts += rows.tolist()
+        bound[rows] = laws.fixed_bound[law]
+    return EngineModel(
+        name="Kamino",
+        matrix=problem.delassus(),
+        regularisation=compliance,
+        offset=problem.free_velocity,
+        scale=float(np.abs(problem.free_velocity).max(initial=0.0)),
+        kind=np.array(kinds, dtype=np.int8),
+        first_row=np.array(starts),
+        coefficient=coefficient,
+        bound=bound,
+        combination=sp.csr_array(sp.eye_array(size)),
+        time_step=1.0,
+    )
+
+
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
-    """Raise ``ProblemError`` if G Λ + c differs from the velocity of Kamino by more than single precision."""
+    """Raise ``ProblemError`` if (G + diag R) Λ + c differs from Kamino's velocity by more than single precision."""
     terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
-    off = float(np.abs(problem.relative_velocity(impulses) - velocity).max(initial=0.0))
+    found = problem.relative_velocity(impulses)
+    if problem.engine is not None:
+        found = problem.engine.gradient(impulses)
+    off = float(np.abs(found - velocity).max(initial=0.0))
     if off > SINGLE_PRECISION * float(terms.max(initial=0.0)):
         raise ProblemError(
             f"D λ + v_f differs from v_plus by {off:.1e}; dump D before the solve, which changes its diagonal."

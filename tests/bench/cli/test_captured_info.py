@@ -92,3 +92,18 @@ def test_damaged_data_of_an_engine_are_one_sentence(file: Path, capsys: Capture)
     np.savez(file, **arrays)
     assert run_command(["info", str(file)]) == 2
     assert capsys.readouterr().err == f"proxbench: the captured data of {file} are damaged; capture it again.\n"
+
+
+def test_a_file_with_the_own_model_of_an_engine_shows_both_residuals_of_its_impulses(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    """A contact of Kamino with compliance 1 carries half the impulse of a hard one."""
+    path = tmp_path / "soft.npz"
+    arrays = {"D": np.diag([1.0, 1.0, 2.0]), "v_f": np.array([0.0, 0.0, -1.0]), "mu": np.array([0.5])}
+    np.savez(path, **arrays, compliance=np.array([0.0, 0.0, 1.0]), lambdas=np.array([0.0, 0.0, 0.5]))
+    assert run_command(["info", str(path)]) == 0
+    heads, row, *_ = capsys.readouterr().out.splitlines()
+    assert heads.split()[-4:] == ["own", "model", "Coulomb", "file"]
+    assert row.split()[-3:] == ["0.0e+00", "5.0e-01", str(path)]
+    assert run_command(["info", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"][0]["engine"] == {"own model": 0.0, "Coulomb": 0.5}

@@ -77,6 +77,28 @@ def test_what_is_no_round_is_refused(changes: dict[str, Any]) -> None:
         read(**changes)
 
 
+def test_work_beside_the_library_is_no_time_of_a_solve_and_no_preemption() -> None:
+    """Judging takes 30 ms of each solve; without them, the processor time would look like that of four cores."""
+    changes: dict[str, Any] = {**PLAIN, "beside": [0.030, 0.030], "processor": [0.040, 0.042]}
+    timed = TimedRound.read(changes, wall_seconds=1.0, is_built_in=True)
+    assert timed.totals.tolist() == read().totals.tolist()
+    assert not timed.is_preempted
+    assert not timed.exceeds(1)
+    record = timed.record(0, 0, 0, 1e-4, is_steady=True)
+    assert (record.solve_seconds, record.wall_seconds) == pytest.approx((0.011, 0.082))
+    lost = TimedRound.read({**changes, "processor": [0.010, 0.012], "involuntary": 1}, 1.0, is_built_in=True)
+    assert lost.is_preempted
+    with pytest.raises(Fault, match=r"counted 0\.082 s of solving in 0\.05 s"):
+        TimedRound.read(changes, wall_seconds=0.05, is_built_in=True)
+
+
+def test_a_plugin_cannot_take_time_off_its_solves() -> None:
+    with pytest.raises(Fault, match="invalid"):
+        read(beside=[0.001, 0.001])
+    with pytest.raises(Fault, match="invalid"):
+        TimedRound.read({**PLAIN, "beside": [0.001]}, wall_seconds=1.0, is_built_in=True)
+
+
 def test_a_clock_that_counts_more_than_passed_is_refused() -> None:
     with pytest.raises(Fault, match=r"counted 0\.022 s of solving in 0\.01 s"):
         TimedRound.read(PLAIN, wall_seconds=0.01)

@@ -1,16 +1,22 @@
 """MuJoCo's constraint solvers solve the convex program of a problem: of a captured step, that of its engine."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from proxbench.bench.measure.contacts.protocol import MeasuringTask
 from proxbench.bench.measure.contacts.variants import perturbed_copy
+from proxbench.bench.plugins.solver_specs import built_in
 from proxbench.problems import ContactProblem, LawKind, Laws, Model, judge, load
 from proxbench.problems.capture.files import read_step
 from proxbench.problems.capture.sequence import CaptureOptions, capture
 from proxbench.problems.capture.step import CapturedStep
+from proxbench.problems.exchange.files.problem_file import problem_bytes
 from proxbench.solvers import SolverError, Status, Stop, create
-from proxbench.solvers.peers.mujoco_constraints import Algorithm, MuJoCo
+from proxbench.solvers.peers.mujoco_constraints import OWN_TOLERANCES, Algorithm, MuJoCo
+from proxbench.solvers.peers.mujoco_problem import ConstraintStage
+from proxbench.solvers.peers.mujoco_program import program_of
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 
@@ -87,6 +93,46 @@ def test_a_residual_below_the_compliance_is_not_claimed() -> None:
     solution = MuJoCo().prepare(problem).solve(Stop(1e-6, max_iterations=1000, max_seconds=10.0))
     assert solution.status == Status.STALLED
     assert "its own tolerance" in solution.message
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_the_answer_and_its_time_are_those_of_one_call_of_the_constraint_stage(
+    captured: CapturedStep, algorithm: Algorithm
+) -> None:
+    problem = captured.problem
+    prepared = MuJoCo(algorithm).prepare(problem)
+    solution = prepared.solve(Stop(1e-6, max_iterations=5000, max_seconds=20.0))
+    seconds = prepared.library_seconds
+    stage = ConstraintStage(program_of(problem, 0.95), algorithm)
+    for own in OWN_TOLERANCES:
+        stage.start(np.zeros(problem.n_rows))
+        alone = min(stage.run(own, 5000) for _ in range(3))
+        if judge(problem, stage.impulses, Model.ENGINE).residual <= 1e-6:
+            break
+    assert np.array_equal(stage.impulses, solution.impulses)
+    assert solution.iterations == max(stage.iterations, 1)
+    assert seconds is not None
+    assert 0.0 < seconds < 1.0
+    assert alone < 1.0
+
+
+def test_a_run_counts_the_time_of_the_constraint_stage_alone(captured: CapturedStep) -> None:
+    data = problem_bytes(captured.problem)
+    task = MeasuringTask(data, built_in("MuJoCo"))
+    answer, _ = task.answer("round", (Stop(1e-6, max_iterations=5000, max_seconds=20.0), 0.0))
+    (solve,), (beside,) = answer["solve"], answer["beside"]
+    assert 0.0 < solve < beside  # a judgement alone takes longer
+    carried = MeasuringTask(data, replace(built_in("MuJoCo"), source="a plugin"))
+    answer, _ = carried.answer("round", (Stop(1e-6, max_iterations=5000, max_seconds=20.0), 0.0))
+    assert answer["beside"] == []
+
+
+def test_a_solve_ends_at_its_limits() -> None:
+    prepared = MuJoCo("PGS", 0.999).prepare(load("funnel-30"))
+    limited = prepared.solve(Stop(1e-12, max_iterations=3, max_seconds=10.0))
+    assert (limited.status, limited.iterations) == (Status.ITERATION_LIMIT, 3)
+    late = prepared.solve(Stop(1e-12, max_iterations=10**6, max_seconds=1e-9))
+    assert late.status == Status.TIME_LIMIT
 
 
 def test_the_same_start_gives_the_same_bits() -> None:

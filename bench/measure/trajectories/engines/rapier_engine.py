@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from .....problems.arrays import FloatArray
 from .description import BodyStates, Description
+from .solved_problem import SolvedProblem, solved_problem
 
 
 class RapierEngine:
@@ -23,8 +25,13 @@ class RapierEngine:
         if "friction_model" in options:
             parameters.friction_model = getattr(rapier.FrictionModel, options["friction_model"])
 
+        self.description, self.time_step = description, time_step
+        self.reports_friction = options.get("friction_model") == "COULOMB"
+        self._colliders: list[Any] = []
+
         def add(collider: Any, parent: Any = None) -> None:
-            self.world.add_collider(collider.friction(description.friction).restitution(0.0), parent)
+            collider = collider.friction(description.friction).restitution(0.0)
+            self._colliders.append(self.world.add_collider(collider, parent))
 
         if description.has_floor:
             add(rapier.Collider.halfspace((0.0, 0.0, 1.0)))
@@ -32,10 +39,12 @@ class RapierEngine:
             x, y, z, w = map(float, panel.quaternion)
             pose = rapier.Isometry3(tuple(map(float, panel.centre)), rapier.Rotation3(w, x, y, z))
             add(rapier.Collider.cuboid(*panel.half).position(pose))
-        self.bodies = []
+        self.bodies: list[Any] = []
+        self._handles: list[Any] = []
         for body in description.bodies:
             builder = rapier.RigidBody.dynamic().translation(body.position).linvel(body.velocity).can_sleep(False)
             handle = self.world.add_body(builder.build())
+            self._handles.append(handle)
             shape = rapier.Collider.cuboid(*3 * [body.half]) if body.is_cube else rapier.Collider.ball(body.half)
             add(shape.mass(body.mass), handle)
             self.bodies.append(self.world.rigid_bodies.get(handle))
@@ -54,10 +63,46 @@ class RapierEngine:
         )
 
     def remember(self) -> None:
-        """Store nothing: Rapier does not report the directions of friction impulses."""
+        """Store the state before a step."""
+        if self.reports_friction:
+            self.world.detect_collisions()  # moves the colliders to their bodies
+            self._before = self.states()
+            self._places = {handle: self.world.colliders.get(handle).position for handle in self._colliders}
 
-    def solved_problem(self) -> None:
-        """Return None; see ``remember``."""
+    def solved_problem(self) -> SolvedProblem | None:
+        """Return the problem of the last step; None for the default friction, whose impulses Rapier does not report."""
+        if not self.reports_friction:
+            return None
+        number = {body: k for k, body in enumerate(self._handles)}
+        names = "body_1", "body_2", "point", "normal", "distance", "tangent"
+        columns: dict[str, list[Any]] = {name: [] for name in names}
+        impulses = []
+        for pair in self.world.narrow_phase.contact_pairs():
+            one, two = self._places[pair.collider1], self._places[pair.collider2]
+            for manifold in pair.manifolds:
+                data = manifold.data
+                bodies = (number.get(body, -1) for body in (data.rigid_body1, data.rigid_body2))
+                of_all = (*bodies, np.array([*data.normal]), _first_tangent(*data.normal))
+                for point in manifold.points:
+                    ends = (one.transform_point(point.local_p1), two.transform_point(point.local_p2))
+                    middle = np.mean([[*end] for end in ends], axis=0)
+                    values = (*of_all[:2], middle, of_all[2], point.dist, of_all[3])
+                    for name, value in zip(names, values, strict=True):
+                        columns[name].append(value)
+                    first, second = point.tangent_impulse
+                    impulses.append((point.impulse, first, -second))
+        return solved_problem(self.description, self._before, self.time_step, columns, np.array(impulses))
+
+
+def _first_tangent(x: float, y: float, z: float) -> FloatArray:
+    """Return the direction of Rapier's first friction impulse on body 2; it depends on the normal alone.
+
+    Rapier's basis is that of −n: with s the sign of −n_z and a = −1/(s − n_z), its first vector is
+    (n_x n_y a, s + n_y² a, n_y) on body 1. Its impulses act halfway between the two points of a contact.
+    """
+    sign = np.copysign(1.0, -z)
+    scale = -1.0 / (sign - z)
+    return np.array([-x * y * scale, -sign - y * y * scale, -y])
 
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> RapierEngine:

@@ -132,6 +132,15 @@ def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock
     assert times(measured_round(Timed(clock, 0.25, 0.5), STOP, 0.0)) == [(0.25, 0.5)]
 
 
+@pytest.mark.parametrize("times_library", [False, True])
+def test_the_time_of_a_library_counts_alone_for_an_adapter_of_proxbench(clock: Clock, times_library: bool) -> None:
+    solver = Timed(clock, 0.25, 0.5)
+    solver.library_seconds = 0.125  # type: ignore[attr-defined]
+    found = Measurement(load("hard-counterexample"), solver, times_library=times_library).round(STOP, 0.0)[0]
+    assert times(found) == [(0.25, 0.125 if times_library else 0.5)]
+    assert found.beside == ([0.375] if times_library else [])
+
+
 def test_a_solver_that_does_nothing_is_charged_one_reading_of_the_clock_for_each_part(clock: Clock) -> None:
     clock.reading = 0.125
     assert times(measured_round(Timed(clock), STOP, 0.0)) == [(0.125, 0.125)]

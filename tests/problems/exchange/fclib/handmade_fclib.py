@@ -120,3 +120,31 @@ def write_data(path: Path, data: Data, **changes: Any) -> Path:
             else:
                 file[name] = value
     return path
+
+
+def write_as_siconos(path: Path, form: str) -> Path:
+    """Write the local or global problem with everything that files of Siconos in the public library contain.
+
+    Matrices may state an nzmax beyond the length of their arrays, texts have a fixed length and may be empty, W has
+    attributes that are not numbers, a guess has no v, and r and v of the solution are reserved and never written.
+    """
+    data = local_data("rows") if form == "local" else global_data("triplets")
+    write_data(path, data)
+    with h5py.File(path, "r+") as file:
+        root = file[f"fclib_{form}"]
+        for name, text in (("title", "Box_stacks"), ("description", "\nBox stacks\nh=0.01\n"), ("math_info", "")):
+            root[f"info/{name}"] = np.bytes_(text or b"\0")
+        if form == "local":
+            root["info"].attrs["numberOfInvolvedDS"] = np.int32(2)
+            root["W"].attrs.update({"cond": np.nan, "cond_lsmr": 14.6, "rank": np.int32(6), "symmetry": np.False_})
+        else:
+            for name in "MH":
+                root[name]["nzmax"][...] = 2 * root[name]["nzmax"][:]
+        file["guesses/number_of_guesses"] = np.array([1], dtype=np.int32)
+        for group in ("guesses/1", "solution"):
+            file[f"{group}/u"] = np.zeros(6)
+        file["guesses/1/r"] = np.zeros(6)
+        file["solution"].create_dataset("r", (6,), np.float64)
+        for group in ("guesses/1", "solution") if form == "global" else ():
+            file[group].create_dataset("v", (6,), np.float64)
+    return path

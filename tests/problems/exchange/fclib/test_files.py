@@ -7,9 +7,10 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from handmade_fclib import IMPULSES, MU, F, H, M, Q, W, local_data, matrix_data, write_data
+from handmade_fclib import IMPULSES, MU, F, H, M, Q, W, local_data, matrix_data, write_as_siconos, write_data
 from proxbench.problems import ContactProblem, Laws, ProblemError, judge, load, read_fclib, save_problem, write_fclib
 from proxbench.problems.exchange.fclib.contents import DIGEST
+from proxbench.problems.exchange.survey import survey
 from proxbench.problems.hard import hard_case
 
 SHIPPED = Path(__file__).parent / "files"
@@ -25,6 +26,17 @@ def test_every_storage_is_the_same_problem_with_the_known_solution(form: str) ->
         assert np.array_equal(problem.laws.friction_coefficient[1::2], MU)
         assert np.array_equal(problem.free_velocity, Q)
         assert np.abs(problem.delassus().toarray() - W).max() < 1e-15
+
+
+@pytest.mark.parametrize("form", ["local", "global"])
+def test_a_file_with_the_structure_of_public_ones_is_the_same_problem(form: str, tmp_path: Path) -> None:
+    """The public library states no licence, so that none of its files is among those of the tests."""
+    problem = read_fclib(write_as_siconos(tmp_path / "public.hdf5", form))
+    assert problem.digest == read_fclib(SHIPPED / f"{form}-rows.hdf5").digest
+    assert problem.provenance["title"] == "Box_stacks"
+    assert problem.answer is None
+    found = survey(tmp_path / "public.hdf5")
+    assert (found.guesses, found.solution, found.contacts) == (1, None, 2)
 
 
 def test_a_global_problem_becomes_factors_and_a_local_one_a_delassus_matrix() -> None:

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.problems import ProblemError, judge
+from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge, load, save_problem
 from proxbench.problems.exchange.formats.kamino import problem_of_arrays
 from proxbench.problems.exchange.repair import Repair
 from proxbench.solvers import solve
+from proxbench.solvers.peers.mujoco_program import unsupported_reason
 
 DUMP = dict(np.load(Path(__file__).parent / "files" / "kamino-stack.npz"))
 EXPECTED = float(DUMP.pop("natural_map"))
@@ -97,6 +98,77 @@ def test_bounded_multipliers_are_friction_with_bounds_in_physical_units() -> Non
         problem_of_arrays({name: value for name, value in arrays.items() if name != "bound_lower"}, Repair())
 
 
+def compliant_dump(with_answer: bool = True) -> dict[str, Any]:
+    """Return the dump of a joint, a limit and two contacts, one without friction, and of Kamino's model of them."""
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(8, 8))
+    G, c = root @ root.T + np.eye(8), rng.normal(size=8)
+    c[[4, 7]] -= 2.0
+    scale, compliance = rng.uniform(0.5, 2.0, 8), np.array([0.0, 0.5, 0.0, 0.0, 2.0, 0.0, 0.0, 0.25])
+    order = np.array([0, 1, 4, 2, 3, 7, 5, 6])
+    laws = Laws.together([Laws.joints(1), Laws.contacts(0.0, 1, 1), Laws.contacts([0.5, 0.0], 3, 2)])
+    D = G + np.diag(compliance)
+    soft = ContactProblem.from_delassus(D[order][:, order], c[order], laws=laws)
+    answer = np.zeros(8)
+    answer[order] = solve(soft, tolerance=1e-10).impulses
+    arrays = {
+        "D": scale[:, None] * D * scale,
+        "P": scale,
+        "v_f": scale * c,
+        "mu": np.array([0.5, 0.0]),
+        "njc": np.array(1),
+        "nl": np.array(1),
+        "compliance": compliance,
+    }
+    return arrays | ({"lambdas": answer, "v_plus": D @ answer + c} if with_answer else {})
+
+
+def test_a_compliant_dump_is_the_hard_problem_with_kaminos_own_model() -> None:
+    """A solution of Coulomb's law on G + R solves the own model, and not the problem of hard contacts."""
+    dump = compliant_dump()
+    problem = problem_of_arrays(dump, Repair())
+    order = [0, 1, 4, 2, 3, 7, 5, 6]
+    hard = dump["D"] / np.outer(dump["P"], dump["P"]) - np.diag(dump["compliance"])
+    np.testing.assert_allclose(problem.delassus().toarray(), hard[order][:, order], rtol=1e-6, atol=1e-6)
+    impulses = dump["lambdas"][order]
+    assert impulses[[1, 2]].min() > 0.0
+    assert judge(problem, impulses, Model.ENGINE).residual <= 1e-5
+    assert judge(problem, impulses).residual > 0.05
+    assert judge(problem, 1.1 * impulses, Model.ENGINE).residual > 0.05
+    assert problem.provenance["stored_solution_own_residual"] <= 1e-5
+    assert problem.provenance["largest_compliance"] == 2.0
+    solution = solve(problem, tolerance=1e-10).impulses
+    assert judge(problem, solution).residual <= 1e-10
+    assert judge(problem, solution, Model.ENGINE).residual > 0.05
+
+
+def test_a_single_compliant_contact_has_the_known_impulse() -> None:
+    """A weight m that meets a spring-damper of compliance R stops at Λ = −c / (1/m + R), and slides at μ Λ."""
+    arrays = {
+        "D": np.diag([0.5, 0.5, 0.5 + 1.5]),
+        "v_f": np.array([3.0, 0.0, -2.0]),
+        "mu": np.array([0.5]),
+        "compliance": np.array([0.0, 0.0, 1.5]),
+        "lambdas": np.array([-0.5, 0.0, 1.0]),
+        "v_plus": np.array([2.75, 0.0, 0.0]),
+    }
+    problem = problem_of_arrays(arrays, Repair())
+    assert problem.provenance["stored_solution_own_residual"] <= 1e-7
+    assert problem.relative_velocity(np.array([1.0, -0.5, 0.0])) == pytest.approx([-1.5, 2.75, 0.0])
+    assert solve(problem).impulses == pytest.approx([4.0, -2.0, 0.0])
+
+
+def test_a_compliance_of_zeros_changes_nothing(tmp_path: Path) -> None:
+    plain = problem_of_arrays(DUMP, Repair())
+    assert problem_of_arrays(DUMP | {"compliance": np.zeros(36)}, Repair()).digest == plain.digest
+    assert plain.engine is None
+    np.savez(tmp_path / "soft.npz", **compliant_dump())
+    problem = load(tmp_path / "soft.npz")
+    assert "follows Coulomb's law" in str(unsupported_reason(problem))
+    save_problem(problem, tmp_path / "again.npz")
+    assert load(tmp_path / "again.npz").digest == problem.digest
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -107,6 +179,9 @@ def test_bounded_multipliers_are_friction_with_bounds_in_physical_units() -> Non
         ({"P": -DUMP["P"]}, "'P', the preconditioner, must be positive"),
         ({"D": DUMP["D"] + np.eye(36, dtype=np.float32)}, "differs from v_plus by .*; dump D before the solve"),
         ({"lambdas": DUMP["lambdas"] * np.nan}, "'impulses' must be 36 finite numbers"),
+        ({"compliance": np.full(36, -0.5)}, "'compliance' must not be negative"),
+        ({"compliance": np.full(36, 1e6)}, "'compliance' exceeds the diagonal of D, which contains it"),
+        ({"compliance": np.full(35, 0.0)}, "'compliance' must have 36 numbers"),
     ],
 )
 def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str) -> None:

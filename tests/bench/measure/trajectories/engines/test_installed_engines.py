@@ -110,6 +110,30 @@ def test_a_thrown_cube_stays_on_the_floor_where_friction_is_that_of_coulomb(name
     assert found.errors["speed [%]"] < 0.5
 
 
+@pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "stack"])
+def test_impulses_of_rapier_give_its_velocities_where_it_reports_friction(scene: str) -> None:
+    pytest.importorskip(ENGINES["rapier"].distribution, reason="the extra engines is not installed")
+    names = [setting.name for setting in ENGINES["rapier"].settings]
+    engine = engine_of("rapier", scene, names.index("Coulomb"))
+    for _ in range(10):
+        engine.step()
+    engine.remember()
+    engine.step()
+    solved, after = engine.solved_problem(), engine.states()
+    assert solved is not None
+    factors = solved.problem.factors
+    assert factors is not None
+    assert factors.free_motion is not None
+    found = factors.free_motion + factors.inverse_mass.times(factors.force_directions @ solved.impulses)
+    wanted = np.hstack([after.velocities, after.spins]).ravel()
+    assert np.abs(found - wanted).max() <= 1e-5 * max(1.0, np.abs(wanted).max())
+    assert np.abs(factors.free_motion - wanted).max() > 1e-3
+    default = engine_of("rapier", scene, names.index("default"))
+    default.remember()
+    default.step()
+    assert default.solved_problem() is None
+
+
 @pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest", "stack"])
 def test_cubes_of_proxbench_move_as_the_closed_form_says(scene: str) -> None:
     """Errors are those of the tolerance: micrometres, and a part of 1e-6 of the speed or the way."""
