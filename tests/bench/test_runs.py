@@ -29,6 +29,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run(falling(), "SORprox", results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=1e-4, passes=1)
 
 
+@pytest.mark.slow
 def test_single_values_are_as_good_as_lists(finished: Run, tmp_path: Path) -> None:
     listed = run([falling()], ["SORprox"], results=tmp_path, tolerances=[1e-4], passes=1)
     same = ["problem", "solver", "digest", "outcome"]

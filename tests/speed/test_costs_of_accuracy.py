@@ -74,6 +74,7 @@ def test_work_is_time_per_simulated_second_without_motions_that_ran_out_of_time(
     assert found["cut"].tolist() == [1e-3, 0.1]
 
 
+@pytest.mark.slow
 def test_the_charts_of_the_documentation_are_drawn_from_its_table(tmp_path: Path) -> None:
     docs = Path(__file__).parents[2] / "docs"
     draw(pd.read_csv(docs / "reference" / "costs-of-accuracy.csv"), tmp_path, [*SOLVERS, RELAXED])
@@ -89,6 +90,7 @@ def test_projection_closes_joints_at_the_cost_of_energy() -> None:
     assert without["energy"] < 1e-9 < closed["energy"]
 
 
+@pytest.mark.slow
 def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:
     (found,) = piles((40,), 150)
     assert found["contacts"] > 40

@@ -68,9 +68,9 @@ def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
     [
         ["--no-charts"],
         ["--problem", "funnel-30"],
-        ["--problem", "funnel-30", "--json"],
-        ["--json", "--no-charts"],
-        ["--quiet", "--no-charts"],
+        pytest.param(["--problem", "funnel-30", "--json"], marks=pytest.mark.slow),
+        pytest.param(["--json", "--no-charts"], marks=pytest.mark.slow),
+        pytest.param(["--quiet", "--no-charts"], marks=pytest.mark.slow),
     ],
 )
 def test_a_deleted_case_gives_exit_code_1_and_is_named(

@@ -58,6 +58,7 @@ def test_a_mistake_gets_one_sentence_and_leaves_no_file(line: str, words: str, m
     assert words in mistake(f"simulate {line}")
 
 
+@pytest.mark.slow
 def test_a_study_is_a_run_in_a_folder_with_tables_and_charts(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -223,15 +223,24 @@ def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Cal
 @pytest.mark.parametrize(
     ("old", "new", "outcome", "words"),
     [
-        ("return None", "return True", Outcome.MISBEHAVED, "its supports returned True"),
-        (
+        pytest.param(
+            "return None", "return True", Outcome.MISBEHAVED, "its supports returned True", marks=pytest.mark.slow
+        ),
+        pytest.param(
             "return iterate(problem, sweeps)",
             "return 3",
             Outcome.MISBEHAVED,
             "its prepare returned an int, which has no",
+            marks=pytest.mark.slow,
         ),
         ("yield impulses", "yield impulses[1:]", Outcome.CRASHED, "yielded an array of shape (2,)"),
-        ("return iterate", "import threading; self.__dict__['x'] = 1; raise ValueError('no') #", Outcome.CRASHED, "no"),
+        pytest.param(
+            "return iterate",
+            "import threading; self.__dict__['x'] = 1; raise ValueError('no') #",
+            Outcome.CRASHED,
+            "no",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_solver_that_breaks_the_contract_costs_its_own_case(

@@ -65,6 +65,7 @@ def test_every_solved_point_has_a_round_in_every_pass(made: Run) -> None:
         assert row.repeats == own["repeats"].sum()
 
 
+@pytest.mark.slow
 def test_the_rounds_of_a_problem_are_spread_over_the_run(made: Run, events: list[Event]) -> None:
     visits = [
         (event.number, event.problem) for event in events if isinstance(event, ProblemStarted) and event.number < PASSES

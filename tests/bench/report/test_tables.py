@@ -48,6 +48,7 @@ def test_what_was_solved_after_the_limit_is_never_ranked() -> None:
     assert np.isnan(time_to_accuracy(points((1e-9, 1.0, "time limit"), status="solved"), 1e-2))
 
 
+@pytest.mark.slow
 def test_residuals_and_iterations_of_a_row_are_those_of_one_solve() -> None:
     """A pyramid is solved more accurately by later solves, whose distance from Coulomb's law hardly changes."""
     frames = load(REFERENCE)

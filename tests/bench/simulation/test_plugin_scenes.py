@@ -109,6 +109,7 @@ def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_sto
     assert not reached.unsolved.any()
 
 
+@pytest.mark.slow
 def test_a_motor_of_a_plugin_turns_its_body_in_the_same_bits_and_its_hinge_stays_closed() -> None:
     """The target speed reaches the judge here, which would else find the motor's friction unsolved."""
     plan = make_simulation_plan("wiper(speed=1.5)", stepper="Moreau(step=2e-3)", duration=0.24, tolerance=1e-10)

@@ -42,6 +42,7 @@ def printed(simulation: Simulation) -> str:
     return text
 
 
+@pytest.mark.slow
 def test_a_narrow_outlet_jams_and_says_so(jam: Simulation) -> None:
     assert jam.ending == "jammed"
     assert jam.is_finished

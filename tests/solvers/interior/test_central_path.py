@@ -25,6 +25,7 @@ def test_it_passes_the_turns_of_a_path() -> None:
     assert judge(problem, followed.impulses).residual <= 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [10, 20, 40])
 def test_a_resumed_path_is_the_same_path(length: int) -> None:
     """The path of pile-100 has two turns; a resumed path must not start from the beginning."""

@@ -44,6 +44,7 @@ def iterations(frames: object, solver: str) -> dict[str, int]:
     return dict(zip(points["problem"], points["iterations"].astype(int), strict=True))
 
 
+@pytest.mark.slow
 def test_a_warm_case_takes_the_iterations_of_the_solver_from_its_own_answers(frames: object) -> None:
     solver, stop, expected, start = create("SORprox"), Stop(TOLERANCE), {}, None
     steps = steps_of_a_sequence()

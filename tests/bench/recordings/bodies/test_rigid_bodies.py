@@ -36,6 +36,7 @@ def slide(tmp_path: Path, record: Callable[..., None]) -> tuple[Path, list[Step]
     return tmp_path / "a.rrd", steps
 
 
+@pytest.mark.slow
 def test_poses_are_those_of_the_states(slide: tuple[Path, list[Step]], read_back: Callable[[Path], Any]) -> None:
     content = read_back(slide[0])
     places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")

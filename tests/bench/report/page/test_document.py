@@ -85,6 +85,7 @@ def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
                 )
 
 
+@pytest.mark.slow
 def test_variables_of_the_environment_are_in_a_table_apart_from_versions() -> None:
     frames = load(REFERENCE)
     for settings, expected in (({"NUMBA_OPT": "1"}, [("NUMBA_OPT", "1")]), ({}, None)):
@@ -111,6 +112,7 @@ def quick() -> str:
     return page(load(REFERENCE))
 
 
+@pytest.mark.slow
 def test_the_page_of_a_quick_run_is_small(quick: str) -> None:
     assert len(quick.encode()) < 3e6
 

@@ -26,6 +26,7 @@ def test_the_frames_of_a_bundle_are_those_of_its_folder(made: Run, file: Path) -
         assert loaded.problem(name).digest == made.problem(name).digest
 
 
+@pytest.mark.slow
 def test_a_report_of_a_bundle_is_written_into_the_folder_of_its_name(
     made: Run, copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -189,14 +189,15 @@ def test_a_claim_that_is_wrong_on_a_copy_of_its_problem_agrees(honest: Bundle, t
     assert rejudge(forged(honest, 0, refuted, tmp_path / "copy.bundle")).disagreements == []
 
 
+@pytest.mark.parametrize("first", [1, pytest.param(None, marks=pytest.mark.slow, id="all")])
 @pytest.mark.parametrize("name", ATTACKS)
 def test_what_is_changed_with_right_checksums_is_found_by_judging_again(
-    name: str, honest: Bundle, tmp_path: Path
+    name: str, first: int | None, honest: Bundle, tmp_path: Path
 ) -> None:
     attack, reason = ATTACKS[name]
     lies = [index for index, case in enumerate(honest.cases) if is_lie(name, case)]
     assert len(lies) >= 4
-    for index in lies:
+    for index in lies[:first]:
         case = honest.cases[index]
         (sentence,) = rejudge(forged(honest, index, attack, tmp_path / f"{index}.bundle")).disagreements
         assert sentence.startswith(f"{case.solver} on {case.problem}: ")

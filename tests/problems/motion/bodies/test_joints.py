@@ -77,6 +77,7 @@ def test_a_pendulum_on_a_hinge_swings_and_bounces_as_in_closed_form() -> None:
     assert errors[1] < errors[0] / 3.0
 
 
+@pytest.mark.slow
 def test_a_joint_never_switches_and_a_variable_step_locates_the_impact() -> None:
     scene = bare_scene("pendulum", {}, pendulum(), hanging(0.5))
     stepper = Extrapolated(tolerance=1e-8, min_step=1e-8)

@@ -53,6 +53,7 @@ def test_a_pendulum_rebounds_from_its_limit_to_the_height_that_restitution_leave
     assert angles[hit:].max() == pytest.approx(rebound, abs=8e-3)
 
 
+@pytest.mark.slow
 def test_a_slider_falls_against_its_stop_and_rests_there() -> None:
     stop, step = 0.3, 1e-3
     joint = Joint("prismatic", 0, axis=DOWN, limits=(-1.0, stop), restitution=0.0)

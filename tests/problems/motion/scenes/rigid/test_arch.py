@@ -68,18 +68,23 @@ def least_thickness(stones: int, friction: float, stone: Stone = round_stone) ->
     return bisect(stands, 0.05, 0.4, 1e-6)
 
 
-@pytest.mark.parametrize("stones", PUBLISHED)
+@pytest.mark.parametrize(
+    "stones", [pytest.param(stones, marks=pytest.mark.slow if stones > 13 else ()) for stones in PUBLISHED]
+)
 def test_the_least_thickness_of_round_stones_is_the_published_one(stones: int) -> None:
     assert round(least_thickness(stones, 0.8), 4) == PUBLISHED[stones]
 
 
-@pytest.mark.parametrize(("stones", "limit"), [(7, 0.09570), (13, 0.10253), (51, 0.10736)])
+@pytest.mark.parametrize(
+    ("stones", "limit"), [(7, 0.09570), (13, 0.10253), pytest.param(51, 0.10736, marks=pytest.mark.slow)]
+)
 def test_straight_stones_have_a_slightly_lower_limit(stones: int, limit: float) -> None:
     found = least_thickness(stones, 0.8, straight_stone)
     assert found == pytest.approx(limit, abs=1e-5)
     assert 0.99 * PUBLISHED[stones] < found < PUBLISHED[stones]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("thickness", "friction"), [(0.107426, 0.395832), (0.200637, 0.309215), (0.3, 0.309215)])
 def test_the_least_friction_of_many_stones_is_that_of_the_continuous_arch(thickness: float, friction: float) -> None:
     """A tenth of a per cent above the least thickness the limits are within 0.3 % of those of Cocchetti and Rizzi."""

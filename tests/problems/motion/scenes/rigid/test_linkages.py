@@ -63,6 +63,7 @@ def test_projection_takes_the_drift_of_joints_out() -> None:
     assert held <= 1e-11
 
 
+@pytest.mark.slow
 def test_friction_of_a_joint_turns_a_pendulum_where_its_work_has_taken_the_energy() -> None:
     """It turns at θ₁ < 0 with m g (L/2) (cos θ₁ − cos θ₀) = τ (θ₀ − θ₁)."""
     scene, moment = Pendulum(), 0.3

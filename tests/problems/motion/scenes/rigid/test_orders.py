@@ -7,10 +7,10 @@ from convergence_orders import EXACT, STOP, Case
 
 CASES = {case.name: case for case in convergence_orders.cases()}
 
+SLOW = ("tipping_box", "four_bar", "spinning_top, on a joint", "pendulum")
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == "tipping_box" else ()) for name in CASES]
-)
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in CASES])
 def test_the_error_of_a_scene_falls_with_its_order(name: str) -> None:
     case: Case = CASES[name]
     errors = np.array(case.errors())
