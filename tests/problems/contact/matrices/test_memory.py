@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, ProxbenchError, load
-from proxbench.problems.contact.matrices import memory
+from proxbench.problems.contact.matrices import delassus, memory
 from proxbench.problems.contact.matrices.delassus import _bounds_of_count
 from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import Status, Stop, create
@@ -21,11 +21,9 @@ def leave(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """Leave so many bytes of memory, and ask for them before every allocation."""
 
     def leave_bytes(available: float) -> None:
-        monkeypatch.setattr(memory, "available_bytes", lambda: available)
-        for module in (memory, "proxbench.problems.contact.matrices.delassus"):
-            name = module if isinstance(module, str) else module.__name__
-            monkeypatch.setattr(f"{name}.SMALL_BYTES", 0)
-        monkeypatch.setattr("proxbench.problems.contact.matrices.delassus.available_bytes", lambda: available)
+        for module in (memory, delassus):
+            monkeypatch.setattr(module, "available_bytes", lambda: available)
+            monkeypatch.setattr(module, "SMALL_BYTES", 0)
 
     return leave_bytes
 
