@@ -20,6 +20,10 @@ class IndefiniteError(ProblemError):
     """A matrix that must be positive semidefinite has a negative eigenvalue."""
 
 
+class InsufficientMemoryError(ProxbenchError, MemoryError):
+    """An array needs more memory than is available; it has not been allocated."""
+
+
 class PluginError(ProxbenchError, ValueError):
     """A plugin is missing, fails to import, uses a name that is taken, or breaks its contract."""
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import psutil
 
-from ...problems.errors import first_line
+from ...problems.errors import InsufficientMemoryError, error_text, first_line
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import Names, register
 from ...solvers.native.native_solver import BrokenInterfaceError
@@ -119,7 +119,9 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             answer = _fault(Outcome.MISBEHAVED, str(error))
         except BaseException as error:
             reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MiB of memory"
-            if _is_caused_by_memory(error):
+            if isinstance(error, InsufficientMemoryError):
+                answer = _fault(Outcome.OUT_OF_MEMORY, error_text(error))
+            elif _is_caused_by_memory(error):
                 answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason} when it requested more than {limit}")
             else:
                 answer = _fault(Outcome.CRASHED, reason)

@@ -1,11 +1,9 @@
-"""Resource usage of this process: processor time, context switches, waiting time, and the memory left for it."""
+"""Resource usage of this process: processor time, context switches and waiting time."""
 
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 from time import process_time
 from typing import NamedTuple, Self
-
-import psutil
 
 from ...problems.contact.solver import Solver
 from ...solvers.native.executable import Executable
@@ -16,11 +14,6 @@ def used_processor_seconds(solver: Solver) -> float:
     children = getrusage(RUSAGE_CHILDREN)
     program = solver.processor_seconds() if isinstance(solver, Executable) else 0.0
     return process_time() + children.ru_utime + children.ru_stime + program
-
-
-def available_bytes() -> int:
-    """Return the memory of this machine that processes can use without swapping [bytes]."""
-    return int(psutil.virtual_memory().available)
 
 
 class ContextSwitches(NamedTuple):

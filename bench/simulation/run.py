@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+from ...problems.contact.matrices.memory import require_memory
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
 from ...problems.motion.stepping.step import AcceptedStep
 from ..errors import BenchError, FailedSimulationError
-from ..isolation.process_usage import available_bytes
 from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
 from ..report.layout.text import counted
@@ -66,8 +66,8 @@ def simulate(
         The simulation; ``is_finished`` tells whether it reached its end.
 
     Raises:
-        BenchError: if the output exists or cannot be written, or if the memory of this machine does not suffice for the
-            states to keep.
+        BenchError: if the output exists or cannot be written.
+        InsufficientMemoryError: if the available memory does not suffice for the states to keep.
         FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
@@ -132,7 +132,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
     Raises:
-        BenchError: if the memory of this machine does not suffice for the states to keep.
+        InsufficientMemoryError: if the available memory does not suffice for the states to keep.
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.
     """
     if simulation.is_finished:
@@ -163,9 +163,10 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
 
 
 def _require_memory(simulation: Simulation) -> None:
-    """Raise a ``BenchError`` if positions and velocities of the states still to be kept exceed the available memory.
+    """Raise ``InsufficientMemoryError`` if the available memory does not suffice for the states still to be kept.
 
-    Writing the result file copies all states. Impulses are not counted, as the number of contacts is not known.
+    These are positions and velocities. Writing the result file copies all states. Impulses are not counted, as the
+    number of contacts is not known.
     """
     plan, state = simulation.plan, simulation.state
     scene, step = plan.scene, plan.stepper.resolution(plan.scene)
@@ -175,12 +176,8 @@ def _require_memory(simulation: Simulation) -> None:
     n_copied = 0 if simulation.file is None else n_states
     n_left = n_states - len(simulation.states) + n_copied
     needed = n_left * (state.position.nbytes + state.velocity.nbytes)
-    available = available_bytes()
-    if needed > available:
-        needs = f"{counted(n_states, 'state')} of {scene.name} take at least {needed / 1e9:.2g} GB more memory"
-        raise BenchError(
-            f"{needs}, but {available / 1e9:.2g} GB are available; keep fewer states, or simulate fewer bodies."
-        )
+    purpose = f"{counted(n_states, 'state')} of {scene.name}"
+    require_memory(needed, purpose, "keep fewer states, or simulate fewer bodies")
 
 
 def _steps(

@@ -52,6 +52,9 @@ HYBRID_LIMITS = (500, 1000, 2000, 2000)
 REDUNDANCY = 2
 """Rows per degree of freedom above which interior points may factorise over bodies."""
 
+MAX_OPERATIONS = 1e300
+"""Operations of a factorisation for which the memory does not suffice."""
+
 
 @dataclass(frozen=True)
 class InteriorNewton(Method):
@@ -100,10 +103,12 @@ def first_method(problem: ContactProblem) -> SingleRun:
 
 
 def count_operations(sequence: SolverSequence) -> float:
-    """Return the operations of one factorisation of the first method, which is prepared if necessary."""
+    """Return the operations of one factorisation of the first method, which is prepared if necessary.
+
+    ``MAX_OPERATIONS`` if the memory does not suffice for one.
+    """
     prepared = sequence.prepare(first_method(sequence.problem))
-    assert isinstance(prepared, PreparedRuns)
-    return prepared.system.flops
+    return prepared.system.flops if isinstance(prepared, PreparedRuns) else MAX_OPERATIONS
 
 
 def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:

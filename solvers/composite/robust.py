@@ -17,13 +17,16 @@ short window, and the sweeps continue if they fail. No decision depends on the t
 limits.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, Status, Stop
+from ...problems.errors import InsufficientMemoryError, error_text
 from ..iteration.loop import (
+    Iterates,
     IterationDriver,
     PreparedIteration,
     check_convergence,
@@ -89,23 +92,21 @@ class PreparedRobust:
         monitor = Monitor(stop)
         driver = IterationDriver(self.sweeps.begin(first), self.sweeps.begin, monitor, observe)
         sequence = SolverSequence(problem, residual, self.prepared, stop, observe, monitor.clock)
-        equations: Equations | None = None
+        equations = cache(partial(Equations, problem, residual))
         lengths = window_lengths(problem)
         for length in lengths:
             window = Window(length, driver.iteration, partial(longest_window, sequence))
             result = run_sweeps(sequence, driver, self.name, window, first=first, min_sweeps=self.between_checks)
             is_last = result.has_ended or length == lengths[-1]
-            if result.solution is None and is_last and can_accelerate(problem):
-                accelerated = ACCELERATED.prepare(problem)
-                begin = accelerated.begin
+            begin = accelerated_sweeps(sequence) if result.solution is None and is_last else None
+            if begin is not None:
                 driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
                 whole = window.length if length == lengths[-1] else lengths[-1]
                 window = Window(whole // ACCELERATED_SHARE, driver.iteration)
                 result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
             if result.solution is not None:
                 return result.solution
-            equations = equations or Equations(problem, residual)
-            solution = run_newton_steps(sequence, NewtonRunner(equations, driver), result)
+            solution = run_newton_steps(sequence, equations, driver, result)
             if solution is not None:
                 return solution
             if is_last:
@@ -160,8 +161,26 @@ def run_sweeps(
     return SweepResult(best, latest, residual, outcome is not None, solution)
 
 
-def run_newton_steps(sequence: SolverSequence, newton: NewtonRunner, swept: SweepResult) -> Solution | None:
+def accelerated_sweeps(sequence: SolverSequence) -> Callable[[FloatArray], Iterates] | None:
+    """Return how accelerated sweeps begin, None if the problem or the memory does not permit them."""
+    if not can_accelerate(sequence.problem):
+        return None
+    try:
+        return ACCELERATED.prepare(sequence.problem).begin
+    except InsufficientMemoryError as error:
+        sequence.history.append(f"{ACCELERATED.name}: {error_text(error)}")
+        return None
+
+
+def run_newton_steps(
+    sequence: SolverSequence, equations: Callable[[], Equations], driver: IterationDriver, swept: SweepResult
+) -> Solution | None:
     """Try Newton's method from the last swept Λ; return the solution if the solve is over."""
+    try:
+        newton = NewtonRunner(equations(), driver)
+    except InsufficientMemoryError as error:
+        sequence.history.append(f"Newton steps: {error_text(error)}")
+        return None
     sequence.keep_best(*newton.run(NEWTON_SETTINGS, swept.latest, swept.residual))
     sequence.iterations = newton.driver.iteration
     is_solved = sequence.best_residual <= sequence.stop.tolerance

@@ -8,6 +8,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Status, Stop
+from ...problems.errors import InsufficientMemoryError, error_text
 from ..iteration.stopping import Clock
 
 
@@ -26,6 +27,19 @@ class SolverRun:
     prepared: Prepared
     start: FloatArray | None
     max_iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Unprepared:
+    """A solver that cannot be prepared for the problem."""
+
+    problem: ContactProblem
+    reason: str
+
+    def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+        """Return the start, or zero."""
+        impulses = np.zeros(self.problem.n_rows) if start is None else start
+        return Solution(impulses, Status.UNSUPPORTED, 0, self.reason)
 
 
 @dataclass(eq=False)
@@ -61,9 +75,15 @@ class SolverSequence:
     status: Status = Status.STALLED
 
     def prepare(self, solver: Solver) -> Prepared:
-        """Return the prepared solver, the same one for every run."""
+        """Return the prepared solver, the same one for every run.
+
+        If the memory does not suffice for it, its runs end immediately, and the sequence continues with the others.
+        """
         if solver.name not in self.prepared:
-            self.prepared[solver.name] = solver.prepare(self.problem)
+            try:
+                self.prepared[solver.name] = solver.prepare(self.problem)
+            except InsufficientMemoryError as error:
+                self.prepared[solver.name] = _Unprepared(self.problem, error_text(error))
         return self.prepared[solver.name]
 
     def plan(self, solver: Solver, start: FloatArray | None, max_iterations: int) -> SolverRun:
@@ -74,10 +94,14 @@ class SolverSequence:
         """Do one run, and return the solution if the sequence is over, otherwise None."""
         left = self.stop.max_iterations - self.iterations
         limits = Stop(self.stop.tolerance, min(run.max_iterations, left), max(self.clock.remaining, 1e-9))
-        last = run.prepared.solve(limits, run.start, self._run_observer())
+        try:
+            last = run.prepared.solve(limits, run.start, self._run_observer())
+        except InsufficientMemoryError as error:
+            last = _Unprepared(self.problem, error_text(error)).solve(limits, run.start)
         self.iterations += last.iterations
         self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
-        self.history.append(f"{run.name}: {last.status}")
+        reason = f" ({last.message})" if last.status is Status.UNSUPPORTED else ""
+        self.history.append(f"{run.name}: {last.status}{reason}")
         self.latest = last.impulses
         if last.status in (Status.SOLVED, Status.INFEASIBLE):
             reasons = [last.message] if last.message else []

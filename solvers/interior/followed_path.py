@@ -184,7 +184,7 @@ class FollowedPath:
         inner = local_product(
             scaled.kind, scaled.friction, self._p, self._q, point.r, point.u, x.r, x.u, x.s, y.r, y.u, y.s
         )
-        return float(inner) + x.tau * y.tau
+        return float(inner) + float(x.tau) * float(y.tau)  # numpy's scalars would warn where the path overflows
 
     def _oriented_tangent(self, point: Point) -> Direction:
         """Return the forward unit tangent: τ decreases where det (Ĝ + D) > 0, as at the start, else it increases."""

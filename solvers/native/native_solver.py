@@ -12,6 +12,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solution, SolverError, Status
 from ...problems.errors import ProblemError
+from ..iteration.cores import usable_cores
 from .structures import (
     BLOCKS,
     DENSE,
@@ -192,9 +193,12 @@ def status_of(source: str, code: int) -> Status:
 
 
 def granted_threads() -> int:
-    """Return the number of threads that a solver may use: OMP_NUM_THREADS, which is 1 in all measurements."""
+    """Return the number of threads that a solver may use.
+
+    It is OMP_NUM_THREADS, which is 1 in all measurements, or the number of cores that this process may use.
+    """
     granted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(granted) if granted.isdecimal() and int(granted) else os.cpu_count() or 1
+    return int(granted) if granted.isdecimal() and int(granted) else usable_cores()
 
 
 def refused_solution(n_rows: int, status: Status, message: str) -> Solution:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...problems.contact.matrices.memory import to_dense
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from .structures import ARRAYS, BLOCKS, DENSE, FACTORS, SCALES, SPARSE, Problem, addressed
@@ -77,7 +78,7 @@ def _scales(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
 
 
 def _dense(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
-    return {"dense": problem.delassus().toarray().reshape(-1)}
+    return {"dense": to_dense(problem.delassus(), "request a sparse form of the problem").reshape(-1)}
 
 
 def _sparse(problem: ContactProblem, structure: Problem) -> dict[str, Any]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.laws import LawKind, Laws
+from ...problems.contact.matrices.memory import to_dense
 from ...problems.contact.problem import ContactProblem
 from ..conic.programs import Scaling
 
@@ -76,7 +77,8 @@ class DualSolver:
         self._impulse = scaling.impulse[self._order]
         self._unit = self._impulse / scaling.energy
         scales = self._impulse / np.sqrt(scaling.energy)
-        self._matrix = scales[:, None] * problem.delassus()[self._order][:, self._order].toarray() * scales
+        delassus = to_dense(problem.delassus()[self._order][:, self._order], "use a solver over the factors")
+        self._matrix = scales[:, None] * delassus * scales
         self._velocity = problem.free_velocity[self._order] * self._unit
         n_bilateral, n_bounded, _, _ = self._groups
         bounds = laws.fixed_bound[laws.kind == LawKind.PLANAR_FRICTION]

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ...problems.arrays import FloatArray
+from ...problems.contact.matrices.memory import to_dense
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
 from .installed import check_installed
@@ -59,7 +60,7 @@ class PreparedPGS(PreparedRounds):
     def __init__(self, problem: ContactProblem, options: PinocchioPGS) -> None:
         super().__init__(problem)
         self._options, self._contacts = options, Contacts.of(problem)
-        dense = self._contacts.matrix.toarray()
+        dense = to_dense(self._contacts.matrix, "use PinocchioADMM")
         pin = pinocchio()
         self._operator = on_deep_stack(lambda: pin.DelassusOperatorDense(dense), problem.n_contacts)
 

@@ -49,8 +49,8 @@ class ColouredSORprox(Method):
     Attributes:
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
-        threads: number of threads, at most the number of cores of the machine. Fewer are used, and the message says so,
-            if the colours have fewer than 250 contacts per thread on average, or 2000 contacts of balls.
+        threads: number of threads, at most the number of cores that the process may use. Fewer are used, and the
+            message says so, if the colours have fewer than 250 contacts per thread on average, or 2000 of balls.
 
     Raises:
         SolverError: for an option out of range.

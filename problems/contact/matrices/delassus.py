@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from ...arrays import FloatArray, IntArray, read_only
 from ...compilation import interpretable
 from ..blocks import BlockLayout
+from .memory import SMALL_BYTES, available_bytes, require_memory
 from .pieces import Pieces
+
+REMEDY = "use a solver over the factors, such as SORprox(form='factors')"
+"""What to do if the memory does not suffice for G."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +34,8 @@ class DelassusBlocks:
 
     def to_csr(self, layout: BlockLayout) -> sp.csr_array:
         """Return G without padding, shape (n_rows, n_rows), with sorted columns and read-only arrays."""
-        size = layout.n_blocks * layout.width
+        size, copies = layout.n_blocks * layout.width, 1 if layout.is_dense else 2
+        require_memory(12.0 * copies * self.values.size, _purpose(layout.n_blocks), REMEDY)
         padded = sp.bsr_array((self.values, self.columns, self.starts), shape=(size, size)).tocsr()
         if not layout.is_dense:
             padded = padded[layout.slot][:, layout.slot]
@@ -55,10 +60,51 @@ def blocks_from_matrix(matrix: sp.csr_array, layout: BlockLayout) -> DelassusBlo
 
 
 def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
-    """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃."""
+    """Return the block rows of G = W̃ᵀ W̃ from the pieces of W̃.
+
+    Raises:
+        InsufficientMemoryError: if the available memory does not suffice.
+    """
+    _require_memory_for(pieces)
     starts, columns, values = multiply_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
+
+
+def _require_memory_for(pieces: Pieces) -> None:
+    """Raise ``InsufficientMemoryError`` if the blocks of G, their columns and a copy of these exceed the memory.
+
+    Counting them takes a third of the time of the product. It is only done if bounds do not decide.
+    """
+    n_blocks, bytes_of_block = pieces.n_blocks, 8 * pieces.width**2 + 8
+    if bytes_of_block * n_blocks**2 < SMALL_BYTES:
+        return
+    least, most = _bounds_of_count(pieces)
+    if bytes_of_block * most < SMALL_BYTES:
+        return
+    purpose = _purpose(n_blocks)
+    require_memory(bytes_of_block * least, purpose, REMEDY)
+    if bytes_of_block * most > available_bytes():
+        members = _pieces_of_chunks(pieces.starts, pieces.chunks, pieces.n_chunks)
+        count = int(_row_starts(pieces.starts, pieces.chunks, *members)[-1])
+        require_memory(bytes_of_block * float(count), purpose, REMEDY)
+
+
+def _bounds_of_count(pieces: Pieces) -> tuple[float, float]:
+    """Return bounds on the number of blocks of G: one for each pair of blocks that share a chunk.
+
+    A pair with p and q pieces shares at most √(p q) chunks, so weights of 1/√(p q) count it at most once.
+    """
+    n_pieces = np.diff(pieces.starts)
+    weight = np.repeat(1.0 / np.sqrt(np.maximum(n_pieces, 1)), n_pieces)
+    sums = np.bincount(pieces.chunks, weight, pieces.n_chunks + 1)[: pieces.n_chunks]
+    counts = np.bincount(pieces.chunks, minlength=pieces.n_chunks + 1)[: pieces.n_chunks].astype(np.float64)
+    least = max(float(np.square(sums).sum()), float(counts.max(initial=0.0)) ** 2)
+    return least, float(np.square(counts).sum()) + pieces.n_blocks
+
+
+def _purpose(n_contacts: int) -> str:
+    return f"G of {n_contacts:,} contacts"
 
 
 def diagonal_of(matrix: sp.csr_array) -> FloatArray:
@@ -143,6 +189,24 @@ def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     return chunk_starts, members, block_of_piece
 
 
+@njit(cache=True)
+def _row_starts(starts, chunks, chunk_starts, members, block_of_piece):  # type: ignore[no-untyped-def]
+    """Return the first stored block of each block row of G, and the number of all stored blocks."""
+    n_blocks = len(starts) - 1
+    seen, row_starts = np.full(n_blocks, -1, dtype=np.int64), np.zeros(n_blocks + 1, dtype=np.int64)
+    for block in range(n_blocks):
+        count = 1
+        seen[block] = block
+        for p in range(starts[block], starts[block + 1]):
+            for m in range(chunk_starts[chunks[p]], chunk_starts[chunks[p] + 1]):
+                column = block_of_piece[members[m]]
+                if seen[column] != block:
+                    seen[column] = block
+                    count += 1
+        row_starts[block + 1] = row_starts[block] + count
+    return row_starts
+
+
 def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
     """Return the number of products that ``multiply_pieces`` sums."""
     _, width, length = pieces.shape
@@ -157,22 +221,10 @@ def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
     n_blocks = len(starts) - 1
     _, width, length = pieces.shape
     chunk_starts, members, block_of_piece = _pieces_of_chunks(starts, chunks, n_chunks)
-    place = np.full(n_blocks, -1, dtype=np.int64)  # position of block column j of the current block row
-    row_starts = np.zeros(n_blocks + 1, dtype=np.int64)
-    for block in range(n_blocks):
-        count = 1
-        place[block] = block
-        for p in range(starts[block], starts[block + 1]):
-            for m in range(chunk_starts[chunks[p]], chunk_starts[chunks[p] + 1]):
-                column = block_of_piece[members[m]]
-                if place[column] != block:
-                    place[column] = block
-                    count += 1
-        row_starts[block + 1] = row_starts[block] + count
-
+    row_starts = _row_starts(starts, chunks, chunk_starts, members, block_of_piece)
     columns = np.empty(row_starts[n_blocks], dtype=np.int32)
     values = np.zeros((row_starts[n_blocks], width, width))
-    place[:] = -1
+    place = np.full(n_blocks, -1, dtype=np.int64)  # position of block column j of the current block row
     for block in range(n_blocks):
         begin = row_starts[block]
         end = begin + 1

@@ -25,6 +25,7 @@ from numba import njit
 
 from ...arrays import FloatArray
 from ...contact.matrices.factors import InverseMass
+from ...contact.matrices.memory import require_memory
 from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..bodies.system import JointErrors, Overlaps, System
@@ -126,7 +127,14 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
 
 
 def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[FloatArray, FloatArray]:
-    """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which ignores redundant combinations of rows."""
+    """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which ignores redundant combinations of rows.
+
+    Raises:
+        InsufficientMemoryError: if the available memory does not suffice for these and for the eigenvectors of A.
+    """
+    n_dofs, n_rows = joints.directions.shape
+    needed = 8.0 * n_rows * (n_dofs + 4 * n_rows)
+    require_memory(needed, f"closing joints with {n_rows:,} rows", "simulate fewer joints")
     spread = (inverse_mass.matrix @ joints.directions).toarray()
     gram = joints.directions.T @ spread
     scale = 1.0 / np.sqrt(gram.diagonal())

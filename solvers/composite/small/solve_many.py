@@ -4,7 +4,6 @@ The arrays of all small problems are joined, and each thread runs one kernel ove
 problem affects another, so solutions are bitwise identical for any number of threads.
 """
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import accumulate, pairwise
@@ -18,6 +17,7 @@ from ....problems.contact.judge import judge
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
+from ...iteration.cores import thread_requirement, usable_cores
 from ..robust import Robust
 from ..sweep_selection import FEW_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
@@ -86,9 +86,9 @@ def _check_problem(at: int, one: object) -> None:
 
 
 def _check_threads(threads: int) -> None:
-    n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    n_cores = usable_cores()
     if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or not 1 <= threads <= n_cores:
-        raise SolverError(f"threads must be a number from 1 to {n_cores}, the cores of this process, got {threads!r}.")
+        raise SolverError(f"threads must be {thread_requirement(n_cores)}, got {threads!r}.")
 
 
 class Batch(NamedTuple):

@@ -14,7 +14,11 @@ import numpy as np
 from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
+from ....problems.contact.matrices.memory import require_memory
 from .elimination import MAX_COLUMNS, elimination
+
+REMEDY = "use a solver without factorisations, such as SORprox(form='factors')"
+"""What to do if the memory does not suffice for the factors."""
 
 
 class BlockLU:
@@ -25,6 +29,9 @@ class BlockLU:
 
     Attributes:
         flops: multiplications and additions of one factorisation.
+
+    Raises:
+        InsufficientMemoryError: if the available memory does not suffice for the factors.
     """
 
     def __init__(
@@ -45,9 +52,11 @@ class BlockLU:
             found.factor_starts,
         )
         self._triangles = found.nodes, found.row_starts, found.rows, found.factor_starts
+        heads = np.cumsum(np.append(0, np.diff(found.nodes) ** 2)) * width * width
+        n_numbers = (float(found.stack_size) + float(found.factor_starts[-1])) * width * width
+        require_memory(8.0 * (n_numbers + (heads[-1] if corrections else 0)), "triangular factors", REMEDY)
         self._stack = np.empty(found.stack_size * width * width)
         self._factors = np.empty(int(found.factor_starts[-1]) * width * width)
-        heads = np.cumsum(np.append(0, np.diff(found.nodes) ** 2)) * width * width
         self._kept = corrections, heads, np.empty(int(heads[-1]) if corrections else 0)
         self.flops = 2.0 * found.multiplications * width**3
 

@@ -8,9 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ....problems.arrays import FloatArray
+from ....problems.contact.matrices.memory import require_memory
 from ....problems.contact.problem import ContactProblem
 from ..scaled_problem import ScaledProblem
-from .block_lu import BlockLU
+from .block_lu import REMEDY, BlockLU
 from .elimination import MAX_COLUMNS
 
 REFINEMENTS = 2
@@ -22,6 +23,7 @@ class DelassusSystem:
 
     def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
         blocks, self._width, self._lanes = problem.delassus_blocks(), problem.layout.width, scaled.lanes
+        require_memory(2.0 * blocks.values.nbytes, "the system of interior points", REMEDY)
         starts, columns, values = _symmetric_pattern(blocks.starts, blocks.columns.astype(np.int64), blocks.values)
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         left, right = self._lanes.to_block(scaled.velocity_scale), self._lanes.to_block(scaled.impulse_scale)

@@ -6,19 +6,19 @@ one by one (``atomic``), so a thread that is late or preempted delays the others
 """
 
 import _thread
-import os
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from ...iteration.cores import thread_requirement, usable_cores
 from ...iteration.method import check_option
 
 
 def check_threads(threads: int) -> None:
-    """Raise ``SolverError`` unless ``threads`` is a whole number from 1 to the number of cores of this machine."""
-    cores = os.cpu_count() or 1
+    """Raise ``SolverError`` unless ``threads`` is a number of the cores that this process may use."""
+    cores = usable_cores()
     is_valid = type(threads) is int and 1 <= threads <= cores
-    check_option("threads", threads, is_valid, f"a whole number from 1 to {cores}, the cores of this machine")
+    check_option("threads", threads, is_valid, thread_requirement(cores))
 
 
 class _Member:

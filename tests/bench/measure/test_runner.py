@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import load, resume, run
 from proxbench.bench.measure.contacts.case_process import Measurement
@@ -19,6 +20,7 @@ from proxbench.bench.store.plans import PASSES, Limits
 from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems import load as load_problem
+from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import Status, Stop, create
 
 
@@ -133,6 +135,25 @@ def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Pat
     with pytest.raises(Exception, match="cannot write"):
         run(["hard-no-motion"], ["SORprox"], results=tmp_path / "file", on_event=events.append)
     assert events == []
+
+
+def test_a_memory_limit_beyond_the_machine_is_named_before_anything_is_measured(tmp_path: Path) -> None:
+    with pytest.raises(InsufficientMemoryError, match=r"for the memory limit of a case, but .*; name a smaller"):
+        run(["hard-no-motion"], ["SORprox"], results=tmp_path / "runs", memory=1e9)
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.slow
+def test_a_matrix_beyond_the_memory_limit_is_out_of_memory_in_one_sentence(tmp_path: Path) -> None:
+    """Every two of 3000 grains on one slab are coupled, so that G takes 0.7 GB."""
+    n = 3000
+    slab = sp.csc_array(np.vstack([np.eye(n), -np.ones(n)]))
+    problem = ContactProblem.from_factors(slab, np.ones(n + 1), np.full(n, -0.01), dim=1, name="slab")
+    found = run([problem], ["NSGS"], results=tmp_path, tolerances=[1e-2], passes=1, memory=128)
+    (case,) = found.cases.to_dict("records")
+    assert case["outcome"] == Outcome.OUT_OF_MEMORY
+    assert case["reason"].startswith("at least 0.1")
+    assert case["reason"].endswith("use a solver over the factors, such as SORprox(form='factors')")
 
 
 @pytest.mark.slow

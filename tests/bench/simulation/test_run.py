@@ -14,6 +14,8 @@ from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.bench.simulation.step_row import step_columns
 from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
+from proxbench.problems.contact.matrices import memory
+from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.moreau import Moreau
@@ -258,14 +260,15 @@ def test_memory_that_does_not_suffice_for_the_states_is_named_before_the_first_s
     plan = make_simulation_plan("pile", {"balls": 10}, duration=10.0 * make_scene("pile").step_size, states=states)
     start = plan.scene.start
     state_bytes = start.position.nbytes + start.velocity.nbytes
+    monkeypatch.setattr(memory, "SMALL_BYTES", 0)
 
     def simulate_with(available: int, output: Path | None) -> int:
-        monkeypatch.setattr("proxbench.bench.simulation.run.available_bytes", lambda: available)
+        monkeypatch.setattr(memory, "available_bytes", lambda: available)
         return simulate(plan, output).n_steps
 
     file = tmp_path / "a.npz"
     for least, output in (((kept - 1) * state_bytes, None), ((2 * kept - 1) * state_bytes, file)):
-        with pytest.raises(BenchError, match=rf"{kept} states of pile take at least .* GB are available; keep fewer"):
+        with pytest.raises(InsufficientMemoryError, match=rf"for {kept} states of pile, but .* available; keep fewer"):
             simulate_with(least - 1, output)
         assert not file.exists()
         assert simulate_with(least, output) == 10

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from proxbench.bench.measure.contacts.protocol import MeasuringTask
+from proxbench.bench.measure.contacts.case_process import MeasuringTask
 from proxbench.bench.measure.contacts.variants import perturbed_copy
 from proxbench.bench.plugins.solver_specs import built_in
 from proxbench.problems import ContactProblem, LawKind, Laws, Model, judge, load

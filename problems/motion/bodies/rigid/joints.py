@@ -276,12 +276,21 @@ class RigidJoints:
                     yield len(self.joints) + 2 * number + side, joint, row
 
     def _columns(self, rows: list[tuple[Joint, JointRow]]) -> sp.csc_array[Any]:
-        columns = np.zeros((6 * self.n_bodies, len(rows)))
-        for column, (joint, row) in enumerate(rows):
-            columns[6 * joint.first : 6 * joint.first + 6, column] = row.first
-            if joint.second != WORLD:
-                columns[6 * joint.second : 6 * joint.second + 6, column] = row.second
-        return sp.csc_array(columns)
+        parts = [
+            (column, body, part)
+            for column, (joint, row) in enumerate(rows)
+            for body, part in ((joint.first, row.first), (joint.second, row.second))
+            if body != WORLD
+        ]
+        values = np.array([part for _, _, part in parts]).reshape(-1)
+        first_dofs = 6 * np.array([body for _, body, _ in parts], dtype=np.int32)
+        dofs = (first_dofs[:, None] + np.arange(6, dtype=np.int32)).reshape(-1)
+        columns = np.repeat(np.array([column for column, _, _ in parts], dtype=np.int32), 6)
+        kept = values != 0.0
+        entries = values[kept], (dofs[kept], columns[kept])
+        found: sp.csc_array[Any] = sp.csc_array(entries, shape=(6 * self.n_bodies, len(rows)))
+        found.sort_indices()
+        return found
 
 
 @dataclass(frozen=True, eq=False)

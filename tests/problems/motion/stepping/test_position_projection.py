@@ -11,13 +11,14 @@ from proxbench.problems import ProblemError
 from proxbench.problems.contact.matrices.ball_contacts import BallNormals
 from proxbench.problems.contact.matrices.factors import InverseMass
 from proxbench.problems.contact.matrices.pieces import Pieces
+from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
 from proxbench.problems.motion.bodies.system import JointErrors, MechanicalSystem, Overlaps
 from proxbench.problems.motion.scenes.effects import Gravity, Restitution, ball_system
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.position_projection import ACCURACY, _displacement, projected
+from proxbench.problems.motion.stepping.position_projection import ACCURACY, _displacement, _joint_inverse, projected
 from proxbench.problems.motion.stepping.step import StepError
 from proxbench.solvers import Stop, create
 
@@ -245,6 +246,14 @@ def test_joints_close_while_contacts_are_moved_apart_the_nearest_way(opening: fl
     moved, velocity = projected(system, start, np.array([1.0, 0.0, 2.0]), DEPTH)  # type: ignore[arg-type]
     assert moved == pytest.approx(expected, abs=(ACCURACY + 1e-9) * DEPTH)
     assert velocity == pytest.approx([0.5, 0.5, 2.0], abs=1e-12)  # the part along w is gone
+
+
+def test_joints_that_exceed_the_memory_are_refused() -> None:
+    """100 000 free bodies with 6 coordinates each, all on joints, would take 2 TB."""
+    n_dofs, n_rows = 600_000, 300_000
+    joints = JointErrors(np.zeros(n_rows), sp.csc_array((n_dofs, n_rows)))
+    with pytest.raises(InsufficientMemoryError, match=r"for closing joints with 300,000 rows, but .*; simulate fewer"):
+        _joint_inverse(InverseMass.create(np.ones(n_dofs)), joints)
 
 
 def test_the_energy_of_a_resting_pile_does_not_grow() -> None:

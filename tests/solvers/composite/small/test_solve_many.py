@@ -55,7 +55,7 @@ def test_no_problems_have_no_solutions() -> None:
 
 @pytest.mark.parametrize("threads", [0, -1, N_CORES + 1, 1.0, "2", True])
 def test_only_as_many_threads_as_cores_are_granted(threads: Any) -> None:
-    with pytest.raises(SolverError, match=rf"threads must be a number from 1 to {N_CORES}, .* got"):
+    with pytest.raises(SolverError, match=rf"threads must be a whole number from 1 to {N_CORES}, .* got"):
         solve_many([load("hard-tower-3")], threads=threads)
 
 

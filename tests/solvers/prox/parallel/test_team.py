@@ -50,18 +50,28 @@ def test_a_kernel_that_raises_in_any_thread_raises_each_time_and_leaves_no_threa
 
 
 def test_more_threads_than_cores_are_refused_in_one_sentence() -> None:
-    cores = os.cpu_count()
-    sentence = f"threads must be a whole number from 1 to {cores}, the cores of this machine, got {cores + 1}."
-    sentence = f"ColouredSORprox: {sentence}"
+    cores = len(os.sched_getaffinity(0))
+    allowed = f"a whole number from 1 to {cores}, the cores that this process may use"
     with pytest.raises(SolverError) as raised:
         create("ColouredSORprox", threads=cores + 1)
-    assert str(raised.value) == sentence
+    assert str(raised.value) == f"ColouredSORprox: threads must be {allowed}, got {cores + 1}."
     for value in (0, 1.0, True, "2"):
         with pytest.raises(SolverError, match="threads must be"):
             create("ColouredSORprox", threads=value)
 
 
-@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="there is one core alone")
+def test_a_pinned_process_gets_one_thread() -> None:
+    """Its machine may have more cores."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    try:
+        with pytest.raises(SolverError, match="threads must be 1, because this process may use only one core, got 2"):
+            create("ColouredSORprox", threads=2)
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one core alone")
 def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)

@@ -1,0 +1,104 @@
+"""Memory that arrays need, compared with what is available before they are allocated.
+
+Without this comparison, the system would kill the process: it grants more memory than it has.
+"""
+
+import math
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...arrays import FloatArray
+from ...errors import InsufficientMemoryError
+
+SMALL_BYTES = 2**26
+"""Arrays below this size are allocated without asking how much memory is available, which takes 0.1 ms [bytes]."""
+
+_GROUPS = Path("/sys/fs/cgroup")
+
+
+def require_memory(needed: float, purpose: str, remedy: str) -> None:
+    """Raise ``InsufficientMemoryError`` if more bytes are needed than available.
+
+    Args:
+        needed: memory that is needed in addition to what this process has [bytes].
+        purpose: what it is needed for.
+        remedy: what to do instead, as an imperative.
+    """
+    if needed < SMALL_BYTES:
+        return
+    available = available_bytes()
+    if needed > available:
+        raise InsufficientMemoryError(
+            f"at least {_gigabytes(needed)} of memory are needed for {purpose}, but {_gigabytes(available)} are "
+            f"available; {remedy}."
+        )
+
+
+def available_bytes() -> float:
+    """Return the memory that this process can still use without swapping [bytes].
+
+    The machine, control groups (containers) and the limit of the address space restrict it.
+    """
+    return max(min(_machine_bytes(), _group_bytes(), _address_bytes()), 0.0)
+
+
+def to_dense(matrix: sp.csr_array, remedy: str) -> FloatArray:
+    """Return G as a dense array, shape (n_rows, n_rows).
+
+    Raises:
+        InsufficientMemoryError: if the available memory does not suffice; its message ends with ``remedy``.
+    """
+    n_rows = matrix.shape[0]
+    require_memory(8.0 * n_rows * n_rows, f"a dense G of {n_rows:,} rows", remedy)
+    return np.asarray(matrix.toarray(), dtype=np.float64)
+
+
+def _gigabytes(n_bytes: float) -> str:
+    size = n_bytes / 1e9
+    return f"{size:,.0f} GB" if size >= 10.0 else f"{size:.2g} GB"
+
+
+def _machine_bytes() -> float:
+    """Return what the machine can give; without a report of the system, all of its memory."""
+    try:
+        found = re.search(r"^MemAvailable:\s+(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE)
+        if found:
+            return 1024.0 * int(found[1])
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (OSError, ValueError, AttributeError):
+        return math.inf
+
+
+def _group_bytes() -> float:
+    """Return the least that a control group (version 2) of this process leaves; files in memory can be dropped."""
+    try:
+        found = re.search(r"^0::/(.*)$", Path("/proc/self/cgroup").read_text(), re.MULTILINE)
+    except OSError:
+        return math.inf
+    group, left = _GROUPS / (found[1] if found else ""), math.inf
+    while group.is_relative_to(_GROUPS):
+        try:
+            limit = int((group / "memory.max").read_text())
+            dropped = re.search(r"^inactive_file (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
+            used = int((group / "memory.current").read_text()) - (int(dropped[1]) if dropped else 0)
+            left = min(left, float(limit - used))
+        except (OSError, ValueError):  # no such group, or no limit
+            pass
+        group = group.parent
+    return left
+
+
+def _address_bytes() -> float:
+    """Return what the limit of the address space leaves, as ``ulimit -v`` and measured cases have it."""
+    try:
+        import resource  # systems other than Unix have no such limit
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        return math.inf if limit == resource.RLIM_INFINITY else float(limit - pages * resource.getpagesize())
+    except (ImportError, OSError):
+        return math.inf
