@@ -13,6 +13,7 @@
 ``swing``    energy of a chain, and of a heavy ball on it, over ten seconds
 ``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
 ``joints``   how far joints open and what energy they keep, with and without closing them at each step
+``resting``  how far joints open and bodies penetrate where a linkage or a chain lies on the ground
 ``free``     energy and momentum of free bodies over 10⁵ steps
 ``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
 
@@ -42,6 +43,7 @@ from proxbench.problems.motion.scenes.rigid.linkages import Chain
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Status, Stop, create
+from resting_linkages import resting
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 STEPS = (1e-2, 5e-3, 2e-3)
@@ -288,13 +290,13 @@ TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
     made.__name__: made
     for made in (
         *(arch, sizes, friction, sliding, sweeps, creep, stack, drift, cube, chain, swing),
-        *(orders, joints, free, piles),
+        *(orders, joints, resting, free, piles),
     )
 }
 
 
-def print_table(name: str, make: Callable[[], Iterator[dict[str, Any]]]) -> pd.DataFrame:
-    """Print a table row by row; return it."""
+def print_table(name: str, make: Callable[[], Iterator[dict[str, Any]]]) -> Iterator[pd.DataFrame]:
+    """Print a table row by row; yield what has been measured of it after each row."""
     rows: list[dict[str, Any]] = []
     for row in make():
         if not rows:
@@ -302,7 +304,7 @@ def print_table(name: str, make: Callable[[], Iterator[dict[str, Any]]]) -> pd.D
         cells = [f"{one:.4g}" if isinstance(one, float) else str(one) for one in row.values()]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
         rows.append({"table": name, **row})
-    return pd.DataFrame(rows)
+        yield pd.DataFrame(rows)
 
 
 def main() -> None:
@@ -313,9 +315,9 @@ def main() -> None:
     parser.add_argument("--charts", type=Path, help="folder for the charts of this file")
     options = parser.parse_args()
     for name in options.tables:
-        measured = print_table(name, TABLES[name])
         kept = pd.read_csv(options.output) if options.output.exists() else pd.DataFrame({"table": []})
-        pd.concat([kept[kept["table"] != name], measured]).to_csv(options.output, index=False)
+        for measured in print_table(name, TABLES[name]):
+            pd.concat([kept[kept["table"] != name], measured]).to_csv(options.output, index=False)
     if options.charts:
         draw(pd.read_csv(options.output), options.charts, [*SOLVERS, RELAXED])
 

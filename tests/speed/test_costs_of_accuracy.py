@@ -23,6 +23,8 @@ from pile_costs import piles
 from proxbench.bench.report.charts.palette import looks
 from proxbench.problems.motion.scenes.rigid.arch import Arch
 from proxbench.problems.motion.scenes.rigid.linkages import DEPTH
+from resting_linkages import DEPTH as DEPTH_AT_REST
+from resting_linkages import contact_errors, falling_chain
 
 
 def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
@@ -87,6 +89,12 @@ def test_projection_closes_joints_at_the_cost_of_energy() -> None:
     assert without["opening"] > 1e-5 > 1e-9 > closed["opening"]
     assert closed["|Wᵀu|"] < 1e-12 < without["|Wᵀu|"]
     assert without["energy"] < 1e-9 < closed["energy"]
+
+
+def test_projection_closes_the_joints_of_a_chain_that_falls_and_takes_penetration_out() -> None:
+    without, closed = (contact_errors(*falling_chain(4), 0.01, 1.0, depth) for depth in (None, DEPTH_AT_REST))
+    assert without["opening"] > 1e-4 > 1e-9 > closed["opening"]
+    assert without["penetration"] > 1e-3 > 1.2 * DEPTH_AT_REST > closed["penetration"]
 
 
 def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:
