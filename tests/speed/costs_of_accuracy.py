@@ -14,6 +14,7 @@
 ``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
 ``joints``   how far joints open and what energy they keep, with and without closing them at each step
 ``resting``  how far joints open and bodies penetrate where a linkage or a chain lies on the ground
+``vanishing`` contacts of bodies at rest that open or change their keys, in 1000 steps
 ``free``     energy and momentum of free bodies over 10⁵ steps
 ``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
 
@@ -35,6 +36,7 @@ import pandas as pd
 from accuracy_charts import draw
 from convergence_orders import free, orders
 from joint_errors import joints, swing
+from lasting_contacts import vanishing
 from pile_costs import piles
 from proxbench.problems.motion.equilibrium import bisect, find_equilibrium, problem_at_rest
 from proxbench.problems.motion.scenes.rigid.arch import Arch
@@ -290,7 +292,7 @@ TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
     made.__name__: made
     for made in (
         *(arch, sizes, friction, sliding, sweeps, creep, stack, drift, cube, chain, swing),
-        *(orders, joints, resting, free, piles),
+        *(orders, joints, resting, vanishing, free, piles),
     )
 }
 

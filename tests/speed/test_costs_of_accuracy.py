@@ -19,6 +19,7 @@ from costs_of_accuracy import (
     to_tolerance,
 )
 from joint_errors import joint_errors
+from lasting_contacts import count_vanishing
 from pile_costs import piles
 from proxbench.bench.report.charts.palette import looks
 from proxbench.problems.motion.scenes.rigid.arch import Arch
@@ -95,6 +96,12 @@ def test_projection_closes_the_joints_of_a_chain_that_falls_and_takes_penetratio
     without, closed = (contact_errors(*falling_chain(4), 0.01, 1.0, depth) for depth in (None, DEPTH_AT_REST))
     assert without["opening"] > 1e-4 > 1e-9 > closed["opening"]
     assert without["penetration"] > 1e-3 > 1.2 * DEPTH_AT_REST > closed["penetration"]
+
+
+def test_contacts_of_a_stack_open_if_they_barely_overlap_and_are_not_solved_well() -> None:
+    assert count_vanishing("box_stack(n_boxes=3)", 1e-2, 1e-6, 20)["vanished"] == 0
+    loose = count_vanishing("box_stack(n_boxes=3, overlap=1e-9)", 1e-2, 1e-2, 20)
+    assert loose["vanished"] >= loose["opened"] > 0
 
 
 def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:
