@@ -103,7 +103,8 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     gap = least_gap = float(separations[best])
     if least_gap > margin:
         return
-    way = max(APART * size - least_gap, 0.0) * directions[best]
+    # of deep penetrations, coal finds the least at the given poses only
+    way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
     for _ in range(MAX_PASSES):
         result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)
         if result is None:
