@@ -74,6 +74,9 @@ N_WARM_UP_STEPS = 5
 FRICTION = 0.8
 """Friction coefficient of the joints of an arch where it does not vary."""
 
+DURATION = 1.0
+"""Simulated time [s] for which an arch must stand."""
+
 FALLEN = 1e-3
 """Displacement [m] at which an arch of radius 1 m counts as falling; it takes less than a second."""
 
@@ -167,8 +170,9 @@ def search_thickness(
 
     def stands(ratio: float) -> bool:
         arch = Arch(stones, ratio * exact, friction)
-        motions.append(simulate(arch, arch.moved, solver, stop, step, 1.0, FALLEN))
-        return motions[-1].largest <= FALLEN
+        motions.append(simulate(arch, arch.moved, solver, stop, step, DURATION, FALLEN))
+        is_complete = motions[-1].time >= DURATION * (1.0 - 1e-9)  # otherwise it ran out of processor time
+        return motions[-1].largest <= FALLEN and is_complete
 
     low, high = next(((1.0 - width, 1.0 + width) for width in (0.01, 0.1) if brackets(stands, width)), (0.5, 1.5))
     if high == 1.5 and not stands(high):
