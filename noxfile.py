@@ -51,7 +51,8 @@ def peers(session: nox.Session) -> None:
     _keep_compiled_kernels(session)
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
     engines = "tests/bench/measure/trajectories/engines"
-    shapes = ("tests/problems/motion/detection", "tests/problems/motion/scenes/rigid/test_rolling.py")
+    in_motion = "tests/problems/motion/bodies/rigid/test_shapes_in_motion.py"
+    shapes = ("tests/problems/motion/detection", in_motion, "tests/problems/motion/scenes/rigid/test_rolling.py")
     warp, writers = "tests/solvers/prox/test_warp_sorprox.py", "tests/docs/test_engine_writers.py"
     tables = "tests/speed/test_captured_models.py"
     parallel = ("-n", "auto", "--dist", "loadfile")

@@ -15,7 +15,8 @@ from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.detection.narrow_phase import ContactSet
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.solvers import Stop, create
+from proxbench.problems.motion.stepping.step import Step
+from proxbench.solvers import Status, Stop, create
 
 SIZES = (100, 1000, 5000)
 STEP = 2e-3
@@ -23,8 +24,9 @@ SETTLING_STEPS = 250
 TIMED_SECONDS = 2.0
 """Processor time for which steps are timed [s]."""
 
-SWEEPS = Stop(1e-4, 50)
-"""Sweeps of a step; those of a pile do not depend on the number of boxes."""
+TOLERANCE = 1e-4
+SWEEPS = (50, 5000)
+"""Largest number of sweeps of a step: a number that does not depend on the boxes, and one with which steps converge."""
 
 MAX_BOXES_FOR_RANK = 1000
 """Largest number of boxes for which the rank is computed, from all eigenvalues."""
@@ -45,33 +47,49 @@ class TimedBodies(RigidBodies):
 _detecting = [0.0]
 
 
-def piles(sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS) -> Iterator[dict[str, Any]]:
+def piles(
+    sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS, sweeps: tuple[int, ...] = SWEEPS
+) -> Iterator[dict[str, Any]]:
     """Yield contacts, redundancy and times of a step of each pile, and how the time has grown with the contacts."""
-    before: tuple[float, float] | None = None
+    before: dict[int, tuple[float, float]] = {}
     for n_boxes in sizes:
         scene = BoxPile(n_boxes)
         plain = scene.system()
         system = TimedBodies(**{name: getattr(plain, name) for name in plain.__dataclass_fields__})
-        rule = MidpointRule(system, create("SORprox(relaxation=1.3)"), SWEEPS, STEP, depth=1e-4)
-        *_, last = rule.steps(scene.start(), settling_steps)
-        _detecting[0], count, began = 0.0, 0, time.process_time()
-        while count == 0 or time.process_time() - began < TIMED_SECONDS:
-            last, count = rule.step(last.state), count + 1
-        seconds, detecting = (time.process_time() - began) / count, _detecting[0] / count
-        assert last.contacts is not None
-        contacts, rows = last.contacts.n_contacts, last.contacts.laws.n_rows
-        redundant = rows - _rank(system, last.contacts) if n_boxes <= MAX_BOXES_FOR_RANK else f"> {rows - 6 * n_boxes}"
-        growth = "" if before is None else f"{np.log(seconds / before[1]) / np.log(contacts / before[0]):.2f}"
-        before = (contacts, seconds)
-        yield {
-            "boxes": n_boxes,
-            "contacts": contacts,
-            "rows/velocities": rows / (6 * n_boxes),
-            "rows - rank": redundant,
-            "ms a step": 1e3 * seconds,
-            "detection": detecting / seconds,
-            "growth": growth,
-        }
+        *_, settled = _rule(system, sweeps[0]).steps(scene.start(), settling_steps)
+        for limit in sweeps:
+            row = _timed_steps(system, settled, limit)
+            if limit in before:
+                contacts, milliseconds = before[limit]
+                row["growth"] = np.log(row["ms a step"] / milliseconds) / np.log(row["contacts"] / contacts)
+            before[limit] = (row["contacts"], row["ms a step"])
+            yield {"boxes": n_boxes, "sweeps": limit, **row}
+
+
+def _rule(system: RigidBodies, sweeps: int) -> MidpointRule:
+    return MidpointRule(system, create("SORprox(relaxation=1.3)"), Stop(TOLERANCE, sweeps), STEP, depth=1e-4)
+
+
+def _timed_steps(system: RigidBodies, last: Step, sweeps: int) -> dict[str, Any]:
+    """Return the means of the steps that fit into ``TIMED_SECONDS``, with the contacts of the last one."""
+    rule = _rule(system, sweeps)
+    _detecting[0], count, converged, began = 0.0, 0, 0, time.process_time()
+    while count == 0 or time.process_time() - began < TIMED_SECONDS:
+        last, count = rule.step(last.state), count + 1
+        converged += last.status is Status.SOLVED
+    seconds, detecting = (time.process_time() - began) / count, _detecting[0] / count
+    assert last.contacts is not None
+    n_boxes, rows = system.n_bodies, last.contacts.laws.n_rows
+    is_small = n_boxes <= MAX_BOXES_FOR_RANK
+    return {
+        "contacts": last.contacts.n_contacts,
+        "rows/velocities": rows / (6 * n_boxes),
+        "rows - rank": rows - _rank(system, last.contacts) if is_small else f"> {rows - 6 * n_boxes}",
+        "converged": f"{converged} of {count}",
+        "ms a step": 1e3 * seconds,
+        "detection": detecting / seconds,
+        "growth": "",
+    }
 
 
 def _rank(system: RigidBodies, contacts: Any) -> int:

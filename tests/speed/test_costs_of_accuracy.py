@@ -19,10 +19,13 @@ from costs_of_accuracy import (
     to_tolerance,
 )
 from joint_errors import joint_errors
+from lasting_contacts import count_vanishing
 from pile_costs import piles
 from proxbench.bench.report.charts.palette import solver_styles
 from proxbench.problems.motion.scenes.rigid.arch import Arch
 from proxbench.problems.motion.scenes.rigid.linkages import DEPTH
+from resting_linkages import DEPTH as DEPTH_AT_REST
+from resting_linkages import contact_errors, falling_chain
 
 
 def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
@@ -90,9 +93,21 @@ def test_projection_closes_joints_at_the_cost_of_energy() -> None:
     assert without["energy"] < 1e-9 < closed["energy"]
 
 
+def test_projection_closes_the_joints_of_a_chain_that_falls_and_takes_penetration_out() -> None:
+    without, closed = (contact_errors(*falling_chain(4), 0.01, 1.0, depth) for depth in (None, DEPTH_AT_REST))
+    assert without["opening"] > 1e-4 > 1e-9 > closed["opening"]
+    assert without["penetration"] > 1e-3 > 1.2 * DEPTH_AT_REST > closed["penetration"]
+
+
+def test_contacts_of_a_stack_open_if_they_barely_overlap_and_are_not_solved_well() -> None:
+    assert count_vanishing("box_stack(n_boxes=3)", 1e-2, 1e-6, 20)["vanished"] == 0
+    loose = count_vanishing("box_stack(n_boxes=3, overlap=1e-9)", 1e-2, 1e-2, 20)
+    assert loose["vanished"] >= loose["opened"] > 0
+
+
 @pytest.mark.slow
 def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:
-    (found,) = piles((40,), 150)
+    (found,) = piles((40,), 150, (50,))
     assert found["contacts"] > 40
     assert 0 <= found["rows - rank"] < 3 * found["contacts"]
     assert 0.0 < found["detection"] < 1.0

@@ -3,9 +3,14 @@
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from .. import options
+
+if TYPE_CHECKING:
+    from ....problems.contact.solver import Stop
+
+DEFAULT_TOLERANCE, DEFAULT_SECONDS, DEFAULT_ITERATIONS = 1e-8, 5.0, 200_000
 
 
 def matrix(
@@ -14,9 +19,11 @@ def matrix(
     sample: options.Sample = None,
     sampling: options.Sampling = "proportional",
     solver: options.Solvers = None,
-    tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = 1e-8,
-    solve_seconds: options.SolveSeconds = 5.0,
-    max_iterations: Annotated[int, options.limits(metavar="NUMBER", help="Iteration limit of one solve.")] = 200_000,
+    tolerance: Annotated[float, options.limits(metavar="NUMBER", help="Residual to reach.")] = DEFAULT_TOLERANCE,
+    solve_seconds: options.SolveSeconds = DEFAULT_SECONDS,
+    max_iterations: Annotated[
+        int, options.limits(metavar="NUMBER", help="Iteration limit of one solve.")
+    ] = DEFAULT_ITERATIONS,
     output: Annotated[
         Path | None,
         options.output(metavar="FILE", help="Markdown page, with a CSV file of all cells; printed if omitted."),
@@ -48,6 +55,7 @@ def matrix(
             f"cannot write {output}: the CSV file of the cells would replace the page; name a file that ends in .md."
         )
     check_writable([path for path in (output, table) if path is not None], force=True)
+    stop = Stop(tolerance, max_iterations, solve_seconds)
     chosen, methods = select(problem, suite, sample, sampling=sampling), list(solver or default_solvers())
     with ProgressBar(not progress or quiet or as_json) as shown:
         shown.count(0, len(chosen.problems) * len(methods))
@@ -56,10 +64,10 @@ def matrix(
             shown.name(f"{cell.solver} on {cell.problem}", again=True)
             shown.count_one()
 
-        cells = measure_matrix(chosen.problems, methods, Stop(tolerance, max_iterations, solve_seconds), on_cell=show)
+        cells = measure_matrix(chosen.problems, methods, stop, on_cell=show)
     for sentence in chosen.left_out:
         print(f"proxbench: {options.spell_options(sentence)}", file=sys.stderr)
-    command = _command(suite, problem, solver, tolerance, output, sample, sampling)
+    command = _command(suite, problem, solver, stop, output, sample, sampling)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:
         print_json([asdict(cell) for cell in cells])
@@ -83,7 +91,7 @@ def _command(
     suite: str,
     problems: list[str] | None,
     solvers: list[str] | None,
-    tolerance: float,
+    stop: "Stop",
     output: Path | None,
     sample: int | None,
     sampling: str,
@@ -94,5 +102,7 @@ def _command(
     words += [f"--sample {sample}"] if sample is not None else []
     words += [f"--sampling {sampling}"] if sample is not None and sampling != "proportional" else []
     words += [f'--solver "{name}"' for name in solvers or []]
-    words += [f"--tolerance {tolerance:g}"] if tolerance != 1e-8 else []
+    words += [f"--tolerance {stop.tolerance:g}"] if stop.tolerance != DEFAULT_TOLERANCE else []
+    words += [f"--solve-seconds {stop.max_seconds:g}"] if stop.max_seconds != DEFAULT_SECONDS else []
+    words += [f"--max-iterations {stop.max_iterations}"] if stop.max_iterations != DEFAULT_ITERATIONS else []
     return " ".join([*words, f"--output {output}"] if output is not None else words)

@@ -14,6 +14,8 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
     """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
 
+    An edge with one end within the slack and the other beyond it does not cross the plane, and is cut at the former.
+
     Args:
         polygon: corners, of which the first ``n`` count; there must be room for one more per cut.
         edges: number of the edge that leaves each of them.
@@ -34,7 +36,7 @@ def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-un
             left[m], left_edges[m] = here, edges[k]
             m += 1
         if (over <= slack) != (next_over <= slack):
-            left[m] = here + over / (over - next_over) * (there - here)
+            left[m] = here + min(max(over / (over - next_over), 0.0), 1.0) * (there - here)
             left_edges[m] = number if over <= slack else edges[k]
             m += 1
     return m, left, left_edges

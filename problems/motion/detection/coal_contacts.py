@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from importlib import import_module
-from math import hypot
 from typing import Any
 
 import numpy as np
@@ -36,13 +35,19 @@ TINY = np.array([0.0, 0.0, 1e-12])
 """Distance below which centres coincide [m]."""
 
 RETRY_SHARES = (0.0, 0.01, 0.1, 1.0)
-"""Fractions of the distance of centres by which bodies are moved apart until coal finds a normal."""
+"""Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller one."""
 
 FLATNESS = 1e-3
 """Largest height of points of a patch, divided by the size of the smaller body."""
 
 NEARLY_ALONG = 1.0 - 1e-5
 """Cosine of the largest angle to the contact normal at which the tangent plane of a shape gives its heights."""
+
+END = 0.7
+"""Cosine of the largest angle between contact normal and axis at which a cylinder touches with its end."""
+
+CUT = np.pi / CURVED_SAMPLES
+"""Angle between the first axis and the first point of a patch [rad]; coal's points of an end are not near to it."""
 
 
 def needs_coal(first: Shape, second: Shape) -> bool:
@@ -57,7 +62,8 @@ def find_with_coal(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     coal gives the points and the normal of a patch, and one gap for all; the gap of each point comes from the tangent
-    planes of the shapes. Features number the points in the order of coal; they persist while their number is constant.
+    planes of the shapes. Features number the points around their centre in the axes of a cylinder; they persist while
+    the number of points is constant.
 
     Args:
         shapes: shapes of all bodies; none of a pair is a half-space.
@@ -74,9 +80,11 @@ def find_with_coal(
     numbers: list[FloatArray] = []
     for i, j in pairs.tolist():
         one, other = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
-        for number, (point, normal, gap) in enumerate(_patch(coal, one, other, margin)):
+        patch = list(_patch(coal, one, other, margin))
+        axes = one[2] if isinstance(one[0], Cylinder) else other[2]
+        for feature, (point, normal, gap) in zip(_features(patch, axes), patch, strict=True):
             if gap < margin:
-                keys.append((i, j, number))
+                keys.append((i, j, feature))
                 numbers.append(np.array([*point, *-normal, gap]))
     return np.array(keys, dtype=np.int64).reshape(-1, 3), np.array(numbers, dtype=np.float64).reshape(-1, 7)
 
@@ -84,21 +92,34 @@ def find_with_coal(
 def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tuple[FloatArray, FloatArray, float]]:
     """Yield point [m], normal from first to second, and gap [m] of each point of the patch of two bodies.
 
-    Near gap 0, coal has errors of 1e-6 m in gaps, and 1e-4 in normals. The second body is therefore moved along the
-    normal to where coal is exact, and this distance is subtracted from the gap.
+    Near gap 0, coal has errors of 1e-6 m in gaps, and 1e-4 in normals, and finds no contact at some poses. Bodies are
+    therefore searched with a larger margin. The second one is moved along the normal to where coal is exact, and this
+    distance is subtracted from the gap. Where bodies are farthest apart along the normal of a face or an axis, this
+    direction is exact.
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
-    way, gap = np.zeros(3), 0.0
+    directions = _directions(first, second)
+    separations = _separation(first, second, directions)
+    best = int(np.argmax(separations))
+    gap = least_gap = float(separations[best])
+    if least_gap > margin:
+        return
+    # of deep penetrations, coal finds the least at the given poses only
+    way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
     for _ in range(MAX_PASSES):
-        result, last_way = _collide(coal, first, second, way, margin)
+        result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)
         if result is None:
             return
         contact = result.getContact(0)
         normal = np.array(contact.normal)
         gap = contact.penetration_depth - last_way @ normal
+        if least_gap >= _separation(first, second, normal):
+            normal, gap = directions[best], least_gap
         way = max(APART * size - gap, 0.0) * normal
         if np.abs(way - last_way).max() <= TOLERANCE * size:
             break
+    if gap > margin + TOLERANCE * size:
+        return
     patch_request, patches = coal.ContactPatchRequest(), coal.ContactPatchResult()
     patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
     patch_request.setPatchTolerance(FLATNESS * size)
@@ -118,11 +139,25 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
         yield point + 0.5 * (above - below) * normal, normal, -float(above + below)
 
 
-def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: float) -> tuple[Any, FloatArray]:
+def _features(patch: Sequence[tuple[FloatArray, FloatArray, float]], axes: FloatArray) -> list[int]:
+    """Return the rank of each point of a patch by its angle around their centre, in the axes of a cylinder."""
+    if len(patch) < 2:
+        return [0] * len(patch)
+    points, normal = np.array([point for point, _, _ in patch]), patch[0][1]
+    along = axes[:, 0] if abs(axes[:, 2] @ normal) > END else axes[:, 2]
+    offsets = points - points.mean(axis=0)
+    angles = np.arctan2(offsets @ np.cross(normal, along), offsets @ along)
+    ranks: list[int] = np.argsort(np.argsort((angles + CUT) % (2.0 * np.pi))).tolist()
+    return ranks
+
+
+def _collide(
+    coal: Any, first: _Body, second: _Body, way: FloatArray, known: tuple[FloatArray, FloatArray], margin: float
+) -> tuple[Any, FloatArray]:
     """Return the collision of two bodies by coal, and the displacement of the second one for it.
 
-    The collision is None if they are farther apart than ``margin``. At some poses coal
-    returns no normal, or a wrong depth, at any tolerance; bodies are then moved apart a little more.
+    The collision is None if they are farther apart than ``margin``. At some poses coal returns no normal, or one along
+    which they are closer than along one of the ``known`` directions; bodies are then moved apart a little more.
 
     Raises:
         ProblemError: if coal finds no normal however far they are moved apart.
@@ -130,10 +165,11 @@ def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: fl
     request = coal.CollisionRequest()
     request.gjk_tolerance = request.epa_tolerance = TOLERANCE
     request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
-    between = second[1] - first[1] + TINY
     size = min(first[0].bounding_radius, second[0].bounding_radius)
+    directions, separations = known
+    outward = directions[np.argmax(separations + directions @ way)]
     for more in RETRY_SHARES:
-        moved = way + more * between
+        moved = way + more * size * outward
         request.security_margin = margin + float(np.linalg.norm(moved))
         result = coal.CollisionResult()
         if not coal.collide(*_placed(coal, first), *_placed(coal, second, moved), request, result):
@@ -142,18 +178,35 @@ def _collide(coal: Any, first: _Body, second: _Body, way: FloatArray, margin: fl
         normal = np.array(contact.normal)
         if not abs(np.abs(normal).max() - 0.75) < 0.3:  # 0, NaN or huge
             continue
-        apart = _separation(first, second, moved, normal)
-        is_right = abs(apart - contact.penetration_depth) < FLATNESS * size
-        if is_right and apart > _separation(first, second, moved, between / np.linalg.norm(between)) - FLATNESS * size:
+        apart, slack = _separation(first, second, normal) + normal @ moved, FLATNESS * size
+        if abs(apart - contact.penetration_depth) < slack and apart > (separations + directions @ moved).max() - slack:
             return result, moved
     names = " and a ".join(type(body[0]).__name__.lower() for body in (first, second))
     raise ProblemError(f"coal finds no distance of a {names}; change their initial poses slightly.")
 
 
-def _separation(first: _Body, second: _Body, way: FloatArray, normal: FloatArray) -> float:
-    """Return the distance of two bodies along a unit vector [m]; the gap is the largest of all directions."""
-    between = second[1] + way - first[1]
-    return float(between @ normal) - _reach(first, normal) - _reach(second, -normal)
+def _directions(first: _Body, second: _Body) -> FloatArray:
+    """Return unit vectors from first to second along which they may be closest, shape (n, 3).
+
+    They are those of the line of centres, of faces, of axes, and normal to axes.
+    """
+    between = second[1] - first[1] + TINY
+    found = [between[None]]
+    for (shape, _, rotation), sign in ((first, 1.0), (second, -1.0)):
+        axis = rotation[:, 2]
+        if isinstance(shape, Cylinder | Capsule):
+            found.append(np.array([axis, -axis, between - (between @ axis) * axis]))
+        else:
+            found.append(sign * packed((shape,)).normals @ rotation.T)
+    directions = np.concatenate(found)
+    lengths = np.linalg.norm(directions, axis=1)
+    unit: FloatArray = directions[lengths > 0.0] / lengths[lengths > 0.0, None]
+    return unit
+
+
+def _separation(first: _Body, second: _Body, directions: FloatArray) -> Any:
+    """Return the distances of two bodies along unit vectors [m]; the gap is the largest of all directions."""
+    return directions @ (second[1] - first[1]) - _reach(first, directions) - _reach(second, -directions)
 
 
 def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: FloatArray | None = None) -> tuple[Any, Any]:
@@ -185,18 +238,17 @@ def _tangent_plane(
     if normal @ local < NEARLY_ALONG:
         normal = local
     in_world = rotation @ normal
-    return in_world, _reach((shape, centre, rotation), in_world) + float(in_world @ centre)
+    return in_world, float(_reach((shape, centre, rotation), in_world) + in_world @ centre)
 
 
-def _reach(body: _Body, direction: FloatArray) -> float:
-    """Return the extent of a body from its centre along a unit vector [m]."""
+def _reach(body: _Body, directions: FloatArray) -> Any:
+    """Return the extents of a body from its centre along unit vectors [m]."""
     shape, _, rotation = body
-    x, y, z = local = rotation.T @ direction
-    if isinstance(shape, Cylinder):
-        return shape.radius * hypot(x, y) + 0.5 * shape.length * abs(float(z))
-    if isinstance(shape, Capsule):
-        return shape.radius + 0.5 * shape.length * abs(float(z))
-    return float((pack_polyhedra((shape,)).vertices @ local).max())
+    local = directions @ rotation
+    if isinstance(shape, Cylinder | Capsule):
+        along = 0.5 * shape.length * np.abs(local[..., 2])
+        return along + shape.radius * (1.0 if isinstance(shape, Capsule) else np.hypot(local[..., 0], local[..., 1]))
+    return (local @ pack_polyhedra((shape,)).vertices.T).max(axis=-1)
 
 
 def require_coal() -> Any:

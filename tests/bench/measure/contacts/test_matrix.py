@@ -154,10 +154,12 @@ def test_a_solver_that_keeps_its_time_limit_is_not_ended() -> None:
 
 
 def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    line = ["matrix", "--problem", "hard-groove", "--solver", "SORprox", "--tolerance", "1e-4"]
+    limits = "--tolerance 0.0001 --solve-seconds 2 --max-iterations 900"
+    line = ["matrix", "--problem", "hard-groove", "--solver", "SORprox", *limits.split()]
     assert run_command([*line, "--output", str(tmp_path / "page.md")]) == 0
     assert "1 cell, 0 of them wrong or with a failed process" in capsys.readouterr().out
-    assert "--tolerance 0.0001" in (tmp_path / "page.md").read_text()
+    page = (tmp_path / "page.md").read_text()
+    assert f'`proxbench matrix --problem hard-groove --solver "SORprox" {limits} --output' in page
     assert (tmp_path / "page.csv").read_text() == "problem,family,SORprox\nhard-groove,wedges,solved\n"
     assert run_command([*line, "--output", str(tmp_path / "page.csv")]) == 2
     assert "name a file that ends in .md" in capsys.readouterr().err

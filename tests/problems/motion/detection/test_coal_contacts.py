@@ -1,10 +1,20 @@
-"""coal as oracle for boxes, and exact gaps of cylinders however small they are."""
+"""coal as oracle for boxes, and exact gaps and lasting features of cylinders at every pose."""
+
+from math import sqrt
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems.motion.bodies.rigid.orientation import exponential, product, rotation_matrices
+from numpy.typing import NDArray
+from proxbench.problems.motion.bodies.rigid.orientation import (
+    IDENTITY,
+    Z_AXIS,
+    about,
+    exponential,
+    product,
+    rotation_matrices,
+)
 from proxbench.problems.motion.bodies.rigid.shapes import Box, Cylinder
 from proxbench.problems.motion.detection.narrow_phase import find_contacts
 from proxbench.problems.motion.detection.polyhedra import find_polyhedra
@@ -58,3 +68,46 @@ def test_a_tilted_cylinder_on_a_face_has_its_exact_gap(seed: int, exponent: int,
     found = find_contacts((Box((3.0, 3.0, 0.6)), Cylinder(0.2, 1.0)), poses, PAIR, 0.05)
     assert found.gap.min() == pytest.approx(gap, abs=1e-9)
     assert found.normal[0] == pytest.approx(-rotation[:, 2], abs=1e-8)
+
+
+SLAB, ROLLER = Box((6.0, 4.0, 1.0)), Cylinder(0.1, 0.4)
+LYING = np.array([sqrt(0.5), -sqrt(0.5), 0.0, 0.0])
+"""Orientation that turns the axis of a cylinder to y."""
+
+
+def on_slab(turn: float, along: float, is_upright: bool, gap: float = -1e-9) -> NDArray[np.float64]:
+    """Return the poses of the slab and of a cylinder on its upper face, turned by ``turn`` [rad] about its axis."""
+    about_axis = about(Z_AXIS, turn)
+    if is_upright:
+        cylinder = [along, 0.3, 0.5 + 0.5 * ROLLER.length + gap, *about_axis]
+    else:
+        cylinder = [along, 0.3, 0.5 + ROLLER.radius + gap, *product(LYING[None], about_axis[None])[0]]
+    return np.array([[0.0, 0.0, 0.0, *IDENTITY], cylinder])
+
+
+@pytest.mark.parametrize("is_first", [True, False], ids=["cylinder-first", "slab-first"])
+def test_a_cylinder_that_rolls_far_from_the_centre_of_a_slab_is_in_contact_at_every_pose(is_first: bool) -> None:
+    """coal misses contacts 1 nm deep, and finds the far side of the slab, at some of these poses."""
+    rng = np.random.default_rng(0)
+    for turn, along in zip(rng.uniform(0.0, 6.0, 300), rng.uniform(-2.8, 2.8, 300), strict=True):
+        poses, shapes = on_slab(turn, along, False), (SLAB, ROLLER)
+        if is_first:
+            poses, shapes = poses[::-1].copy(), (ROLLER, SLAB)
+        found = find_contacts(shapes, poses, PAIR, 0.0)
+        assert found.gap == pytest.approx([-1e-9] * 2, abs=1e-14)
+        assert np.abs(found.normal) == pytest.approx(np.array([[0.0, 0.0, 1.0]] * 2), abs=1e-14)
+
+
+@pytest.mark.parametrize(("is_upright", "count"), [(False, 2), (True, 12)])
+def test_features_last_while_a_cylinder_turns_about_its_axis(is_upright: bool, count: int) -> None:
+    """On its side, a feature stays at its end of the line of contact; on its end, at a point of the cylinder."""
+    labels, rng = [], np.random.default_rng(0)
+    for turn in np.linspace(0.0, 2.0, 101):
+        poses = on_slab(turn, 0.1 + 0.1 * turn, is_upright)
+        poses[1, 3:] = product(exponential(1e-12 * rng.normal(size=(1, 3))), poses[1:, 3:])[0]
+        found = find_contacts((SLAB, ROLLER), poses, PAIR, 0.0)
+        assert found.feature.tolist() == list(range(count))
+        labels.append((found.point - poses[1, :3]) @ rotation_matrices(poses[1:, 3:])[0])
+        if not is_upright:
+            labels[-1] = labels[-1][:, 2]
+    np.testing.assert_allclose(labels, np.broadcast_to(labels[0], np.shape(labels)), atol=1e-8)

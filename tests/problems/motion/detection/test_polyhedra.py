@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from proxbench.problems.motion.bodies.rigid.orientation import rotation_matrices
 from proxbench.problems.motion.bodies.rigid.polyhedron import convex_polyhedron
 from proxbench.problems.motion.bodies.rigid.shapes import Box, HalfSpace, Shape
+from proxbench.problems.motion.detection.clipping import clip
 from proxbench.problems.motion.detection.narrow_phase import ContactSet, find_contacts
 from proxbench.problems.motion.detection.polyhedra import find_polyhedra
 from proxbench.problems.motion.scenes.rigid.prisms import prism
@@ -121,3 +122,15 @@ def test_only_what_is_closer_than_the_margin_is_reported(margin: float) -> None:
     found = find_contacts(shapes, poses, PAIR, margin)
     assert len(found.gap) == (4 if margin else 0)
     assert (found.gap > 0.0).all()
+
+
+@pytest.mark.parametrize(("near", "far"), [(0.5e-6, 1.5e-6), (0.99e-6, 1.01e-6), (1.5e-6, 0.5e-6), (-0.2, 0.3)])
+def test_a_cut_lies_on_the_edge_whose_ends_lie_on_both_sides_of_the_slack(near: float, far: float) -> None:
+    """With both ends beyond the plane, its intersection with the line of the edge lies outside of the edge."""
+    polygon = np.zeros((8, 3))
+    polygon[:4, :2] = [[near, 0.0], [far, 1.0], [-1.0, 1.0], [-1.0, 0.0]]
+    n, corners, edges = clip(polygon, np.arange(8), 4, np.array([1.0, 0.0, 0.0]), 0.0, 1e-6, 4)
+    assert n == len(set(zip(np.roll(edges[:n], 1).tolist(), edges[:n].tolist(), strict=True))) > 3
+    assert corners[:n, 0].max() <= max(1e-6, min(near, far))
+    assert corners[:n, 1].min() >= 0.0
+    assert corners[:n, 1].max() <= 1.0
