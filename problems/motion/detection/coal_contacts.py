@@ -197,7 +197,7 @@ def _directions(first: _Body, second: _Body) -> FloatArray:
         if isinstance(shape, Cylinder | Capsule):
             found.append(np.array([axis, -axis, between - (between @ axis) * axis]))
         else:
-            found.append(sign * packed((shape,)).normals @ rotation.T)
+            found.append(sign * pack_polyhedra((shape,)).normals @ rotation.T)
     directions = np.concatenate(found)
     lengths = np.linalg.norm(directions, axis=1)
     unit: FloatArray = directions[lengths > 0.0] / lengths[lengths > 0.0, None]
