@@ -12,12 +12,10 @@ from typing import Any
 
 import msgspec
 
-from ..problems.contact.matrices.memory import require_memory
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
 from ..problems.exchange.families import Sampling
 from .errors import BenchError
-from .isolation.worker import MEMORY_BYTES
 from .measure.execution.events import OnEvent
 from .measure.plan import make_plan
 from .measure.runner import measure, resume_measuring
@@ -215,8 +213,6 @@ def run(
         seed=seed,
         thorough=thorough,
     )
-    if settings.limits.memory_bytes > MEMORY_BYTES:
-        require_memory(settings.limits.memory_bytes, "the memory limit of a case", "name a smaller `memory`")
     plan = make_plan(
         _several(problems), _several(solvers), settings, suite=suite, sample=sample, sampling=sampling, shard=shard
     )
