@@ -113,7 +113,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     """Write all tables as CSV, Parquet, Markdown and LaTeX, and the matrix of solvers and problems; return the files.
 
     A study has results and a table of its points. The matrix shows claims about judged residuals, so it is written
-    only with these.
+    only for these.
 
     Raises:
         UnwritableError: if they cannot be written.
