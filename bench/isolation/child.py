@@ -55,7 +55,7 @@ class Assignment:
         task: the pickled task.
         module: module that defines its class.
         plugin_files: plugin files that it may refer to, with the names that they provide.
-        memory_bytes: memory limit, in addition to the memory that the framework needs.
+        memory_bytes: memory limit, in addition to the memory that the framework needs [bytes].
         folder: folder of its temporary files, created and removed by the supervisor.
         setting: working folder and import path, in the form that multiprocessing uses.
     """

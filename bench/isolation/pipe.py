@@ -39,7 +39,7 @@ def read_message(
 
     Args:
         descriptor: descriptor to read from.
-        largest: largest number of bytes.
+        largest: maximum size of the message [bytes].
         deadline: value of ``time.monotonic`` at which waiting ends.
         lifeline: a descriptor that becomes readable when the writer has ended; processes that the writer has started
             may keep ``descriptor`` itself open.
@@ -68,7 +68,7 @@ def read_object(descriptor: int, largest: int, deadline: float, lifeline: int | 
 
 
 def is_readable(descriptor: int, seconds: float) -> bool:
-    """Wait up to ``seconds`` until data have arrived or the writer has ended, and return whether they have."""
+    """Wait up to ``seconds`` until data have arrived or the writer has ended, and return whether either happened."""
     return descriptor in _readable([descriptor], seconds)
 
 

@@ -137,7 +137,7 @@ def _streams() -> list[tuple[int, bool]]:
 
 
 def exempt_from_collection() -> None:
-    """Exempt all objects that are left by now from later garbage collections."""
+    """Exempt all existing objects from later garbage collections."""
     gc.collect()
     gc.freeze()
 

@@ -91,7 +91,7 @@ class Worker:
     Attributes:
         case_seconds: wall time limit of all requests together [s].
         busy_seconds: wall time that the case has used [s].
-        peak_memory_bytes: peak memory that the process reports.
+        peak_memory_bytes: peak memory that the process reports [bytes].
 
     Raises:
         Fault: if the task cannot be pickled, or no process can be started.

@@ -30,7 +30,7 @@ def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
 def joined(before: Point, now: Point) -> Point:
     """Return a point with the rounds of two passes, the worse outcome with its reason, and the worse answer.
 
-    A time limit that only excluded rounds reached is ignored if another round is not excluded.
+    A time limit reached only in excluded rounds is ignored if another round is not excluded.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before

@@ -11,8 +11,8 @@ and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If
 
 Preemption of further threads of a solver is not detected: w is that of its main thread, and P may exceed T.
 
-An adapter of an external solver works beside its library, for example to judge answers. T includes that work for these
-checks, but the time of a solve does not.
+An adapter of an external solver also works outside its library, for example to judge answers. T includes
+that work for these checks, but the time of a solve does not.
 
 The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """
@@ -60,7 +60,7 @@ class TimedRound(Struct, frozen=True):
         prepare, solve, processor: times of each solve [s].
         involuntary, voluntary: numbers of context switches.
         waited: time of being ready but not running [s]; None if the system does not count it.
-        beside: wall time of each solve beside the library of an external solver [s]; empty if all of it counts.
+        beside: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
     """
 
     status: Status
@@ -106,7 +106,7 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def walls(self) -> FloatArray:
-        """Wall time of each solve, including preparation and work beside the library [s], shape (n,)."""
+        """Wall time of each solve, including preparation and work outside the library [s], shape (n,)."""
         return np.add(self.totals, self.beside) if self.beside else self.totals
 
     @property
@@ -134,7 +134,7 @@ class TimedRound(Struct, frozen=True):
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
 
     def exceeds(self, cores: int) -> bool:
-        """Return whether its processor time exceeds that of as many cores."""
+        """Return whether its processor time exceeds that of ``cores`` fully used cores."""
         allowed = cores * (PARALLEL_SECONDS + CLOCK_SECONDS * self.n_readings)
         return sum(self.processor) - cores * (1.0 + TOLERATED_SHARE) * float(self.walls.sum()) > allowed
 

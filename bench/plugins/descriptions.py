@@ -60,7 +60,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return the names that plugins provide, solvers first, that are known without running the plugins."""
+    """Return the names of plugins that are known without running the plugins, solvers first."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 
@@ -167,7 +167,7 @@ def _plain_names(name: str) -> list[str]:
 def _ask(
     failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
 ) -> tuple[dict[str, Any], bytes]:
-    """Return the answer of a new process, or raise ``error`` with ``failure`` and the reason, or with a refusal."""
+    """Return the answer of a new process; raise ``error`` if it refuses, or with ``failure`` if it does not answer."""
     with RenewedWorker(DescribingTask(), seconds) as worker:
         try:
             answer, content = worker.ask(request, *arguments)

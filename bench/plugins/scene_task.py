@@ -76,7 +76,7 @@ class SceneTask:
     _scene: Scene | None = None
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request."""
+        """Answer one request; if the scene cannot be built, "describe" is answered as {"refused": sentence}."""
         try:
             self._scene = self._scene or build_plugin_scene(self.name, self.options)
         except ProxbenchError as error:

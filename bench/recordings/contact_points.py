@@ -143,7 +143,7 @@ def _from_factors(problem: ContactProblem) -> Places | None:
 def _bodies(
     touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, least_radii: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact; a body whose arms fit a ball is one if its radius is large enough."""
+    """Return the bodies in contact; a body whose arms fit a ball counts as one if its radius is large enough."""
     n_bodies = len(centres)
     contact, side = np.nonzero(touching < n_bodies)
     body, arm = touching[contact, side], arms[contact, side]

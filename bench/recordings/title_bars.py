@@ -1,7 +1,7 @@
 """Layouts without the viewer's own controls: its panels, and the buttons on the title bar of each view.
 
-A blueprint can hide panels, but title bars only as a whole, and curves and solvers need their titles. Buttons are
-therefore painted over at the places that the shares of the blueprint determine.
+A blueprint can hide panels and whole title bars, but not single buttons, and curves and solvers need their titles.
+Buttons are therefore painted over; the shares in the blueprint determine their positions.
 """
 
 import math

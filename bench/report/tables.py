@@ -113,7 +113,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     """Write all tables as CSV, Parquet, Markdown and LaTeX, and the matrix of solvers and problems; return the files.
 
     A study has results and a table of its points. The matrix shows claims about judged residuals, so it is written
-    only with these.
+    only for these.
 
     Raises:
         UnwritableError: if they cannot be written.
@@ -275,7 +275,7 @@ def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Conso
 
 
 def _print_starts(starts: pd.DataFrame, console: Console) -> None:
-    """Print what a warm start is worth, if solvers were measured from zero and warm."""
+    """Print the effect of warm starts, if solvers were measured from zero and warm."""
     if len(starts):
         console.print(Text("what a warm start is worth", style="bold"))
         print_table(console, shown_starts(starts), left_aligned=("family",), optional=("cold iter.", "warm iter."))

@@ -199,7 +199,7 @@ def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
 
 
 def _local_residual(solve: _Solve) -> float:
-    """Return the local residual of a solve, scaled by what forces add to c, c − (1 + ε) Wᵀu_B."""
+    """Return the local residual of a solve, relative to the part of c that forces add, c − (1 + ε) Wᵀu_B."""
     forced = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
     return local_residual(solve.problem, solve.impulses, float(np.abs(forced).max(initial=0.0)))
 

@@ -19,7 +19,7 @@ def without_compilation(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]
     """Yield ``steps`` with wall times that exclude compilation.
 
     A stepper may try the next step before it yields one, so the excess of a compilation over its step is subtracted
-    from the following steps. Do not use it where code of a plugin runs, which could hold that lock while it works.
+    from the following steps. Do not use it where code of a plugin runs, which could hold the compiler lock meanwhile.
     """
     compiling = 0.0
     while True:

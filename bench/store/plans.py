@@ -29,7 +29,7 @@ class Limits(Struct, frozen=True):
     Attributes:
         solve_seconds: limit of one solve [s].
         case_seconds: limit of all work on a case in one pass [s].
-        memory_bytes: memory that a case may use beyond that of the framework.
+        memory_bytes: memory that a case may use beyond that of the framework [bytes].
         max_iterations: limit of iterations of one solve.
 
     Raises:

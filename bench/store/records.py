@@ -281,7 +281,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         traceback: traceback of a failed case.
         stderr: last lines that a failed case printed.
         wall_seconds: wall time of the whole case [s].
-        peak_memory_bytes: peak memory.
+        peak_memory_bytes: peak memory [bytes].
         curve: convergence curve of the observed solve.
         points: the ladder.
     """

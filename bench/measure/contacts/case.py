@@ -98,7 +98,7 @@ class Case(LadderCase[MeasuredRound]):
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
         self._clock = ClockAccount(problem)
-        self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # a solver must not know which
+        self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # unpredictable for a solver
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     def is_pending(self, level: int) -> bool:
@@ -159,7 +159,7 @@ class Case(LadderCase[MeasuredRound]):
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
-        """Return the answer of the process, once nothing that it has started runs any more but its executables."""
+        """Return the answer of the process after everything that it started has ended, except its executables."""
         found, kept = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
         for _ in range(MAX_RESTS):
             if found is None or self._worker is None or self._worker.n_started() <= kept:

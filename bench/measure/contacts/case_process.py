@@ -62,7 +62,7 @@ class TimedSolve:
         solve: wall seconds of ``solve`` and of copying its impulses, or of the library of an external solver alone [s].
         processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
             an executable [s].
-        beside: wall seconds of ``solve`` and of copying beside the library [s].
+        beside: wall seconds of ``solve`` and of copying the impulses, outside the library [s].
     """
 
     solution: Solution
@@ -98,8 +98,8 @@ class Measurement:
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first memory accesses are not timed.
 
-        The objects that are left, such as imported modules, are exempt from later garbage collections, which would
-        count as untimed work between solves: with them a full collection takes 1 to 5 ms, without them 1 µs.
+        Exempt the objects that then exist, such as imported modules, from later garbage collections, which would count
+        as untimed work between solves: a full collection takes 1 to 5 ms with them and 1 µs without.
         """
         prepared = self.solver.prepare(self.problem.fresh())
         raise_fault(prepared_fault(prepared))

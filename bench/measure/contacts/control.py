@@ -75,7 +75,7 @@ class ControlSolve:
         timed: the round that ends with the solve.
         impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the probes of the core before and after it are close to the reference.
-        repeated: time of repeated solves; measured again directly after it if it is slower than it explains [s].
+        repeated: time of repeated solves [s]; measured again directly after this solve if it does not explain its time.
     """
 
     problem: ContactProblem
@@ -220,7 +220,7 @@ class Controls:
         """Return a first solve of the problem in its own units.
 
         Raises:
-            Fault: if it reaches the time limit, and repeated solves [s] are far below it.
+            Fault: if it reaches the time limit although repeated solves take far less time.
         """
         solve = self._control_solve(self.problem, stop, problem_bytes(self.problem.anonymous()), start=start)
         is_late = solve.timed.status is Status.TIME_LIMIT and solve.is_undisturbed
@@ -313,7 +313,7 @@ def _median(solves: Sequence[ControlSolve]) -> float:
 
 
 def _is_repeated(repeated: float, first: float) -> bool:
-    """Return whether first solves [s] take so much longer than repeated ones [s] that these repeat an answer."""
+    """Return whether first solves [s] take so much longer than repeated ones [s] that these must reuse an answer."""
     return first > MAX_RATIO * repeated + MAX_ALLOWANCE_SECONDS
 
 

@@ -44,7 +44,7 @@ def measure_matrix(
         problems: problems or their names; missing problems are generated.
         solvers: solvers, or their names with options.
         stop: tolerance and limits of one solve; a solver that is not built in is killed a second after its time limit.
-        memory_bytes: memory limit of a solver.
+        memory_bytes: memory limit of a solver [bytes].
         on_cell: called with each finished cell.
 
     Returns:

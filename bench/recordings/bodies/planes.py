@@ -36,13 +36,13 @@ class Rectangle:
 
     @classmethod
     def of(cls, body: FixedBody, low: FloatArray, high: FloatArray, half_width: float | None) -> "Rectangle":
-        """Return the rectangle of a half-space beside an upright box.
+        """Return the bounding rectangle of an axis-aligned box, projected onto the plane of a half-space.
 
         Args:
             body: the half-space.
             low: lowest corner of the box [m], shape (3,).
             high: highest corner [m], shape (3,).
-            half_width: half the width of a square under the middle of the box [m]; if None, the rectangle covers it.
+            half_width: if given, return a square of this half width [m] about the middle of the projection instead.
         """
         ends, origin = np.array([low, high]), np.array(body.centre)
         corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
@@ -60,7 +60,7 @@ class Rectangle:
         return Mesh(self._in_space(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
     def grid(self, spacing: float) -> list[FloatArray]:
-        """Return lines along both axes, at multiples of their distance [m] from the origin, each of shape (2, 3)."""
+        """Return lines along both axes, at multiples of ``spacing`` [m] from the origin, each of shape (2, 3)."""
         ends: list[list[float]] = []
         first, last = np.ceil(self.low / spacing), np.floor(self.high / spacing)
         for x in spacing * np.arange(first[0], last[0] + 1.0):
@@ -75,7 +75,7 @@ class Rectangle:
 
 
 def grid_spacing(half_width: float) -> float:
-    """Return the distance of lines on the ground: 1, 2 or 5 times a power of ten [m]."""
+    """Return the spacing of lines on the ground: 1, 2 or 5 times a power of ten [m]."""
     largest = half_width / LINES
     power = 10.0 ** np.floor(np.log10(largest))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= largest))

@@ -108,7 +108,7 @@ def has_drawable_rows(frames: RunFrames, problem: str) -> bool:
 def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     """Return a row of panels for each quantity of a trajectory: wall time, and one-step solves, over the error.
 
-    Bars go from the least to the largest error of a member, or are a standard error of the mean deviation; a dashed
+    Bars go from the least to the largest error of a member, or show a standard error of the mean deviation; a dashed
     line is the standard error, over seeds, of the reference itself.
     """
     trajectory, named = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)

@@ -235,7 +235,7 @@ def _speedup_panel(named: Mapping[str, SolverStyle], data: Any) -> alt.LayerChar
 
 
 def _counts(rows: pd.DataFrame) -> str:
-    """Return the problems behind the shares of rows: ``"5 common problems"``, or "problems" without rows."""
+    """Return the number of problems that the shares count: ``"5 common problems"``, or "problems" without rows."""
     if rows.empty:
         return "problems"
     count, kind = int(rows["problems"].iloc[0]), "common " if (rows["view"] == COMMON).all() else ""

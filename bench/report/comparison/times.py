@@ -182,6 +182,6 @@ def _scale(yardsticks: pd.DataFrame, is_same_software: bool) -> tuple[float, flo
 
 
 def _ratios(frame: pd.DataFrame, scale: float, half: FloatArray) -> pd.DataFrame:
-    """Return a frame of differences with ratios over the scale, and intervals of this half width."""
+    """Return a frame of differences with ratios over the scale, and intervals of half width ``half`` in logarithms."""
     centre = frame["difference"].to_numpy(dtype=np.float64) - scale
     return frame.assign(ratio=np.exp(centre), low=np.exp(centre - half), high=np.exp(centre + half))

@@ -127,7 +127,7 @@ class BoxTrain:
 
     Attributes:
         n_boxes: number of boxes.
-        ratio: mass of the first box over that of another one.
+        ratio: mass of the first box over that of each other box.
         speed: initial velocity of the first box along the row, away from the others [m/s].
         size: edge lengths along, across and normal to the ground [m].
         gap: distance of neighbours [m].

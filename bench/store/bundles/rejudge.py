@@ -1,8 +1,8 @@
 """Rejudging: recompute every residual that follows from the problem and the stored impulses.
 
 Judges on two machines differ by rounding, because sums are evaluated in different orders. The impulses are therefore
-judged once more with relative changes of ``ROUNDING``. Numbers agree if they differ by at most ``MARGIN`` times the
-effect of these changes and ``RELATIVE`` of their size. On one machine they are bitwise identical.
+judged again with ``N_CHANGES`` relative changes of ``ROUNDING``. Numbers agree if they differ by at most ``MARGIN``
+times the effect of these changes plus ``RELATIVE`` times their size. On one machine they are bitwise identical.
 
 Times, iterations, and the residuals of all but the finest point of a case cannot be recomputed. These residuals must be
 consistent with the outcomes of their points.

@@ -125,7 +125,7 @@ class Description:
         return BodyStates(positions, velocities, np.zeros_like(positions))
 
     def energy_gained(self, motion: Motion) -> float:
-        """Return the energy that appears from frame to frame, over Σ m g L; it is 0 for rigid bodies with friction.
+        """Return the energy gained from frame to frame, divided by Σ m g L; it is 0 for rigid bodies with friction.
 
         T + V counts, with translation and rotation: T = Σ (m v² + I ω²) / 2, V = −Σ m g·x. Contacts only dissipate.
         """
