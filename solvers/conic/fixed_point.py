@@ -11,9 +11,9 @@ residual rises far above its best value, the acceleration restarts.
 
 F(s) exists if the cone program has a solution, that is, on D = {s : W̃ᵀv + c + s e_N ∈ K* for some v}, with G = W̃ᵀW̃.
 D is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D a fixed point exists (Acary, Cadoux, Lemaréchal
-& Malick 2011), and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even in D it need not be a
-contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point algorithm, Acary, Brémond
-& Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
+& Malick 2011), and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even
+in D it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point
+algorithm, Acary, Brémond & Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
 
