@@ -60,7 +60,7 @@ def solve_many(
 
     Raises:
         ProblemError: from ``load``.
-        SolverError: if something is not a problem, for an option out of range, or for more threads than cores.
+        SolverError: if an element is not a problem, an option is out of range, or there are more threads than cores.
     """
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
