@@ -57,7 +57,7 @@ def compressed_matrix(kind: Any, content: Mapping[str, NDArray[Any]], label: str
 
     Args:
         kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
-        content: arrays by name, those of other matrices among them.
+        content: arrays by name, which may include those of other matrices.
         label: label of the matrix, with which its names begin.
 
     Raises:

@@ -65,7 +65,7 @@ class EngineModel:
         bound: largest force of a row in an interval [N], 0 for other rows, shape (n,).
         combination: h S with Λ = h S f, shape (n_rows, n) over the rows of the captured problem.
         time_step: h [s].
-        back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem are others than the captured ones.
+        back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem differ from the captured ones.
     """
 
     name: str
@@ -199,7 +199,7 @@ class EngineModel:
 
 @dataclass(frozen=True, eq=False)
 class _Pyramids:
-    """Contacts with equally many pairs of edges: first row of each pair, and the impulses that determine its forces.
+    """Contacts with the same number of pairs of edges: first row and impulses of each pair.
 
     Attributes:
         first: first row of each pair, shape (n_contacts, n_pairs).
@@ -269,7 +269,7 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
 
 
 def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
-    """Return s_k = max(least_k, τ) with the given sums, shape (n, k); where τ < 0, what is missing in equal shares."""
+    """Return s_k = max(least_k, τ) with the given sums, shape (n, k); if τ < 0, the rest is shared equally."""
     count = least.shape[1]
     falling = -np.sort(-least, axis=1)
     larger = np.cumsum(falling, axis=1) - falling
@@ -352,7 +352,7 @@ def own_residual(model: EngineModel, impulses: ArrayLike) -> float:
 
 
 def _projection(model: EngineModel, sets: _Sets, point: FloatArray) -> FloatArray:
-    """Return the nearest point of the sets, a cone being circular in scaled rows."""
+    """Return the nearest point of the sets; rows are scaled so that cones are circular."""
     kinds, first = sets.kind_of_row, model.first_row
     moved = np.where(kinds == EngineSet.INTERVAL, np.clip(point, -model.bound, model.bound), point)
     moved = np.where(kinds == EngineSet.HALF_LINE, np.maximum(point, 0.0), moved)

@@ -239,7 +239,7 @@ def _steps_of(output: Path, stem: str = "") -> list[Path]:
 
 
 def _describe(output: Path, stem: str) -> None:
-    """Make the folder a suite with a family per captured model; keep a description from elsewhere."""
+    """Make the folder a suite with a family per captured model; keep a description without ``HEADING``."""
     file = output / DESCRIPTION
     if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
         return

@@ -253,7 +253,7 @@ class Laws:
         return self._with_arrays(lambda array: frozen(array, array.dtype))
 
     def _first(self, n_laws: int) -> "Laws":
-        """Return the first laws, which share all arrays with these and remember them."""
+        """Return the first laws, which share all arrays with these and refer to them."""
         laws = self._with_arrays(lambda array: array[:n_laws])
         for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
             laws.__dict__[name] = getattr(self, name)[:n_laws]

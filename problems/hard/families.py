@@ -166,7 +166,7 @@ def _solved_by(
 
 
 def _factors(family: Family, rng: np.random.Generator, n_rows: int) -> tuple[FloatArray, FloatArray]:
-    """Return W, entries multiples of 1/16 in [−1, 1], and the diagonal of M⁻¹, powers of two."""
+    """Return W, whose entries are multiples of 1/16 in [−1, 1], and the diagonal of M⁻¹, powers of two."""
     shape = (family.n_dofs, n_rows)
     directions = rng.integers(-16, 17, size=shape) / 16.0 * (rng.random(shape) < family.density)
     empty = np.flatnonzero(~directions.any(axis=0))

@@ -1,1 +1,1 @@
-"""What moves: bodies, what touches what, time steps, scenes and trajectories."""
+"""Moving bodies: contact detection, time stepping, scenes and trajectories."""

@@ -9,11 +9,11 @@ Each outer iteration solves one cone program with c_N + s and computes s from th
 plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. If the
 residual rises far above its best value, the acceleration restarts.
 
-F exists if the cone program has a solution, that is, on D = {s : some velocity WᵀM⁻¹… + c + s e_N lies in K*}, a
-convex set that contains every s' ≥ s with s. If 0 ∈ D a fixed point exists (Acary, Cadoux, Lemaréchal & Malick 2011),
-and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even in D it need not be a
-contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point algorithm, Acary, Brémond
-& Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
+F(s) exists if the cone program has a solution, that is, on D = {s : W̃ᵀv + c + s e_N ∈ K* for some v}, with G = W̃ᵀW̃.
+D is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D a fixed point exists (Acary, Cadoux, Lemaréchal
+& Malick 2011), and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even
+in D it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point
+algorithm, Acary, Brémond & Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
 
@@ -131,7 +131,7 @@ class FastFixedPoint(Method):
     """A fixed point as long as each cone program gains a digit, under the name of the method.
 
     If bodies stay at rest, s = 0 is the solution, and the first program finds it; the more slowly contacts slip, the
-    faster is the iteration. If it is slow, other methods are faster.
+    faster the iteration converges. If it is slow, other methods are faster.
     """
 
     method: FixedPointMethod

@@ -88,7 +88,7 @@ class ResumablePath:
     _path: FollowedPath | None = field(default=None, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Continue along the path, whose first point is searched from ``start``; see ``Prepared.solve``."""
+        """Continue along the path, whose first point is found from ``start``; see ``Prepared.solve``."""
         self._prepared = self._prepared or self.method.prepare(self.problem)
         progress = self._prepared.begin(stop, start, observe, NEGLIGIBLE_STEP)
         if progress is None:

@@ -49,7 +49,7 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
-    """Return y = b − r below ½b, where (b − y)(1 + τ/(y(2b − y))), falling in y, is ``length``."""
+    """Return y = b − r below ½b, where (b − y)(1 + τ/(y(2b − y))), decreasing in y, is ``length``."""
     low, high = 0.0, 0.5 * bound
     excess = length - bound
     y = min(high, 0.5 * tau / excess) if excess > 0.0 else high

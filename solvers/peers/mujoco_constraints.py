@@ -39,7 +39,7 @@ class MuJoCo(Method):
     ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there refers to this program.
 
     A solve calls ``mj_fwdConstraint`` from the same start with ever smaller tolerances of MuJoCo, until the judge's
-    residual reaches the tolerance of the solve. ``proxbench run`` counts the time of the call that reaches it, alone.
+    residual reaches the tolerance of the solve. ``proxbench run`` counts only the time of the call that reaches it.
 
     Attributes:
         algorithm: ``"Newton"``, ``"CG"`` or ``"PGS"``.

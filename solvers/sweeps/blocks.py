@@ -200,7 +200,7 @@ def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[
 def _sweep_any(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses
 ):
-    """Sweeps over joints, row by row, and contacts with and without rolling friction."""
+    """Sweep over joints, row by row, and contacts with and without rolling friction."""
     width = len(axes)
     xi, old, block, work = np.empty(width), np.empty(width), np.empty((width, width)), np.empty(WORKSPACE_SIZE)
     for _ in range(count):

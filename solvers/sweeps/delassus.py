@@ -150,7 +150,7 @@ class DelassusIterates(DelassusState):
         return self._laws.step_sizes.reshape(-1, 2 if self.layout.has_contacts_only else 3)
 
     def sweep(self, count: int) -> None:
-        """Perform ``count`` sweeps."""
+        """Do ``count`` sweeps."""
         self._kernel(count, *self._arguments)
 
     def scale_steps(self, fraction: FloatArray) -> None:

@@ -131,7 +131,7 @@ class FactorIterates:
 
 
 class AnyLawIterates(FactorIterates):
-    """The same with joints or rolling friction: v is recomputed whenever ξ is read.
+    """``FactorIterates`` with joints or rolling friction: v is recomputed whenever ξ is read.
 
     Nothing bounds the impulses of joints. With momentum, those of redundant joints grow and shrink by many orders of
     magnitude, and the rounding of their largest values would remain in v.
@@ -145,7 +145,7 @@ class AnyLawIterates(FactorIterates):
 
 
 class BatchIterates(FactorIterates, MomentumState):
-    """The same for sweeps in batches, whose kernel includes the momentum."""
+    """``FactorIterates`` for sweeps in batches, whose kernel includes the momentum."""
 
     def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         FactorIterates.__init__(self, sweep, start)
@@ -172,7 +172,7 @@ def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
 
 @njit(cache=True)
 def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
-    """G_T1N and G_T2N of every block, shape (n_blocks, 2)."""
+    """Return G_T1N and G_T2N of every block, shape (n_blocks, 2)."""
     coupling = np.zeros((len(starts) - 1, 2))
     _, width, length = pieces.shape
     for i in range(len(starts) - 1):
@@ -217,7 +217,7 @@ def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # typ
 def _sweep(  # type: ignore[no-untyped-def]
     count, width, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
 ):
-    """Sweeps over blocks of any width with any number of pieces."""
+    """Sweep over blocks of any width with any number of pieces."""
     one, two, lanes, length = uint64(1), uint64(2), uint64(width), uint64(pieces.shape[2])
     xi, old = np.empty(3), np.empty(3)
     for _ in range(count):
@@ -253,7 +253,7 @@ def _sweep(  # type: ignore[no-untyped-def]
 def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
     count, axes, firsts, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
 ):
-    """Sweeps over spatial contacts between two bodies, or one body and the ground."""
+    """Sweep over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
         for i in range(uint64(len(friction))):

@@ -344,7 +344,7 @@ def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2):  # type: ignore[no-untyped-def]
-    """Do the same for S of rank one: Λ_T = x u + y v with S v = 0, where only x is determined."""
+    """Return what ``_stick`` does for S of rank one: Λ_T = x u + y v with S v = 0, where only x is determined."""
     if abs(s11) + abs(s12) >= abs(s21) + abs(s22):
         u1, u2 = s11, s12
     else:

@@ -1,6 +1,6 @@
 """ξ = GΛ + c in twice the working precision, with a bound on the remaining rounding error.
 
-In plain arithmetic a sum of n products has an error of up to nu Σ|a_j x_j|, u = 2⁻⁵³. Impulses of wedged bodies
+In plain arithmetic a sum of n products has an error of up to n u Σ|a_j x_j|, u = 2⁻⁵³. Impulses of wedged bodies
 make this bound arbitrarily large, whatever ξ is. Here the rounding errors of all products and sums are added up
 (Ogita, Rump & Oishi 2005, *Accurate sum and dot product*):
 

@@ -1,6 +1,6 @@
 """Memory that arrays need, compared with what is available before they are allocated.
 
-Without this comparison, the system would kill the process: it grants more memory than it has.
+Without this comparison, the system may kill the process, because it grants more memory than it has.
 """
 
 import math
@@ -93,7 +93,7 @@ def _group_bytes() -> float:
 
 
 def _address_bytes() -> float:
-    """Return what the limit of the address space leaves, as ``ulimit -v`` and measured cases have it."""
+    """Return what the limit of the address space leaves, which ``ulimit -v`` and measured cases set."""
     try:
         import resource  # systems other than Unix have no such limit
 

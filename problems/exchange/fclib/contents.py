@@ -76,7 +76,7 @@ class LocalContents(Contents):
         V: between contacts and joints, shape (n_contact_rows, n_joints).
         R: between joints, shape (n_joints, n_joints).
         q: free velocity of the contacts [m/s], shape (n_contact_rows,).
-        s: free velocity of the joints, shape (n_joints,).
+        s: free velocity of the joints [m/s or rad/s], shape (n_joints,).
     """
 
     W: sp.csr_array[Any] = field(kw_only=True)
@@ -104,7 +104,7 @@ class GlobalContents(Contents):
         M: mass matrix, shape (n_dofs, n_dofs).
         H: force directions of the contacts, shape (n_dofs, n_contact_rows).
         G: force directions of the joints, shape (n_dofs, n_joints).
-        f: impulse of all other forces plus the momentum before the step, shape (n_dofs,).
+        f: impulse of all other forces plus the momentum before the step, in the units of M v, shape (n_dofs,).
         w: the part of the contacts' relative velocity that does not depend on v [m/s], shape (n_contact_rows,).
         b: that of the joints, shape (n_joints,).
     """

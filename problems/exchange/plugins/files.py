@@ -1,8 +1,8 @@
 """Plugins as single Python files, named on the command line instead of being installed.
 
 A file lists what it offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
-``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was read, so
-that editing the file does not change a run.
+``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was
+read, so that editing the file does not change a run.
 """
 
 import hashlib

@@ -7,7 +7,7 @@ of a step to the nearest position, in the metric of M, in which no contact is de
     δq = M⁻¹ W_N p,      0 ≤ g + d + W_Nᵀ δq  ⊥  p ≥ 0,      for the contacts with g(q_E) < 0.
 
 Another pass at q_E + δq treats contacts that δq closes, and penetrations that remain because g is curved. Contacts are
-searched at q_E instead of the midpoint, where bodies that meet in the second half of the step do not yet touch. The
+detected at q_E instead of the midpoint, where bodies that meet in the second half of the step do not yet touch. The
 allowed depth d keeps lasting contacts active.
 
 Joints add equations, r + Wᵀ δq = 0 with p of any sign. Their impulses are eliminated exactly, so that contacts are
@@ -159,7 +159,7 @@ def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
 
 
 def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
-    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that the columns of SᵀW_N are all that is swept over."""
+    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that sweeps need only the columns of SᵀW_N."""
     normals = overlaps.normals
     assert isinstance(normals, Pieces)
     directions = normals.opposite_normals
@@ -207,7 +207,7 @@ def _project(starts, chunks, values, gap, depth, moved):  # type: ignore[no-unty
 
 @njit(cache=True)
 def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement):  # type: ignore[no-untyped-def]
-    """Do the same for balls, over δq itself: a push p moves the first ball by M⁻¹ n p, the second one by −M⁻¹ n p."""
+    """Project as ``_project`` does, over δq of balls: a push p moves the first by M⁻¹ n p, the second by −M⁻¹ n p."""
     n_contacts, dim = normals.shape
     idle = len(inverse) // length
     pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)

@@ -46,7 +46,7 @@ class KnownCycle:
         source: publication of ``switch_events``, for users.
         transient: number of periods after which a motion counts as being on the limit cycle.
         matches_scene_options: whether it was computed with the options of the scene; if not, only the order of
-            switch_events is comparable.
+            ``switch_events`` is comparable.
     """
 
     period: float
@@ -77,7 +77,7 @@ class Cycle:
 
     @property
     def is_published(self) -> bool:
-        """Whether the switch_events are those of the limit cycle, in its order."""
+        """Whether the switching points are those of the limit cycle, in its order."""
         known = self.known.switch_events
         return len(self.switch_events) == len(known) and all(map(SwitchEvent.is_like, self.switch_events, known))
 
@@ -111,19 +111,19 @@ class CycleSequence:
 
     @property
     def published_count(self) -> int:
-        """Number of complete periods with the switch_events of the limit cycle."""
+        """Number of complete periods with the switching points of the limit cycle."""
         return sum(cycle.is_published for cycle in self.cycles)
 
     def mean_period(self, last: int) -> float:
-        """Return the mean duration of the ``last`` last periods [s]."""
+        """Return the mean duration of the last ``last`` periods [s]."""
         return float(np.diff(self.sections[-last - 1 :]).mean())
 
     def mean_descent(self, last: int) -> float:
-        """Return the mean descent in the ``last`` last periods [m]."""
+        """Return the mean descent in the last ``last`` periods [m]."""
         return float(-np.diff(self.heights[-last - 1 :]).mean())
 
     def relative_deviations(self, last: int) -> tuple[float, float]:
-        """Return the relative deviations of both means over the ``last`` last periods from the known values."""
+        """Return the relative deviations of both means over the last ``last`` periods from the known values."""
         return self.mean_period(last) / self.known.period - 1.0, self.mean_descent(last) / self.known.descent - 1.0
 
 

@@ -130,7 +130,7 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
-    """Sweep from zero; return the outcome and the sweeps."""
+    """Sweep from zero; return the outcome and the number of sweeps."""
     coupling, stuck, scale, starts, lanes, store = prepared
     if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:
         return NOT_SOLVED, 0

@@ -60,7 +60,7 @@ def solve_many(
 
     Raises:
         ProblemError: from ``load``.
-        SolverError: if something is not a problem, for an option out of range, or for more threads than cores.
+        SolverError: if an element is not a problem, an option is out of range, or there are more threads than cores.
     """
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
@@ -153,7 +153,7 @@ def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
 
 
 class _Members:
-    """The small problems of one batch, and their laws, each different ones once."""
+    """The small problems of one batch, and their distinct laws."""
 
     def __init__(self) -> None:
         self.places: list[int] = []
@@ -189,12 +189,12 @@ class _Members:
 
 
 def _joined(arrays: Sequence[Any]) -> Any:
-    """Return arrays one after the other, read-only if they are."""
+    """Return the concatenated arrays, read-only if they are."""
     whole = np.concatenate(arrays)
     whole.setflags(write=arrays[0].flags.writeable)
     return whole
 
 
 def _joined_matrices(matrices: list[Any]) -> tuple[Any, Any, Any]:
-    """Return starts, indices and entries of compressed matrices, one after the other."""
+    """Return the concatenated starts, indices and entries of compressed matrices."""
     return tuple(_joined([getattr(one, name) for one in matrices]) for name in ("indptr", "indices", "data"))

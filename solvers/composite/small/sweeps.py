@@ -67,7 +67,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     between_checks,
     impulses,
 ):
-    """Sweep as ``SafeguardedSORprox`` does; return whether the residual reached the tolerance, and the sweeps."""
+    """Sweep as ``SafeguardedSORprox`` does; return whether the tolerance was reached, and the number of sweeps."""
     n_rows, n_blocks = len(free), len(friction)
     width = n_rows // n_blocks
     n_values = len(lanes) * width * width
@@ -151,7 +151,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _begin_progress():  # type: ignore[no-untyped-def]
-    """Return the best residual, the first one, checks without progress, and begin and residual of the window."""
+    """Return the best residual, the first one, checks without progress, and start and residual of the window."""
     return np.inf, np.inf, 0, 0, np.inf
 
 

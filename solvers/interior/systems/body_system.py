@@ -1,6 +1,6 @@
 """The reduced Newton system over bodies: (Ĝ + D) dr = b with Ĝ = V WᵀM⁻¹W S never assembled.
 
-With W̃ = SᵀW of M⁻¹ = S Sᵀ, L = W̃ times the impulses' scale and R = W̃ times the velocities', so that Ĝ = RᵀL,
+V and S are the scales of ``scaled_problem``. With M⁻¹ = T Tᵀ, L = TᵀW S and R = TᵀW V, so that Ĝ = RᵀL,
 
     (I + L D⁻¹ Rᵀ) v = L D⁻¹ b,      dr = D⁻¹ (b − Rᵀ v)      (Woodbury).
 

@@ -1,10 +1,9 @@
 """Gauss–Seidel sweeps colour by colour over the factors, which several threads share.
 
 The contacts of a colour share no movable body, and are swept in the batches of ``sweeps.batches``: those of balls from
-records of a normal, others from pieces of W̃. A sweep is a
-sequence of stages: the momentum of v, and one stage for each colour. The tasks of a stage (pieces of v, or batches)
-write different numbers and read none that another task of the stage writes. A stage begins when the previous one is
-complete.
+records of a normal, others from pieces of W̃. A sweep is a sequence of stages: the momentum of v, and one stage for each
+colour. The tasks of a stage (pieces of v, or batches) write different numbers and read none that another task of the
+stage writes. A stage begins when the previous one is complete.
 
 The thread that claims a task first does it. The arithmetic of a task does not depend on the thread, and sums over tasks
 are taken in the order of the tasks, so that the result is identical for any number of threads. Each thread begins with

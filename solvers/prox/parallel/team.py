@@ -15,7 +15,7 @@ from ...iteration.method import check_option
 
 
 def check_threads(threads: int) -> None:
-    """Raise ``SolverError`` unless ``threads`` is a number of the cores that this process may use."""
+    """Raise ``SolverError`` unless ``threads`` is from 1 to the number of cores that this process may use."""
     cores = usable_cores()
     is_valid = type(threads) is int and 1 <= threads <= cores
     check_option("threads", threads, is_valid, thread_requirement(cores))

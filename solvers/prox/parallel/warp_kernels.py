@@ -2,7 +2,7 @@
 """Kernels of Warp for sweeps over the factors, for contacts of at most two bodies; a thread for each contact.
 
 They do in double precision what the kernels of ``sweeps.factors`` do. Every number has one writer, and a body adds the
-changes of its contacts in their order, so that a device repeats its bits.
+changes of its contacts in their order, so results on a device are bitwise reproducible.
 """
 
 import warp as wp

@@ -2,7 +2,7 @@
 
 The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels, which a graphics
 processor records once for each length and then starts at once (a CUDA graph). Before each check of the residual, Λ and
-ξ are copied back, which waits for the device: times of a solve are complete. ``upload_seconds`` and
+ξ are copied back. The copy waits for the device, so the time of a solve includes all kernels. ``upload_seconds`` and
 ``transfer_seconds`` count copies to and from the device and the allocation of its memory, once for each start. They
 count neither kernels, nor the recording of graphs, nor computations on the host.
 """

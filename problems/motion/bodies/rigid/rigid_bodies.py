@@ -40,7 +40,7 @@ class FixedBody:
         orientation: rotation of its body axes, a unit quaternion.
 
     Raises:
-        ProblemError: if a number is not finite, or the quaternion has not unit length.
+        ProblemError: if a number is not finite, or the quaternion does not have unit length.
     """
 
     shape: Shape

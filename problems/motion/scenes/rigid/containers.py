@@ -147,7 +147,7 @@ class BoxContainer:
 
     @property
     def width(self) -> float:
-        """Distance w of the end walls [m], which has room for ``layers`` boxes."""
+        """Distance w between the end walls [m], which has room for ``layers`` boxes."""
         return PITCH * self.edge * self.layers
 
     @property

@@ -330,7 +330,7 @@ class Integration:
         return State(self.time, self.position.copy(), self.velocity.copy())
 
     def _contact_velocity(self) -> FloatArray:
-        """γ = Wᵀ u [m/s], shape (n_contacts, width)."""
+        """Return γ = Wᵀ u [m/s], shape (n_contacts, width)."""
         velocity: FloatArray = self.system.directions(self.position).T @ self.velocity
         return velocity.reshape(-1, self.width)
 
