@@ -8,7 +8,7 @@ from .contact.laws import LawKind, Laws
 from .contact.model import Model
 from .contact.problem import ContactProblem
 from .contact.projections import project
-from .errors import PluginError, ProblemError, ProxbenchError
+from .errors import InsufficientMemoryError, PluginError, ProblemError, ProxbenchError
 from .exchange.catalog import load, suite
 from .exchange.fclib.files import read_fclib, write_fclib
 from .exchange.files.problem_file import save_problem
@@ -16,6 +16,7 @@ from .exchange.files.problem_file import save_problem
 __all__ = [
     "Answer",
     "ContactProblem",
+    "InsufficientMemoryError",
     "LawKind",
     "Laws",
     "Model",

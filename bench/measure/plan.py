@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from ...problems.contact.matrices.memory import require_memory
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver
 from ...problems.exchange.catalog import SEQUENCES_SUITE
 from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
-from ..isolation.worker import MEMORY_BYTES
 from ..plugins.descriptions import solver_spec
 from ..plugins.solver_specs import SolverSpec, warm
 from ..store.plans import PlanRecord, RunSettings
@@ -111,11 +109,8 @@ def make_plan(
         PluginError: if a plugin's solver breaks the contract, or a plugin does not create the problem that it offers.
         BenchError: for a name given twice, a problem with the name of a library problem and other numbers, a solver
             object that breaks the contract, or a shard out of range.
-        InsufficientMemoryError: if a memory limit above the default one exceeds the available memory.
     """
     settings = settings or RunSettings()
-    if settings.limits.memory_bytes > MEMORY_BYTES:
-        require_memory(settings.limits.memory_bytes, "the memory limit of a case", "name a smaller `memory`")
     chosen = select(problems, suite, sample, settings.seed, sampling)
     if shard:
         chosen, shard = select_shard(chosen, shard)

@@ -163,6 +163,7 @@ class TimedRound(Struct, frozen=True):
             voluntary_switches=self.voluntary,
             waited_seconds=self.waited,
             probe_seconds=probe,
+            beside_seconds=float(sum(self.beside)),
             excluded=excluded,
         )
 

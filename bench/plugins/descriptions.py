@@ -121,7 +121,8 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
         _require_free_name(answer["name"])
     elif _plain_names(answer["name"]) != _plain_names(name):
         raise error(f"{what} calls itself {answer['name']!r:.200}; set its name to the one that creates it.")
-    model, source = Model.from_text(answer["model"]), answer["source"]
+    model, offer = Model.from_text(answer["model"]), registry.find_offer(name) if name else None
+    source = offer.source if offer is not None else answer["source"] or name  # never that of a built-in solver
     files = use_native_files(answer["name"], answer["native"])
     return SolverSpec(
         answer["name"],

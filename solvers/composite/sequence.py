@@ -99,10 +99,11 @@ class SolverSequence:
         except InsufficientMemoryError as error:
             last = _Unprepared(self.problem, error_text(error)).solve(limits, run.start)
         self.iterations += last.iterations
-        self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
         reason = f" ({last.message})" if last.status is Status.UNSUPPORTED else ""
         self.history.append(f"{run.name}: {last.status}{reason}")
-        self.latest = last.impulses
+        if last.status is not Status.UNSUPPORTED:
+            self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
+            self.latest = last.impulses
         if last.status in (Status.SOLVED, Status.INFEASIBLE):
             reasons = [last.message] if last.message else []
             return Solution(last.impulses, last.status, self.iterations, "; ".join([*self.history, *reasons]))

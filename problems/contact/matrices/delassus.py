@@ -34,7 +34,9 @@ class DelassusBlocks:
 
     def to_csr(self, layout: BlockLayout) -> sp.csr_array:
         """Return G without padding, shape (n_rows, n_rows), with sorted columns and read-only arrays."""
-        size, copies = layout.n_blocks * layout.width, 1 if layout.is_dense else 2
+        size = layout.n_blocks * layout.width
+        kept = len(layout.slot) / max(size, 1)  # share of the rows, and then of the columns, that are no padding
+        copies = 1.0 if layout.is_dense else 1.0 + kept + kept**2
         require_memory(12.0 * copies * self.values.size, _purpose(layout.n_blocks), REMEDY)
         padded = sp.bsr_array((self.values, self.columns, self.starts), shape=(size, size)).tocsr()
         if not layout.is_dense:
@@ -72,11 +74,11 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
 
 
 def _require_memory_for(pieces: Pieces) -> None:
-    """Raise ``InsufficientMemoryError`` if the blocks of G, their columns and a copy of these exceed the memory.
+    """Raise ``InsufficientMemoryError`` if the blocks of G and their columns exceed the memory.
 
     Counting them takes a third of the time of the product. It is only done if bounds do not decide.
     """
-    n_blocks, bytes_of_block = pieces.n_blocks, 8 * pieces.width**2 + 8
+    n_blocks, bytes_of_block = pieces.n_blocks, 8 * pieces.width**2 + 4
     if bytes_of_block * n_blocks**2 < SMALL_BYTES:
         return
     least, most = _bounds_of_count(pieces)

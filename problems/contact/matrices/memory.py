@@ -3,6 +3,7 @@
 Without this comparison, the system may kill the process, because it grants more memory than it has.
 """
 
+import contextlib
 import math
 import os
 import re
@@ -18,6 +19,14 @@ SMALL_BYTES = 2**26
 """Arrays below this size are allocated without asking how much memory is available, which takes 0.1 ms [bytes]."""
 
 _GROUPS = Path("/sys/fs/cgroup")
+
+_VERSIONS = (
+    (r"^0::/(.*)$", "", "memory.max", "memory.current"),
+    (r"^\d+:(?:.*,)?memory(?:,.*)?:/(.*)$", "memory", "memory.limit_in_bytes", "memory.usage_in_bytes"),
+)
+"""For versions 2 and 1 of control groups: the line with the group of a process, and the folder and files of groups."""
+
+_DROPPABLE = ("active_file", "inactive_file", "slab_reclaimable")
 
 
 def require_memory(needed: float, purpose: str, remedy: str) -> None:
@@ -64,32 +73,38 @@ def _gigabytes(n_bytes: float) -> str:
 
 def _machine_bytes() -> float:
     """Return what the machine can give; without a report of the system, all of its memory."""
-    try:
+    with contextlib.suppress(OSError):
         found = re.search(r"^MemAvailable:\s+(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE)
         if found:
             return 1024.0 * int(found[1])
+    try:
         return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (OSError, ValueError, AttributeError):
         return math.inf
 
 
 def _group_bytes() -> float:
-    """Return the least that a control group (version 2) of this process leaves; files in memory can be dropped."""
+    """Return the least that a control group of this process leaves; what the system keeps of files can be dropped."""
     try:
-        found = re.search(r"^0::/(.*)$", Path("/proc/self/cgroup").read_text(), re.MULTILINE)
+        groups = Path("/proc/self/cgroup").read_text()
     except OSError:
         return math.inf
-    group, left = _GROUPS / (found[1] if found else ""), math.inf
-    while group.is_relative_to(_GROUPS):
-        try:
-            limit = int((group / "memory.max").read_text())
-            dropped = re.search(r"^inactive_file (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
-            used = int((group / "memory.current").read_text()) - (int(dropped[1]) if dropped else 0)
-            left = min(left, float(limit - used))
-        except (OSError, ValueError):  # no such group, or no limit
-            pass
-        group = group.parent
+    left = math.inf
+    for pattern, folder, limit, used in _VERSIONS:
+        root, found = _GROUPS / folder, re.search(pattern, groups, re.MULTILINE)
+        group = root / (found[1] if found else "")
+        while group.is_relative_to(root):
+            with contextlib.suppress(OSError, ValueError):  # no such group, or no limit
+                held = int((group / used).read_text()) - _droppable_bytes(group)
+                left = min(left, float(int((group / limit).read_text()) - held))
+            group = group.parent
     return left
+
+
+def _droppable_bytes(group: Path) -> int:
+    """Return the memory of a control group that holds files and caches, which the system drops if it needs memory."""
+    found = re.findall(rf"^(?:{'|'.join(_DROPPABLE)}) (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
+    return sum(map(int, found))
 
 
 def _address_bytes() -> float:

@@ -78,8 +78,10 @@ def prepare_small(
 ) -> PreparedSmall | None:
     """Return the prepared sweeps of a small problem, or None if ``Robust`` does not begin with these sweeps."""
     free = problem.free_velocity
-    laws = law_arguments(problem.laws) if 0 < len(free) <= FEW_ROWS else None
-    if laws is None or not _KERNELS.should_use():
+    if not 0 < len(free) <= FEW_ROWS or not _KERNELS.should_use():
+        return None
+    laws = law_arguments(problem.laws)
+    if laws is None:
         return None
     coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
     if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:

@@ -254,6 +254,16 @@ def test_a_solver_that_breaks_the_contract_costs_its_own_case(
     assert words in cases.loc["Filed", "reason"]
 
 
+def test_a_file_whose_process_denies_its_source_is_not_taken_for_a_built_in_solver(
+    written: Callable[..., Path],
+) -> None:
+    """Built-in solvers may exclude work outside a library from their times."""
+    lie = "descriptions._solver = lambda name, pickled: {**known(name, pickled), 'source': ''}"
+    patch = f"from proxbench.bench.plugins import descriptions\nknown = descriptions._solver\n{lie}\n"
+    use_plugin_files([written(GOOD + patch)])
+    assert not solver_spec("Filed").is_built_in
+
+
 @pytest.mark.slow
 def test_a_solver_of_a_file_may_hold_what_cannot_be_pickled(written: Callable[..., Path], tmp_path: Path) -> None:
     text = GOOD.replace(

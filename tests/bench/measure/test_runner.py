@@ -20,7 +20,6 @@ from proxbench.bench.store.plans import PASSES, Limits
 from proxbench.bench.store.store import Store
 from proxbench.problems import ContactProblem, judge
 from proxbench.problems import load as load_problem
-from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import Status, Stop, create
 
 
@@ -135,12 +134,6 @@ def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Pat
     with pytest.raises(Exception, match="cannot write"):
         run(["hard-no-motion"], ["SORprox"], results=tmp_path / "file", on_event=events.append)
     assert events == []
-
-
-def test_a_memory_limit_beyond_the_machine_is_named_before_anything_is_measured(tmp_path: Path) -> None:
-    with pytest.raises(InsufficientMemoryError, match=r"for the memory limit of a case, but .*; name a smaller"):
-        run(["hard-no-motion"], ["SORprox"], results=tmp_path / "runs", memory=1e9)
-    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.slow
