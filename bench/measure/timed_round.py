@@ -60,7 +60,7 @@ class TimedRound(Struct, frozen=True):
         prepare, solve, processor: times of each solve [s].
         involuntary, voluntary: numbers of context switches.
         waited: time of being ready but not running [s]; None if the system does not count it.
-        beside: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
+        uncounted: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
     """
 
     status: Status
@@ -72,7 +72,7 @@ class TimedRound(Struct, frozen=True):
     involuntary: Count
     voluntary: Count
     waited: Seconds | None
-    beside: list[Seconds] = []
+    uncounted: list[Seconds] = []
 
     @classmethod
     def read(cls, answer: dict[str, Any], wall_seconds: float, is_built_in: bool = False) -> Self:
@@ -81,7 +81,7 @@ class TimedRound(Struct, frozen=True):
         Args:
             answer: the answer.
             wall_seconds: wall time of the request, as measured outside the process [s].
-            is_built_in: whether the solver is built in, so that no code of a plugin can write ``beside``.
+            is_built_in: whether the solver is built in, so that no code of a plugin can write ``uncounted``.
 
         Raises:
             Fault: MISBEHAVED, if the answer is invalid.
@@ -90,8 +90,8 @@ class TimedRound(Struct, frozen=True):
             timed = msgspec.convert(answer, cls)
         except msgspec.ValidationError:
             raise invalid_answer_fault() from None
-        lengths = {len(timed.prepare), len(timed.solve), len(timed.processor), len(timed.beside or timed.prepare)}
-        if len(lengths) > 1 or (timed.beside and not is_built_in):
+        lengths = {len(timed.prepare), len(timed.solve), len(timed.processor), len(timed.uncounted or timed.prepare)}
+        if len(lengths) > 1 or (timed.uncounted and not is_built_in):
             raise invalid_answer_fault()
         counted = float(timed.walls.sum())
         if not counted <= wall_seconds:
@@ -107,7 +107,7 @@ class TimedRound(Struct, frozen=True):
     @property
     def walls(self) -> FloatArray:
         """Wall time of each solve, including preparation and work outside the library [s], shape (n,)."""
-        return np.add(self.totals, self.beside) if self.beside else self.totals
+        return np.add(self.totals, self.uncounted) if self.uncounted else self.totals
 
     @property
     def undisturbed_seconds(self) -> float:
@@ -163,7 +163,7 @@ class TimedRound(Struct, frozen=True):
             voluntary_switches=self.voluntary,
             waited_seconds=self.waited,
             probe_seconds=probe,
-            beside_seconds=float(sum(self.beside)),
+            uncounted_seconds=float(sum(self.uncounted)),
             excluded=excluded,
         )
 

@@ -41,8 +41,8 @@ def notes_of(case: CaseRecord, point: Point) -> str:
 def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
     if measured.is_excluded and Outcome.TIME_LIMIT in (point.outcome, point.status):
         yield "the time limit was reached while other programs used the core"
-    if any(one.beside_seconds for one in measured.rounds):
-        yield "times are those of the library alone, without the work of its adapter"
+    if any(one.uncounted_seconds for one in measured.rounds):
+        yield "times are those of one call of the library, without preparation"
     judged, local = number_of(measured.residual), number_of(measured.verdict.get("local_residual", 0.0))
     if hides_contacts(judged, local):
         times = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"

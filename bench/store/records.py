@@ -144,8 +144,8 @@ class Round(Record, frozen=True, kw_only=True):
         voluntary_switches: context switches in which the process slept or waited.
         waited_seconds: time for which the process was ready to run but did not run [s]; None if unknown.
         probe_seconds: longer one of the probes of the core before and after the round [s].
-        beside_seconds: wall time of all solves together that is not part of ``total_seconds``, since the adapter of an
-            external solver works beside its library [s].
+        uncounted_seconds: wall time of all solves together outside the library of an external solver, if it alone is
+            timed [s].
         excluded: "preempted" or "unsteady" if other programs used the core; empty otherwise.
     """
 
@@ -162,7 +162,7 @@ class Round(Record, frozen=True, kw_only=True):
     voluntary_switches: Count
     waited_seconds: Number | None = None
     probe_seconds: Number
-    beside_seconds: Number = 0.0
+    uncounted_seconds: Number = 0.0
     excluded: Excluded = ""
 
 

@@ -306,7 +306,7 @@ class Case(LadderCase[MeasuredRound]):
         began = time.monotonic()
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
         passed = time.monotonic() - began
-        return TimedRound.read(answer, passed, self.solver.is_built_in).undisturbed_seconds
+        return TimedRound.read(answer, passed, self.is_built_in).undisturbed_seconds
 
     def _counted(self, claimed: int) -> int:
         """Return the iterations of a solve for which the solver reports ``claimed``.

@@ -58,18 +58,18 @@ class TimedSolve:
 
     Attributes:
         solution: the solution, with a copy of its impulses.
-        prepare: wall seconds of ``prepare`` [s].
-        solve: wall seconds of ``solve`` and of copying its impulses, or of the library of an external solver alone [s].
+        prepare: wall seconds of ``prepare``, 0 if the library of an external solver alone is timed [s].
+        solve: wall seconds of ``solve`` and of copying its impulses, or of the library alone [s].
         processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
             an executable [s].
-        beside: wall seconds of ``solve`` and of copying the impulses, outside the library [s].
+        uncounted: wall seconds of everything outside the library [s].
     """
 
     solution: Solution
     prepare: float
     solve: float
     processor: float
-    beside: float
+    uncounted: float
 
 
 @dataclass
@@ -80,7 +80,7 @@ class Measurement:
         problem: the problem; at first a perturbed copy, to warm up on.
         solver: the solver.
         before: state of the process before the solver was created.
-        times_library: whether the ``library_seconds`` of a prepared solver count as the time of its solve.
+        times_library: whether only the ``library_seconds`` of a prepared solver count, if it has them.
     """
 
     problem: ContactProblem
@@ -225,8 +225,9 @@ class Measurement:
                 gc.enable()
         raise_fault(solution_fault(problem, solution))
         library = getattr(prepared, "library_seconds", None) if self.times_library else None
-        solve = done - ready if library is None else library
-        return TimedSolve(replace(solution, impulses=impulses), ready - began, solve, worked, done - ready - solve)
+        times = (ready - began, done - ready, 0.0) if library is None else (0.0, library, done - began - library)
+        prepare, solve, uncounted = times
+        return TimedSolve(replace(solution, impulses=impulses), prepare, solve, worked, uncounted)
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
@@ -321,7 +322,7 @@ def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> Timed
         [one.solve for one in solves],
         [one.processor for one in solves],
         *switches,
-        [one.beside for one in solves] if any(one.beside for one in solves) else [],
+        [one.uncounted for one in solves] if any(one.uncounted for one in solves) else [],
     )
 
 

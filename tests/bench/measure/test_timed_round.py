@@ -77,9 +77,9 @@ def test_what_is_no_round_is_refused(changes: dict[str, Any]) -> None:
         read(**changes)
 
 
-def test_work_beside_the_library_is_no_time_of_a_solve_and_no_preemption() -> None:
+def test_work_outside_a_library_is_no_time_of_a_solve_and_no_preemption() -> None:
     """Judging takes 30 ms of each solve; without them, the processor time would look like that of four cores."""
-    changes: dict[str, Any] = {**PLAIN, "beside": [0.030, 0.030], "processor": [0.040, 0.042]}
+    changes: dict[str, Any] = {**PLAIN, "uncounted": [0.030, 0.030], "processor": [0.040, 0.042]}
     timed = TimedRound.read(changes, wall_seconds=1.0, is_built_in=True)
     assert timed.totals.tolist() == read().totals.tolist()
     assert not timed.is_preempted
@@ -94,9 +94,9 @@ def test_work_beside_the_library_is_no_time_of_a_solve_and_no_preemption() -> No
 
 def test_a_plugin_cannot_take_time_off_its_solves() -> None:
     with pytest.raises(Fault, match="invalid"):
-        read(beside=[0.001, 0.001])
+        read(uncounted=[0.001, 0.001])
     with pytest.raises(Fault, match="invalid"):
-        TimedRound.read({**PLAIN, "beside": [0.001]}, wall_seconds=1.0, is_built_in=True)
+        TimedRound.read({**PLAIN, "uncounted": [0.001]}, wall_seconds=1.0, is_built_in=True)
 
 
 def test_a_clock_that_counts_more_than_passed_is_refused() -> None:

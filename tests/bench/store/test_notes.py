@@ -111,14 +111,14 @@ def note(is_randomised: bool = False, excluded: tuple[str, ...] = ("",), slowest
     return notes_of(case_record(is_randomised=is_randomised), point)
 
 
-def test_times_of_a_library_alone_are_noted() -> None:
-    rounds = [replace(timed_round(0, 1.0), beside_seconds=seconds) for seconds in (0.0, 1e-3)]
+def test_times_of_a_call_of_a_library_are_noted() -> None:
+    rounds = [replace(timed_round(0, 1.0), uncounted_seconds=seconds) for seconds in (0.0, 1e-3)]
     whole, alone = (
         notes_of(case_record(), Point(tolerance=1e-4, outcome=Outcome.SOLVED, reason="", status="solved", measured=one))
         for one in (measured_in([rounds[0]]), measured_in(rounds))
     )
     assert whole == ""
-    assert alone == "times are those of the library alone, without the work of its adapter"
+    assert alone == "times are those of one call of the library, without preparation"
 
 
 def test_the_machine_explains_a_ratio_and_an_allowance() -> None:

@@ -120,11 +120,11 @@ def test_a_run_counts_the_time_of_the_constraint_stage_alone(captured: CapturedS
     data = problem_bytes(captured.problem)
     task = MeasuringTask(data, built_in("MuJoCo"))
     answer, _ = task.answer("round", (Stop(1e-6, max_iterations=5000, max_seconds=20.0), 0.0))
-    (solve,), (beside,) = answer["solve"], answer["beside"]
-    assert 0.0 < solve < beside  # a judgement alone takes longer
+    (prepare,), (solve,), (uncounted,) = answer["prepare"], answer["solve"], answer["uncounted"]
+    assert prepare == 0.0 < solve < uncounted  # a judgement alone takes longer
     carried = MeasuringTask(data, replace(built_in("MuJoCo"), source="a plugin"))
     answer, _ = carried.answer("round", (Stop(1e-6, max_iterations=5000, max_seconds=20.0), 0.0))
-    assert answer["beside"] == []
+    assert answer["uncounted"] == []
 
 
 def test_a_solve_ends_at_its_limits() -> None:

@@ -137,8 +137,8 @@ def test_the_time_of_a_library_counts_alone_for_an_adapter_of_proxbench(clock: C
     solver = Timed(clock, 0.25, 0.5)
     solver.library_seconds = 0.125  # type: ignore[attr-defined]
     found = Measurement(load("hard-counterexample"), solver, times_library=times_library).round(STOP, 0.0)[0]
-    assert times(found) == [(0.25, 0.125 if times_library else 0.5)]
-    assert found.beside == ([0.375] if times_library else [])
+    assert times(found) == [(0.0, 0.125) if times_library else (0.25, 0.5)]
+    assert found.uncounted == ([0.625] if times_library else [])
 
 
 def test_a_solver_that_does_nothing_is_charged_one_reading_of_the_clock_for_each_part(clock: Clock) -> None:
