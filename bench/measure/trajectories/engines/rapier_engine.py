@@ -9,6 +9,9 @@ from .....problems.arrays import FloatArray
 from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 
+VELOCITY_ERROR = 1e-4
+"""Largest error of the velocities that impulses cause, relative to the largest change of velocity by contacts."""
+
 
 class RapierEngine:
     """A scene in Rapier."""
@@ -63,14 +66,21 @@ class RapierEngine:
         )
 
     def remember(self) -> None:
-        """Store the state before a step."""
+        """Store the state before a step, without a call that changes the world."""
         if self.reports_friction:
-            self.world.detect_collisions()  # moves the colliders to their bodies
             self._before = self.states()
-            self._places = {handle: self.world.colliders.get(handle).position for handle in self._colliders}
+            colliders, bodies = self.world.colliders, self.world.rigid_bodies
+            found = [(handle, colliders.get(handle)) for handle in self._colliders]
+            self._places = {  # a collider is moved to its body in the next step only
+                handle: one.position if one.parent is None else bodies.get(one.parent).position for handle, one in found
+            }
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step; None for the default friction, whose impulses Rapier does not report."""
+        """Return the problem of the last step; None where the reported impulses do not explain its velocities.
+
+        Rapier reports no friction impulses of its default model. In stacks that turn, its impulses act at other points
+        than those that it reports.
+        """
         if not self.reports_friction:
             return None
         number = {body: k for k, body in enumerate(self._handles)}
@@ -91,7 +101,18 @@ class RapierEngine:
                         columns[name].append(value)
                     first, second = point.tangent_impulse
                     impulses.append((point.impulse, first, -second))
-        return solved_problem(self.description, self._before, self.time_step, columns, np.array(impulses))
+        solved = solved_problem(self.description, self._before, self.time_step, columns, np.array(impulses))
+        return solved if solved is not None and _explains(solved, self.states()) else None
+
+
+def _explains(solved: SolvedProblem, after: BodyStates) -> bool:
+    """Return whether u_f + M⁻¹ W Λ are the velocities after the step, up to ``VELOCITY_ERROR`` of their change."""
+    factors = solved.problem.factors
+    assert factors is not None
+    assert factors.free_motion is not None
+    caused = factors.inverse_mass.times(factors.force_directions @ solved.impulses)
+    change = np.hstack([after.velocities, after.spins]).ravel() - factors.free_motion
+    return bool(np.abs(caused - change).max() <= VELOCITY_ERROR * np.abs(change).max())
 
 
 def _first_tangent(x: float, y: float, z: float) -> FloatArray:

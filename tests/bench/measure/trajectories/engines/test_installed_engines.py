@@ -110,15 +110,31 @@ def test_a_thrown_cube_stays_on_the_floor_where_friction_is_that_of_coulomb(name
     assert found.errors["speed [%]"] < 0.5
 
 
-@pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "stack"])
+@pytest.mark.parametrize("name", WHEELS)
+@pytest.mark.parametrize("scene", ["incline-slide", "stack"])
+def test_reading_the_problems_of_steps_does_not_change_a_bit_of_the_motion(name: str, scene: str) -> None:
+    number = [setting.name for setting in ENGINES[name].settings].index("Coulomb") if name == "rapier" else 0
+    read, plain = (engine_of(name, scene, number) for _ in range(2))
+    for step in range(100):
+        plain.step()
+        if step > 0:  # MuJoCo finds no contact at the start
+            read.remember()
+        read.step()
+        if step > 0:
+            read.solved_problem()
+    one, other = read.states(), plain.states()
+    assert one.positions.tobytes() == other.positions.tobytes()
+    assert one.velocities.tobytes() == other.velocities.tobytes()
+
+
+@pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest"])
 def test_impulses_of_rapier_give_its_velocities_where_it_reports_friction(scene: str) -> None:
     pytest.importorskip(ENGINES["rapier"].distribution, reason="the extra engines is not installed")
     names = [setting.name for setting in ENGINES["rapier"].settings]
     engine = engine_of("rapier", scene, names.index("Coulomb"))
-    for _ in range(10):
+    for _ in range(50):
+        engine.remember()
         engine.step()
-    engine.remember()
-    engine.step()
     solved, after = engine.solved_problem(), engine.states()
     assert solved is not None
     factors = solved.problem.factors
@@ -126,12 +142,22 @@ def test_impulses_of_rapier_give_its_velocities_where_it_reports_friction(scene:
     assert factors.free_motion is not None
     found = factors.free_motion + factors.inverse_mass.times(factors.force_directions @ solved.impulses)
     wanted = np.hstack([after.velocities, after.spins]).ravel()
-    assert np.abs(found - wanted).max() <= 1e-5 * max(1.0, np.abs(wanted).max())
+    assert np.abs(found - wanted).max() <= 1e-6 * max(1.0, np.abs(wanted).max())
     assert np.abs(factors.free_motion - wanted).max() > 1e-3
     default = engine_of("rapier", scene, names.index("default"))
     default.remember()
     default.step()
     assert default.solved_problem() is None
+
+
+def test_steps_that_the_impulses_of_rapier_do_not_explain_are_not_judged() -> None:
+    """The cubes of the stack turn, and their impulses act at other points than those that Rapier reports."""
+    names = [setting.name for setting in ENGINES["rapier"].settings]
+    engine = engine_of("rapier", "stack", names.index("Coulomb"))
+    for _ in range(50):
+        engine.remember()
+        engine.step()
+    assert engine.solved_problem() is None
 
 
 @pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest", "stack"])
