@@ -25,7 +25,7 @@ MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconn
 """Problems without factors."""
 
 DEMANDING_PROBLEMS = ("bodies-table-4-1e4", "bodies-train-10", "hard-tower-100")
-"""Problems on which composite solvers go on to the methods after their first one."""
+"""Problems on which composite solvers also use the methods that follow their first one."""
 
 MAX_ITERATIONS, MAX_SECONDS = 60, 600.0
 """Limits of each solve, except those of demanding problems."""
