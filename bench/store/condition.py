@@ -150,12 +150,12 @@ def warnings(frames: RunFrames) -> list[str]:
     if excluded := excluded_points(frames):
         counts = f"{excluded} of {int((frames.points['status'] == Status.SOLVED).sum())} times"
         found.append(
-            f"EXCLUDED: {counts} were measured while other programs used the core; they are marked {EXCLUDED_MARK} and "
-            "not compared; measure again on a quiet machine"
+            f"EXCLUDED: {counts} were measured while other programs used the core; they are not compared, and marked "
+            f"{EXCLUDED_MARK} in the cells that show them; measure again on a quiet machine"
         )
     if busy_cores(frames.info) > MAX_BUSY_CORES:
         found.append(
-            f"BUSY: other programs used {busy_cores(frames.info):.1f} other cores on average while solves were timed; "
+            f"BUSY: other programs kept {busy_cores(frames.info):.1f} of the other cores busy while solves were timed; "
             "times are not comparable with those of another run; measure again on a quiet machine"
         )
     if drift(frames) > MAX_DRIFT:

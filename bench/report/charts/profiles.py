@@ -190,7 +190,7 @@ def profile_panel(name: str, named: Mapping[str, SolverStyle], data: Any, legend
         return _speedup_panel(named, data)
     shares = f"share of {_counts(data)}" if isinstance(data, pd.DataFrame) else SHARE
     column, title, scale = {
-        "performance": ("ratio", "time over the least of any solver", alt.Scale(type="log", nice=False)),
+        "performance": ("ratio", "time relative to the fastest solver", alt.Scale(type="log", nice=False)),
         "data": ("seconds", "time, preparation included [s]", alt.Scale(type="log", nice=False)),
         "accuracy": ("residual", "residual at most (finer to the right)", alt.Scale(type="log", reverse=True)),
     }[name]

@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
             "record runs/one",
             "runs/one is a run; to record iterations during a run, use: proxbench run --record",
         ),
-        ("record hard-groove", "recording solvers requires --solver; see proxbench record -h."),
+        ("record hard-groove", "recording solvers requires --solver and --output; see proxbench record -h."),
         ("check nosuch", "are known, and proxbench list lists them."),
         ("check funnel-10", "did you mean 'funnel-100'?"),
         ("list solvers nosuch", "are known, and proxbench list solvers lists them."),
