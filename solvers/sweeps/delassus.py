@@ -18,6 +18,8 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.matrices.delassus import REMEDY, purpose_of
+from ...problems.contact.matrices.memory import named_allocation
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import with_momentum
@@ -77,9 +79,14 @@ class FlatDelassus:
 
     @staticmethod
     def of(problem: ContactProblem) -> "FlatDelassus":
-        """Return G and c of ``problem``."""
+        """Return G and c of ``problem``.
+
+        Raises:
+            InsufficientMemoryError: if the available memory does not suffice.
+        """
         layout, blocks = problem.layout, problem.delassus_blocks()
-        lanes = (layout.width * blocks.columns).view(np.uint32)
+        with named_allocation(purpose_of(layout.n_blocks), REMEDY):
+            lanes = (layout.width * blocks.columns).view(np.uint32)
         free = layout.pad(problem.free_velocity).reshape(-1)
         arrays = DelassusArrays(blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free)
         return FlatDelassus(layout, arrays)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...arrays import FloatArray, IntArray, read_only
 from ...compilation import interpretable
 from ..blocks import BlockLayout
-from .memory import SMALL_BYTES, available_bytes, require_memory
+from .memory import SMALL_BYTES, available_bytes, named_allocation, require_memory
 from .pieces import Pieces
 
 REMEDY = "use a solver over the factors, such as SORprox(form='factors')"
@@ -37,7 +37,7 @@ class DelassusBlocks:
         size = layout.n_blocks * layout.width
         kept = len(layout.slot) / max(size, 1)  # share of the rows, and then of the columns, that are no padding
         copies = 1.0 if layout.is_dense else 1.0 + kept + kept**2
-        require_memory(12.0 * copies * self.values.size, _purpose(layout.n_blocks), REMEDY)
+        require_memory(12.0 * copies * self.values.size, purpose_of(layout.n_blocks), REMEDY)
         padded = sp.bsr_array((self.values, self.columns, self.starts), shape=(size, size)).tocsr()
         if not layout.is_dense:
             padded = padded[layout.slot][:, layout.slot]
@@ -68,7 +68,8 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
         InsufficientMemoryError: if the available memory does not suffice.
     """
     _require_memory_for(pieces)
-    starts, columns, values = multiply_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
+    with named_allocation(purpose_of(pieces.n_blocks), REMEDY):
+        starts, columns, values = multiply_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
 
@@ -84,7 +85,7 @@ def _require_memory_for(pieces: Pieces) -> None:
     least, most = _bounds_of_count(pieces)
     if bytes_of_block * most < SMALL_BYTES:
         return
-    purpose = _purpose(n_blocks)
+    purpose = purpose_of(n_blocks)
     require_memory(bytes_of_block * least, purpose, REMEDY)
     if bytes_of_block * most > available_bytes():
         members = _pieces_of_chunks(pieces.starts, pieces.chunks, pieces.n_chunks)
@@ -105,7 +106,8 @@ def _bounds_of_count(pieces: Pieces) -> tuple[float, float]:
     return least, float(np.square(counts).sum()) + pieces.n_blocks
 
 
-def _purpose(n_contacts: int) -> str:
+def purpose_of(n_contacts: int) -> str:
+    """Return what the memory for G is called in messages."""
     return f"G of {n_contacts:,} contacts"
 
 

@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,24 @@ def require_memory(needed: float, purpose: str, remedy: str) -> None:
             f"at least {_gigabytes(needed)} of memory are needed for {purpose}, but {_gigabytes(available)} are "
             f"available; {remedy}."
         )
+
+
+@contextlib.contextmanager
+def named_allocation(purpose: str, remedy: str) -> Iterator[None]:
+    """Raise ``InsufficientMemoryError`` if an allocation within the block fails.
+
+    Args:
+        purpose: what the memory is needed for.
+        remedy: what to do instead, as an imperative.
+    """
+    try:
+        yield
+    except InsufficientMemoryError:
+        raise
+    except MemoryError as error:
+        raise InsufficientMemoryError(
+            f"{_gigabytes(available_bytes())} of available memory do not suffice for {purpose}; {remedy}."
+        ) from error
 
 
 def available_bytes() -> float:
