@@ -47,7 +47,7 @@ class RunFrames:
         errors: one row per point and quantity of a trajectory: problem, solver, tolerance, quantity, error, and the
             ends of its error bar, low and high.
         info: plan, machine, plugins and sessions.
-        damaged: one sentence for each case file that could not be read.
+        damaged: one sentence for each case file that could not be read, or whose case is not planned.
         residual: kind of the residuals of the points, "judged" or "local"; those of the curves are judged.
     """
 
@@ -133,7 +133,7 @@ def check_residual(name: str) -> None:
 
 
 def read_frames(path: Path, problem: str | None = None) -> RunFrames:
-    """Read the folder or the bundle of a run, or the cases of one problem; skip damaged case files and list them.
+    """Read the folder or the bundle of a run, or the cases of one problem; skip and list damaged case files and those of cases that are not planned.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.
@@ -142,8 +142,13 @@ def read_frames(path: Path, problem: str | None = None) -> RunFrames:
     info = store.read_run()
     planned = [(problem, solver) for problem in info.plan.problems for solver in info.plan.solvers]
     order = {pair: number for number, pair in enumerate(planned)}
-    cases, damaged = store.read_cases(problem)
-    cases.sort(key=lambda case: order.get((case.problem, case.solver), len(order)))
+    stored, damaged = store.read_cases(problem)
+    cases = sorted((case for case in stored if _pair(case) in order), key=lambda case: order[_pair(case)])
+    damaged += [
+        f"{store.case_file(case).name} contains a case that the run does not plan; remove it."
+        for case in stored
+        if _pair(case) not in order
+    ]
     identified = _identified(cases)
     measured = _frame(CaseRecord, cases)
     measured["is_finished"] = pd.Series([case.is_finished(info.plan) for case in cases], dtype=bool)
@@ -166,6 +171,10 @@ def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
 def rounds_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
     """Return the rounds of the points of cases, as in ``RunFrames``."""
     return _parts(_identified(cases), Round, lambda point: point.rounds)
+
+
+def _pair(case: CaseRecord) -> tuple[str, str]:
+    return case.problem, case.solver
 
 
 def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:

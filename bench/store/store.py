@@ -141,7 +141,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        self._write(self._case_file(case), encode_record(case))
+        self._write(self.case_file(case), encode_record(case))
 
     def write_problem(self, problem: ContactProblem) -> None:
         """Write a problem, once for each digest.
@@ -184,7 +184,7 @@ class Store:
         self._written[path] = content
         put_file(path, content)
 
-    def _case_file(self, case: CaseRecord) -> Path:
+    def case_file(self, case: CaseRecord) -> Path:
         """Return the path of a case; its name is readable, unique and safe as a file name."""
         problem, solver = (plain_name(printable(name)) for name in (case.problem, case.solver))
         return self._cases / f"{problem}--{solver}.json"
@@ -198,7 +198,7 @@ class Store:
         for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:
                 case = _read(file, CaseRecord, "resume the run to measure this case again")
-                if self._case_file(case) != file:
+                if self.case_file(case) != file:
                     raise BenchError(f"{file.name} contains another case; resume the run to measure its case again.")
                 cases.append(case)
             except BenchError as error:

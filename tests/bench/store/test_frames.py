@@ -138,3 +138,11 @@ def test_a_case_that_was_stored_without_a_start_started_from_zero(case: CaseReco
     content = content_of(replace(case, start="0" * 16))
     del content["start"]
     assert record_of(content, CaseRecord).start == ""
+
+
+def test_a_case_that_is_not_planned_is_named_and_left_out(stored: Stored, case: CaseRecord) -> None:
+    folder = stored([])
+    Store.open(folder).write_case(replace(case, problem="elsewhere", solver="S"))
+    run = load(folder)
+    assert run.cases["problem"].tolist() == ["p"]
+    assert run.damaged == ["elsewhere--S.json contains a case that the run does not plan; remove it."]
