@@ -61,6 +61,7 @@ class TimedRound(Struct, frozen=True):
         involuntary, voluntary: numbers of context switches.
         waited: time of being ready but not running [s]; None if the system does not count it.
         uncounted: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
+        earlier_iterations: iterations of earlier solves of other problems; empty in rounds of one problem.
     """
 
     status: Status
@@ -73,6 +74,7 @@ class TimedRound(Struct, frozen=True):
     voluntary: Count
     waited: Seconds | None
     uncounted: list[Seconds] = []
+    earlier_iterations: list[Annotated[int, Meta(ge=0, le=MAX_ITERATIONS)]] = []
 
     @classmethod
     def read(cls, answer: dict[str, Any], wall_seconds: float, is_built_in: bool = False) -> Self:
@@ -91,6 +93,8 @@ class TimedRound(Struct, frozen=True):
         except msgspec.ValidationError:
             raise invalid_answer_fault() from None
         lengths = {len(timed.prepare), len(timed.solve), len(timed.processor), len(timed.uncounted or timed.prepare)}
+        if timed.earlier_iterations:
+            lengths.add(len(timed.earlier_iterations) + 1)
         if len(lengths) > 1 or (timed.uncounted and not is_built_in):
             raise invalid_answer_fault()
         counted = float(timed.walls.sum())

@@ -133,7 +133,7 @@ def check_residual(name: str) -> None:
 
 
 def read_frames(path: Path, problem: str | None = None) -> RunFrames:
-    """Read the folder or the bundle of a run, or the cases of one problem; skip and list damaged case files and those of cases that are not planned.
+    """Read the folder or the bundle of a run, or the cases of one problem; list damaged and unplanned case files.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.

@@ -180,7 +180,8 @@ class Measurement:
                 break
         starts = [*[None] * (len(problems) - 1), start]
         solves = [self._solve(problem.fresh(), stop, first) for problem, first in zip(problems, starts, strict=True)]
-        timed = _timed_round(solves, before)
+        earlier = [int(one.solution.iterations) for one in solves[:-1]]
+        timed = msgspec.structs.replace(_timed_round(solves, before), earlier_iterations=earlier)
         self.problem = problems[-1]
         self._check_after(self.problem)
         return timed, [solves[-1].solution.impulses]

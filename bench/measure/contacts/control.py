@@ -9,16 +9,22 @@ the time of such a first solve and t that of the repeated ones, repetition expla
 The speed of a core drifts. If a first solve is beyond the bound, a round of repeated ones directly after it gives
 another time, and the slower one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
 within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If the fastest of them is beyond it
-for the slowest t, their ratio becomes part of the row (``notes``). If the ratio of the medians exceeds ``MAX_RATIO``,
-the solver has misbehaved. A solver may load or compile something in its first solve. Before it is accused, first solves
-are repeated in forks that have solved ``N_COPIES`` copies to the same tolerance. All cached kernels are in their
-memory, among them those that only the timed solves have used. The faster ones count. Only solves during which no other
-program used the core accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
+for the slowest t, their ratio becomes part of the row (``notes``).
+
+A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the slowest
+t. A solver may load or compile something in its first solve, and the first run of any code is slow. Before a solver is
+accused, first solves are therefore repeated in forks that have solved copies to the same tolerance. All cached kernels
+are in their memory, among them those that only the timed solves have used. Copies may take fewer iterations than the
+problem and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them take about as many, a solver is accused only if
+a solve that follows solves of the problem in several other units is slow as well: it runs the same code as they do, and
+no answer is stored in its units. Only solves during which no other program used the core accuse a solver, and only if
+they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 
@@ -56,8 +62,14 @@ MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 MAX_LOADED_COPIES = 2
 """Number of copies after which cached kernels are loaded; the first one may compile some, and the next find all."""
 
-N_COPIES = 2
-"""Number of copies that a fork solves before a further first solve, so that it has run all the code that one needs."""
+N_COPIES, MAX_WARM_UPS = 2, 8
+"""Least and largest number of problems that a fork solves before a further first solve, to run the same code."""
+
+WARM_UP_SECONDS = 0.02
+"""Time for which a fork solves them if the largest number permits [s]."""
+
+MIN_SIMILAR_COPIES, MAX_DIFFERENCE = 2, 0.25
+"""Least number of copies that must take about as many iterations as the problem, to this relative difference."""
 
 MAX_COPIES = 6
 """Largest number of copies to solve if the first one is slower than the problem."""
@@ -93,6 +105,13 @@ class ControlSolve:
     def seconds(self) -> float:
         """Wall time, or processor time if its process was preempted [s]."""
         return float(self.timed.undisturbed[-1])
+
+    @property
+    def has_similar_copies(self) -> bool:
+        """Whether enough of the copies before it took about as many iterations, so that they ran the same code."""
+        own = self.timed.iterations
+        similar = [abs(count - own) <= MAX_DIFFERENCE * own for count in self.timed.earlier_iterations]
+        return sum(similar) >= MIN_SIMILAR_COPIES
 
     @property
     def is_explained(self) -> bool:
@@ -170,17 +189,21 @@ class Controls:
             if balance <= -MAX_SLOW_SOLVES:
                 break
         self._load_kernels()
+        number = min(max(ceil(WARM_UP_SECONDS / seconds), N_COPIES), MAX_WARM_UPS)
         loaded = [
-            _compared(self._first_solve(stop, start, after=self._copies(stop)), seconds, again)
+            _compared(self._first_solve(stop, start, after=self._copies(stop, number)), seconds, again)
             for _ in range(MAX_SLOW_SOLVES)
         ]
-        solves = min(solves, loaded, key=_median)
-        undisturbed = [solve for solve in solves if solve.is_undisturbed]
-        if len(undisturbed) > MAX_SLOW_SOLVES // 2:
-            first, repeated = _median(undisturbed), float(np.median([one.repeated for one in undisturbed]))
-            if _is_repeated(repeated, first):
-                raise _repeats(stop, f"take {first:.3g} s", repeated)
-        return solves
+        late: list[ControlSolve] = []
+        if _repetition(loaded, solves) and not all(solve.has_similar_copies for solve in loaded):
+            late = [
+                _compared(self._first_solve(stop, start, after=self._variants(number)), seconds, again)
+                for _ in range(MAX_SLOW_SOLVES)
+            ]
+        times = _repetition(late or loaded, [*solves, *loaded])
+        if times is not None:
+            raise _repeats(stop, f"take {times[0]:.3g} s", times[1])
+        return min(solves, loaded, key=_median)
 
     def copies(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
         """Return first solves of copies: one if repeated solves explain its time, else several.
@@ -192,7 +215,7 @@ class Controls:
         """
         found: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
-            problems = [*(self._copies(stop) if found else ()), disguised_copy(self.problem, stop.tolerance)]
+            problems = [*(self._copies(stop, N_COPIES) if found else ()), disguised_copy(self.problem, stop.tolerance)]
             solve = self._control_solve(problems[-1], stop, *map(problem_bytes, problems))
             solve = _compared(solve, seconds, again)
             if solve.timed.status is not Status.SOLVED:
@@ -204,9 +227,13 @@ class Controls:
                 self._load_kernels()
         return found
 
-    def _copies(self, stop: Stop) -> list[ContactProblem]:
+    def _copies(self, stop: Stop, number: int) -> list[ContactProblem]:
         """Return copies of the problem to solve before a first solve."""
-        return [disguised_copy(self.problem, stop.tolerance) for _ in range(N_COPIES)]
+        return [disguised_copy(self.problem, stop.tolerance) for _ in range(number)]
+
+    def _variants(self, number: int) -> list[ContactProblem]:
+        """Return the problem in several units, to solve before it is solved in others."""
+        return [in_other_units(self.problem).problem for _ in range(number)]
 
     def _first_solve(self, stop: Stop, start: FloatArray | None, after: Sequence[ContactProblem] = ()) -> ControlSolve:
         """Return a first solve of the problem in other units, in a process that may first solve other problems."""
@@ -306,6 +333,19 @@ def _of_length(impulses: FloatArray, n_rows: int) -> FloatArray:
     if len(impulses) != n_rows:
         raise Fault(Outcome.MISBEHAVED, f"it returned {len(impulses)} numbers for {n_rows} rows")
     return impulses
+
+
+def _repetition(decisive: Sequence[ControlSolve], others: Sequence[ControlSolve]) -> tuple[float, float] | None:
+    """Return the times of the fastest first and of the slowest repeated solve [s] if these must repeat an answer.
+
+    Most of the decisive solves must be undisturbed.
+    """
+    undisturbed = [solve for solve in decisive if solve.is_undisturbed]
+    if len(undisturbed) <= MAX_SLOW_SOLVES // 2:
+        return None
+    undisturbed += [solve for solve in others if solve.is_undisturbed]
+    first, repeated = min(one.seconds for one in undisturbed), max(one.repeated for one in undisturbed)
+    return (first, repeated) if _is_repeated(repeated, first) else None
 
 
 def _median(solves: Sequence[ControlSolve]) -> float:

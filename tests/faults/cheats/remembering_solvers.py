@@ -5,7 +5,7 @@ import hashlib
 import os
 import pickle
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -71,6 +71,15 @@ class WhateverUnits(Remembering):
 
     def scale(self, problem: ContactProblem) -> float:
         return float(problem.delassus_diagonal.max() / np.abs(problem.free_velocity).max())
+
+
+class Miscounting(WhateverUnits):
+    """Reports other iterations for each problem, so that no copy appears to take as many as the problem."""
+
+    def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
+        found = super().solve(problem, stop, observe)
+        factor = 1 + sum(problem.free_velocity.tobytes()) % 97
+        return found if observe is not None else replace(found, iterations=factor * found.iterations)
 
 
 @dataclass

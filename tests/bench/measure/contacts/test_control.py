@@ -218,6 +218,37 @@ def test_of_first_solves_alone_and_after_another_problem_the_faster_ones_count()
     assert {one.seconds for one in Scripted([0.0015], 0.1).first_solves(STOP, 0.001, lambda: 0.001)} == {0.0015}
 
 
+class OtherWay(Scripted):
+    """Solves of the problem that take ten iterations, copies that take ``of_copies``, and the time after variants."""
+
+    def __init__(self, of_copies: int, after_variants: float) -> None:
+        super().__init__([0.1], 0.1)
+        self.of_copies, self.after_variants = of_copies, after_variants
+
+    def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
+        timed, impulses = super()._ask(stop, problems, start)
+        largest = [float(np.abs(read_problem(io.BytesIO(one), "one").free_velocity).max()) for one in problems]
+        are_variants = all(np.log2(one / np.abs(PROBLEM.free_velocity).max()) % 1.0 == 0.0 for one in largest)
+        if len(problems) > 1 and are_variants:
+            timed = replace(timed, solve=[self.after_variants], processor=[self.after_variants])
+        earlier = [10 if are_variants else self.of_copies] * (len(problems) - 1)
+        return replace(timed, iterations=10, earlier_iterations=earlier), impulses
+
+
+@pytest.mark.parametrize(("of_copies", "after_variants"), [(10, 1e-3), (12, 1e-3), (4, 0.1)])
+def test_slow_first_solves_accuse_after_copies_that_are_as_long_or_after_variants(
+    of_copies: int, after_variants: float
+) -> None:
+    with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.001 s"):
+        OtherWay(of_copies, after_variants).first_solves(STOP, 1e-3, lambda: 1e-3)
+
+
+@pytest.mark.parametrize("of_copies", [4, 20])
+def test_the_first_run_of_code_that_no_copy_runs_accuses_nobody(of_copies: int) -> None:
+    found = OtherWay(of_copies, 1e-3).first_solves(STOP, 1e-3, lambda: 1e-3)
+    assert {solve.seconds for solve in found} == {0.1}  # which a note shows
+
+
 def test_first_solves_that_reach_the_time_limit_are_repeated_in_own_units_and_misbehave_where_others_are_fast() -> None:
     late = Scripted([1.0], status=Status.TIME_LIMIT)
     assert [one.timed.status for one in late.first_solves(STOP, STOP.max_seconds, never)] == [Status.TIME_LIMIT]
