@@ -13,10 +13,12 @@
 ``swing``    energy of a chain, and of a heavy ball on it, over ten seconds
 ``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
 ``joints``   how far joints open and what energy they keep, with and without closing them at each step
+``linkages`` energy of a pendulum and a four-bar linkage over 10⁵ steps
 ``resting``  how far joints open and bodies penetrate where a linkage or a chain lies on the ground
 ``vanishing`` contacts of bodies at rest that open or change their keys, in 1000 steps
 ``free``     energy and momentum of free bodies over 10⁵ steps
 ``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
+``cards``, ``dominoes``, ``containers``, ``walls`` motions with a known result; see ``known_motions.py``
 
 ``python tests/speed/costs_of_accuracy.py --tables arch stack`` prints these tables in Markdown. ``--output costs.csv``
 keeps them in a file, and ``--charts FOLDER`` draws what it holds. Seconds are processor time of the steps; run
@@ -35,7 +37,8 @@ from typing import Any
 import pandas as pd
 from accuracy_charts import draw
 from convergence_orders import free, orders
-from joint_errors import joints, swing
+from joint_errors import joints, linkages, swing
+from known_motions import cards, containers, dominoes, walls
 from lasting_contacts import vanishing
 from pile_costs import piles
 from proxbench.problems.motion.equilibrium import bisect, find_equilibrium, problem_at_rest
@@ -296,7 +299,8 @@ TABLES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
     made.__name__: made
     for made in (
         *(arch, sizes, friction, sliding, sweeps, creep, stack, drift, cube, chain, swing),
-        *(orders, joints, resting, vanishing, free, piles),
+        *(orders, joints, linkages, resting, vanishing, free, piles),
+        *(cards, dominoes, containers, walls),
     )
 }
 

@@ -1,6 +1,6 @@
 """Measure how far joints open, and how much energy they keep, with and without closing them at the end of each step.
 
-``costs_of_accuracy.py --tables joints swing`` prints the tables.
+``costs_of_accuracy.py --tables joints swing linkages`` prints the tables.
 """
 
 import time
@@ -27,6 +27,9 @@ SWINGS = (("chain", 10e-3), ("chain", 2e-3), ("ball_on_chain", 0.47e-3))
 
 STOP = Stop(1e-10, 100_000)
 
+COUNTS = (1000, 10_000, 100_000)
+"""Numbers of steps after which the energy of linkages is compared."""
+
 
 def joints(seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
     """Yield the largest errors of each scene for each step, without and with projection."""
@@ -47,6 +50,24 @@ def swing(seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
             errors = joint_errors(name, step, seconds, depth)
             taken = time.process_time() - began
             yield {"scene": name, "step": step, "projection": projection, **errors, "seconds": taken}
+
+
+def linkages(counts: tuple[int, ...] = COUNTS, step: float = 1e-3) -> Iterator[dict[str, Any]]:
+    """Yield the largest error of the energy, relative to the largest kinetic one, up to several numbers of steps."""
+    for name in ("pendulum", "four_bar"):
+        for projection, depth in (("without", None), ("with", DEPTH)):
+            scene = make_scene(name)
+            assert scene.potential_energy is not None
+            begin = scene.kinetic_energy(scene.start.velocity) + scene.potential_energy(scene.start.position)
+            error, kinetic, found = 0.0, 0.0, dict[str, float]()
+            rule = MidpointRule(scene.system, create("Robust"), STOP, step, depth=depth)
+            for number, taken in enumerate(rule.steps(scene.start, counts[-1]), start=1):
+                moving = scene.kinetic_energy(taken.state.velocity)
+                error = max(error, abs(moving + scene.potential_energy(taken.state.position) - begin))
+                kinetic = max(kinetic, moving)
+                if number in counts:
+                    found[f"{number} steps"] = error / kinetic
+            yield {"scene": name, "projection": projection, **found}
 
 
 def joint_errors(name: str, step: float, seconds: float, depth: float | None) -> dict[str, float]:

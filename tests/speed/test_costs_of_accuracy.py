@@ -18,7 +18,8 @@ from costs_of_accuracy import (
     thickness_ratio,
     to_tolerance,
 )
-from joint_errors import joint_errors
+from joint_errors import joint_errors, linkages
+from known_motions import MOVED, cards, containers, dominoes
 from lasting_contacts import count_vanishing
 from pile_costs import piles
 from proxbench.bench.report.charts.palette import solver_styles
@@ -111,3 +112,30 @@ def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time
     assert found["contacts"] > 40
     assert 0 <= found["rows - rank"] < 3 * found["contacts"]
     assert 0.0 < found["detection"] < 1.0
+
+
+def test_without_projection_a_linkage_conserves_its_energy_and_with_it_the_error_is_larger() -> None:
+    rows = list(linkages((10, 200), 5e-3))
+    assert [(row["scene"], row["projection"]) for row in rows][:2] == [("pendulum", "without"), ("pendulum", "with")]
+    assert all(row["10 steps"] <= row["200 steps"] for row in rows)
+    assert rows[0]["200 steps"] < 1e-9 < rows[1]["200 steps"]
+
+
+def test_a_card_house_falls_below_its_limit_of_friction_and_stands_above() -> None:
+    below, above = cards((1,), 0.4)
+    assert (below["outcome"], above["outcome"]) == ("falls", "stands")
+    assert above["largest"] < 1e-6 < MOVED < below["largest"]
+
+
+@pytest.mark.slow
+def test_the_wave_of_dominoes_runs_as_fast_as_the_theory_and_loses_energy() -> None:
+    (row,) = dominoes((0.2,), 1e-3)
+    assert row["speed"] == pytest.approx(row["theory"], rel=0.04)
+    assert 0.0 < row["energy lost"] < 1.0
+
+
+@pytest.mark.slow
+def test_boxes_in_containers_are_measured_for_each_seed() -> None:
+    drum, hopper = containers((1,), 12, 40)
+    assert drum["least"] < drum["mean"] < drum["largest"]
+    assert 0.3 * hopper["law"] < hopper["mean"] < 3.0 * hopper["law"]
