@@ -349,7 +349,7 @@ def shown_means(summary: pd.DataFrame) -> dict[str, str]:
     if compares_all(summary):
         return {"mean": "mean_time"}
     common = int(summary["common"].max())
-    return ({f"mean of {common}": "mean_time"} if common else {}) | {"mean of own": "own_mean_time"}
+    return ({f"mean of {common}": "mean_time"} if common else {}) | {"own mean": "own_mean_time"}
 
 
 def _keys(accuracy: float) -> list[str]:

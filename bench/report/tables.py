@@ -301,7 +301,7 @@ def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
 
 def _summary_legend(summary: pd.DataFrame) -> str:
     common = int(summary["common"].iloc[0])
-    own = "mean of own: over all problems that the solver supports."
+    own = "own mean: over all problems that the solver supports."
     fewer = " (n): over n of them, because times of the others are excluded."
     if compares_all(summary):
         means = f"mean: shifted geometric mean time over {counted(common, 'problem')}, failures at the time limit."
