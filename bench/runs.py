@@ -371,9 +371,8 @@ def merge(
         BenchError: if a source cannot be read or its residuals disagree, sources contradict each other, a problem was
             measured on several machines, or the folder exists or cannot be written.
     """
-    given = [sources] if isinstance(sources, str | os.PathLike) else sources
     folder = _new_folder(results, run_id)
-    merge_sources([Path(source) for source in given], folder, on_case, on_missing)
+    merge_sources([Path(source) for source in _several(sources) or ()], folder, on_case, on_missing)
     return load(folder)
 
 

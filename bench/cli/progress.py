@@ -35,7 +35,7 @@ class ProgressBar(Progress):
     """Show the current work, the progress and the remaining time of a command; a context manager."""
 
     def __init__(self, hidden: bool = False, console: Console | None = None) -> None:
-        stderr = console or Console(stderr=True)
+        console = console or Console(stderr=True)
         super().__init__(
             TextColumn("{task.description}", markup=False),  # names may contain brackets
             BarColumn(bar_width=24),
@@ -44,9 +44,9 @@ class ProgressBar(Progress):
             TextColumn("·"),
             TimeRemainingColumn(),
             TextColumn("left"),
-            console=stderr,
+            console=console,
             transient=True,
-            disable=hidden or not stderr.is_terminal,
+            disable=hidden or not console.is_terminal,
             speed_estimate_period=ESTIMATE_SECONDS,
         )
         self._hidden = hidden
@@ -60,10 +60,10 @@ class ProgressBar(Progress):
         """Count one more as done."""
         self.advance(self._task)
 
-    def name(self, text: str, again: bool = False) -> None:
-        """Show the name of the current work. With ``again``, print no line for it if there is no terminal."""
+    def name(self, text: str, bar_only: bool = False) -> None:
+        """Show the name of the current work. With ``bar_only``, print no line for it if there is no terminal."""
         self.update(self._task, description=text)
-        if not (again or self.console.is_terminal):
+        if not (bar_only or self.console.is_terminal):
             self.note(f"measuring {text}")
 
     def note(self, sentence: str, always: bool = False) -> None:
@@ -93,7 +93,7 @@ class RunProgress(ProgressBar):
         if isinstance(event, RunStarted):
             self._started, self._points_done = event, event.points_done
             if event.done < event.total:
-                self.name(LOADING, again=True)
+                self.name(LOADING, bar_only=True)
                 if event.points:
                     self.count(event.points_done, event.points)
                     self.refresh()
@@ -105,9 +105,9 @@ class RunProgress(ProgressBar):
             if warning := motion_warning(event.trajectory):
                 self.note(warning, always=True)
         elif isinstance(event, ProblemStarted):
-            self.name(f"{event.problem}{_pass(event)}")
+            self.name(f"{event.problem}{_pass_text(event)}")
         elif isinstance(event, PointFinished):
-            self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", again=True)
+            self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", bar_only=True)
             if self._started.points:
                 self._points_done += 1
                 self.count(min(self._points_done, self._started.points), self._started.points)
@@ -128,7 +128,6 @@ def _problem_table(folder: Path, problem: str, width: int) -> Text:
     return Text.from_ansi(captured.get())
 
 
-def _pass(event: ProblemStarted) -> str:
-    if event.passes == 1:
-        return ""
-    return f", pass {event.number + 1} of {event.passes}"
+def _pass_text(event: ProblemStarted) -> str:
+    """Return the number of the pass; empty if there is only one."""
+    return "" if event.passes == 1 else f", pass {event.number + 1} of {event.passes}"

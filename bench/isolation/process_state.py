@@ -26,8 +26,17 @@ _FRAMEWORK = f"{__name__.partition('.')[0]}."
 _RELIED_ON = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
 """Modules that the framework relies on."""
 
-_CACHES = {"__slotnames__", "__protocol_attrs__", "__non_callable_proto_members__", "__annotations__", "_abc_impl"}
+_CLASS_CACHES = {
+    "__slotnames__",
+    "__protocol_attrs__",
+    "__non_callable_proto_members__",
+    "__annotations__",
+    "_abc_impl",
+}
 """Attributes that Python itself adds to classes."""
+
+_N_MONITORING_TOOLS = 6
+"""Number of identifiers of tools in ``sys.monitoring``."""
 
 _LIMITS = tuple(getattr(resource, name) for name in sorted(dir(resource)) if name.startswith("RLIMIT_"))
 """Resource limits that the system supports."""
@@ -55,7 +64,7 @@ class ProcessState:
         return ProcessState(
             frozenset(sys.modules),
             {name: _names_of(name) for name in sys.modules if name in _RELIED_ON or f"{name}.".startswith(_FRAMEWORK)},
-            {what: _read(reading) for what, reading in _STATE.items()},
+            {name: _read(read) for name, read in _STATE.items()},
             _thread._count(),
         )
 
@@ -63,7 +72,7 @@ class ProcessState:
         """Return this state, with present values of settings that libraries change if any was imported since."""
         if self.modules.issuperset(sys.modules):
             return self
-        return replace(self, settings=self.settings | {what: _read(_STATE[what]) for what in _OF_LIBRARIES})
+        return replace(self, settings=self.settings | {name: _read(_STATE[name]) for name in _OF_LIBRARIES})
 
     def replaced(self) -> list[str]:
         """Return the replaced names, and those added to modules and classes of the framework."""
@@ -83,7 +92,7 @@ class ProcessState:
         return self._changed(_FOR_TIMING)
 
     def _changed(self, names: Iterable[str]) -> list[str]:
-        return [what for what in names if _read(_STATE[what]) != self.settings[what]]
+        return [name for name in names if _read(_STATE[name]) != self.settings[name]]
 
 
 _NOTHING = object()
@@ -94,7 +103,8 @@ def _names_of(module_name: str) -> dict[str, object]:
     module, found = sys.modules.get(module_name), dict[str, object]()
     for key, value in list(vars(module).items()) if module else ():
         if module_name in _RELIED_ON:
-            found |= {key: value} if callable(value) else {}
+            if callable(value):
+                found[key] = value
             continue
         if key.startswith("__") or isinstance(value, ModuleType):
             continue
@@ -102,15 +112,16 @@ def _names_of(module_name: str) -> dict[str, object]:
         if getattr(value, "__module__", None) != module_name:
             continue
         if isinstance(value, type):
-            found |= {f"{key}.{member}": part for member, part in vars(value).items() if member not in _CACHES}
+            found |= {f"{key}.{member}": part for member, part in vars(value).items() if member not in _CLASS_CACHES}
         elif isinstance(value, FunctionType):
             found[f"{key}.__code__"] = value.__code__
     return found
 
 
-def _read(reading: Callable[[], Any]) -> Any:
+def _read(read: Callable[[], Any]) -> Any:
+    """Return the value of a setting; the error as text if it cannot be read."""
     try:
-        return reading()
+        return read()
     except (OSError, ValueError) as error:
         return repr(error)  # a removed folder, a closed stream
 
@@ -123,7 +134,7 @@ def _numpy_random() -> tuple[Any, ...]:
 def _monitoring_tools() -> list[str | None]:
     """Return the tools that monitor events of the interpreter (Python 3.12 and later)."""
     monitoring = getattr(sys, "monitoring", None)
-    return [] if monitoring is None else [monitoring.get_tool(number) for number in range(6)]
+    return [] if monitoring is None else [monitoring.get_tool(number) for number in range(_N_MONITORING_TOOLS)]
 
 
 def _scheduling() -> tuple[int, int | None]:

@@ -199,12 +199,12 @@ class LadderCase(ABC, Generic[Answer]):
         except Fault as fault:
             self._fail(fault)
             return None
-        refusal = answer.get("refusal", "")
-        if not isinstance(refusal, str):
+        reason = answer.get("unsupported_reason", "")
+        if not isinstance(reason, str):
             self._fail(invalid_answer_fault())
-        elif refusal:
-            self._fail(Fault(Outcome.UNSUPPORTED, refusal[:MAX_REASON_LENGTH]))
-        return None if refusal else (answer, numbers)
+        elif reason:
+            self._fail(Fault(Outcome.UNSUPPORTED, reason[:MAX_REASON_LENGTH]))
+        return None if reason else (answer, numbers)
 
     def _timed_round(
         self, kind: type[Timed], number: int, request: str, *arguments: Any

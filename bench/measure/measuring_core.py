@@ -40,13 +40,13 @@ FIRST_PROBES = 40
 CLAIM = "proxbench-core"
 """Prefix of the names of the sockets that claim cores."""
 
-REFERENCE_SHARE = 0.25
+REFERENCE_QUANTILE = 0.25
 """Quantile of all probes that is the reference; it is unaffected if the core is shared for half of the time."""
 
 MAX_PROBE_RATIO = 1.25
 """Ratio of a probe to the reference above which a core is not steady."""
 
-MAX_PINNING = 10
+MAX_PINNING_ATTEMPTS = 10
 """Largest number of attempts to pin all threads of a process, because unpinned threads may start others."""
 
 
@@ -73,7 +73,7 @@ class MeasuringCore:
         """Claim the highest core that this process may use and no other run has claimed."""
         allowed = frozenset(_allowed_cores())
         for number in sorted(allowed, reverse=True):
-            claim = _claim(number)
+            claim = _claim_socket(number)
             if claim is not None:
                 return MeasuringCore(number, allowed=allowed, _claim=claim)
         return MeasuringCore(None)
@@ -111,11 +111,12 @@ class MeasuringCore:
         if self.number is None:
             return
         cores = self.cores(count)
-        for _ in range(MAX_PINNING):
+        for _ in range(MAX_PINNING_ATTEMPTS):
             processes = (process, *descendants(process))
-            for thread in [thread for one in processes for thread in threads(one)]:
-                with contextlib.suppress(OSError):  # the thread has ended
-                    os.sched_setaffinity(thread, cores)
+            for one in processes:
+                for thread in threads(one):
+                    with contextlib.suppress(OSError):  # the thread has ended
+                        os.sched_setaffinity(thread, cores)
             if all(self.holds(one, count) for one in processes):
                 return
 
@@ -138,7 +139,7 @@ class MeasuringCore:
     @property
     def reference(self) -> float:
         """Wall time of a probe on a steady core, estimated from all probes [s]."""
-        return float(np.quantile(self.probes, REFERENCE_SHARE))
+        return float(np.quantile(self.probes, REFERENCE_QUANTILE))
 
     def is_steady(self, *probes: float) -> bool:
         """Return whether wall times of probes [s] are close to the reference; always True without a claimed core."""
@@ -147,7 +148,7 @@ class MeasuringCore:
     def _work(self) -> float:
         began = perf_counter()
         sorted(map(str, range(PROBE_OBJECTS)))
-        float((1.5 * self._numbers).sum())
+        (1.5 * self._numbers).sum()
         return perf_counter() - began
 
 
@@ -156,7 +157,7 @@ def _allowed_cores() -> set[int]:
     return set(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else set()
 
 
-def _claim(number: int) -> socket.socket | None:
+def _claim_socket(number: int) -> socket.socket | None:
     """Return a socket that claims a core until it is closed or this process ends; None if another run has claimed it.
 
     Its abstract name leaves no file behind.

@@ -13,7 +13,8 @@ from ..store.outcome import Outcome
 from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
-"""Ranks of outcomes from good to bad; other outcomes rank between RELAXED and WRONG."""
+_OTHER_RANK = 2
+"""Ranks of outcomes from good to bad."""
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
@@ -38,7 +39,7 @@ def joined(before: Point, now: Point) -> Point:
         kept, measured = (now, now.measured) if before.is_late_under_load else (before, before.measured)
         rounds = [*before.rounds, *now.rounds]
         return replace(kept, measured=replace(measured, **times_from_rounds(rounds), rounds=rounds))
-    rank_before, rank_now = (_RANKS.get(point.outcome, 2) for point in (before, now))
+    rank_before, rank_now = (_RANKS.get(point.outcome, _OTHER_RANK) for point in (before, now))
     worse = before if rank_before >= rank_now else now
     return replace(worse, measured=_joined(before.measured, now.measured))
 

@@ -63,7 +63,7 @@ def select(
         PluginError: if a plugin does not create the problem that it offers.
         BenchError: for a name given twice, or a problem with the name of a library problem and other numbers.
     """
-    given, name = (tuple(problems), "") if problems else _members(suite)
+    given, suite_name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
     if sample is not None:
         chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
@@ -77,7 +77,9 @@ def select(
     if not taken:
         raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
     families = {one.name: one.family for one in candidates if one.name in taken}
-    return Selection(tuple(taken.values()), families, folders[0] if name and folders else name, tuple(left_out))
+    if suite_name and folders:
+        suite_name = folders[0]
+    return Selection(tuple(taken.values()), families, suite_name, tuple(left_out))
 
 
 def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:

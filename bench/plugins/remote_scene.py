@@ -86,34 +86,34 @@ class RemoteSystem(RenewedWorker):
         if "refused" in answer:
             raise BenchError(str(answer["refused"]))
         try:
-            about, arrays = msgspec.convert(answer["scene"], SceneRecord), unpacked(content)
+            record, arrays = msgspec.convert(answer["scene"], SceneRecord), unpacked(content)
             self._sizes = (len(arrays["position"]), len(arrays["velocity"]))
-            start = read_state(about.time, arrays, *self._sizes)
-            if any(index >= len(start.position) for index in about.coordinates.values()):
-                raise ValueError("no coordinate")
-            balls = None if about.balls is None else read_balls(about.balls, arrays, *self._sizes)
+            start = read_state(record.time, arrays, *self._sizes)
+            if any(index >= len(start.position) for index in record.coordinates.values()):
+                raise ValueError("a coordinate is out of range")
+            balls = None if record.balls is None else read_balls(record.balls, arrays, *self._sizes)
         except MALFORMED_ANSWER_ERRORS:
             raise self.failure(invalid_answer_fault()) from None
-        has = about.functions
+        functions = record.functions
         return Scene(
             self._name,
             system=cast(System, self),  # the only methods that are called
             start=start,
-            **{name: getattr(about, name) for name in SAME_FIELDS},
+            **{name: getattr(record, name) for name in SAME_FIELDS},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
-            potential_energy=(lambda q: self._number("potential_energy", q)) if "potential_energy" in has else None,
-            observables=[self._observable(index, one) for index, one in enumerate(about.observables)],
-            ending=None if about.ending_seconds is None else EndingRule(about.ending_seconds, self._ending),
-            exact=self._exact if "exact" in has else None,
+            potential_energy=(lambda q: self._number("potential_energy", q))
+            if "potential_energy" in functions
+            else None,
+            observables=[self._observable(index, observable) for index, observable in enumerate(record.observables)],
+            ending=None if record.ending_seconds is None else EndingRule(record.ending_seconds, self._ending),
+            exact=self._exact if "exact" in functions else None,
             balls=balls,
         )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return q after a motion of ``seconds`` [s] with the velocity u."""
         shape = position.shape
-        return self._arrays(
-            lambda arrays: checked_array(arrays["position"], shape), "move", position, velocity, seconds
-        )
+        return self._read(lambda arrays: checked_array(arrays["position"], shape), "move", position, velocity, seconds)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         """Return the quantities of a step at the midpoint q_M, as ``System.assemble`` does."""
@@ -123,14 +123,14 @@ class RemoteSystem(RenewedWorker):
             contacts = read_contacts(arrays, len(velocity)) if "keys" in arrays else None
             return StepAssembly(free_motion, read_inverse_mass(arrays, len(velocity)), contacts)
 
-        return self._arrays(read, "assemble", midpoint, velocity, seconds)
+        return self._read(read, "assemble", midpoint, velocity, seconds)
 
     def failure(self, fault: Fault) -> Exception:
         """Return the error for a request without an answer."""
-        late = f"it took longer than {self.seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
-        return FailedSceneError(f"scene {self._name}: {late}.")
+        reason = f"it took longer than {self.seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
+        return FailedSceneError(f"scene {self._name}: {reason}.")
 
-    def _arrays(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
+    def _read(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
         """Return the result of ``read`` on the arrays of an answer."""
         _, content = self.ask(request, *arguments)
         try:
@@ -159,4 +159,4 @@ class RemoteSystem(RenewedWorker):
             raise self.failure(invalid_answer_fault()) from None
 
     def _exact(self, time: float) -> State:
-        return self._arrays(lambda arrays: read_state(time, arrays, *self._sizes), "exact", time)
+        return self._read(lambda arrays: read_state(time, arrays, *self._sizes), "exact", time)

@@ -86,7 +86,7 @@ class RemoteSolver(RenewedWorker):
             return "it starts from its answer to the previous step, which only `proxbench run` provides"
         self._send(problem)
         answer, _ = self.ask_in_time("supports")
-        return str(answer.get("refusal", "")) or None
+        return str(answer.get("unsupported_reason", "")) or None
 
     def prepare(self, problem: ContactProblem) -> "RemotePrepared":
         """Let the solver prepare ``problem``.
@@ -225,7 +225,7 @@ class SolvingTask:
     def _supports(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         reason = solver.supports(problem)
         raise_fault(reason_fault(reason))
-        return {"refusal": reason or ""}, b""
+        return {"unsupported_reason": reason or ""}, b""
 
     def _prepare(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         began = perf_counter()

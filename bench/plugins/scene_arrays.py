@@ -24,16 +24,23 @@ MALFORMED_ANSWER_ERRORS = (KeyError, ValueError, TypeError, IndexError, Overflow
 LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
 """Names of the arrays that represent laws."""
 
+SPARSE_PARTS = ("data", "indices", "indptr")
+"""Attributes of a sparse matrix in compressed format."""
+
 
 def state_arrays(state: State) -> Arrays:
     """Return a state as arrays, without its time."""
-    own = {"position": np.asarray(state.position, float), "velocity": np.asarray(state.velocity, float)}
-    return {**own, "state_keys": state.keys.astype(np.int64), "state_impulses": state.impulses}
+    return {
+        "position": np.asarray(state.position, float),
+        "velocity": np.asarray(state.velocity, float),
+        "state_keys": state.keys.astype(np.int64),
+        "state_impulses": state.impulses,
+    }
 
 
 def mass_arrays(inverse: InverseMass) -> Arrays:
     """Return M⁻¹ as arrays."""
-    return {f"mass_{part}": getattr(inverse.matrix, part) for part in ("data", "indices", "indptr")}
+    return {f"mass_{part}": getattr(inverse.matrix, part) for part in SPARSE_PARTS}
 
 
 def contact_arrays(contacts: ActiveContacts) -> Arrays:
@@ -53,7 +60,7 @@ def contact_arrays(contacts: ActiveContacts) -> Arrays:
             "chunks": pieces.chunks.astype(np.int64),
             "values": pieces.values,
         }
-    parts = {f"directions_{part}": getattr(contacts.directions, part) for part in ("data", "indices", "indptr")}
+    parts = {f"directions_{part}": getattr(contacts.directions, part) for part in SPARSE_PARTS}
     drive: Arrays = {} if contacts.drive is None else {"drive": contacts.drive}
     return {**arrays, "row_counts": contacts.row_counts, **drive, **parts}
 
@@ -103,7 +110,7 @@ def read_state(time: float, arrays: Arrays, n_coordinates: int, n_dofs: int) -> 
 
 def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
     """Return M⁻¹; errors are those in ``MALFORMED_ANSWER_ERRORS``."""
-    parts = tuple(arrays[f"mass_{part}"] for part in ("data", "indices", "indptr"))
+    parts = tuple(arrays[f"mass_{part}"] for part in SPARSE_PARTS)
     matrix = sp.csr_array(parts, shape=(n_dofs, n_dofs))
     matrix.check_format(full_check=True)
     return InverseMass.create(matrix)
@@ -137,8 +144,8 @@ def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
     counts = arrays["row_counts"]
     if counts.dtype != np.int64 or counts.shape != (count,) or (counts < 1).any() or (counts > width).any():
         raise ValueError("the row counts do not fit the contacts")
-    data, indices, indptr = (arrays[f"directions_{part}"] for part in ("data", "indices", "indptr"))
-    directions = sp.csc_array((data, indices, indptr), shape=(n_dofs, laws.n_rows))
+    parts = tuple(arrays[f"directions_{part}"] for part in SPARSE_PARTS)
+    directions = sp.csc_array(parts, shape=(n_dofs, laws.n_rows))
     directions.check_format(full_check=True)
     finite_numbers(directions.data, directions.data.shape)
     if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():

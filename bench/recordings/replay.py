@@ -23,7 +23,6 @@ from .simulation import CoordinateRecorder, SceneRecorder
 FRAMES = 1000
 """Number of frames of a recording: half a minute, and less than 100 MB with a thousand balls."""
 
-
 VIEWS: dict[str, type[SceneRecorder]] = {"woodpecker": WoodpeckerRecorder}
 """Recorders that draw the bodies of a scene, by the name of its ``view``."""
 
@@ -90,7 +89,7 @@ def step_ending_at(system: System, state: State, length: float, impulse_seconds:
     contacts = assembly.contacts
     if contacts is None or not len(state.keys):
         return Step(state, None, np.zeros(0), None, None, 0)
-    held = np.zeros((len(contacts.keys), contacts.width))
-    _, ours, theirs = np.intersect1d(contacts.keys, state.keys, assume_unique=True, return_indices=True)
-    held[ours] = state.impulses[theirs] * (1.0 if impulse_seconds is None else impulse_seconds)
-    return Step(state, step_problem(assembly, contacts, state.velocity), contacts.rows(held), contacts, None, 0)
+    impulses = np.zeros((len(contacts.keys), contacts.width))
+    _, in_contacts, in_state = np.intersect1d(contacts.keys, state.keys, assume_unique=True, return_indices=True)
+    impulses[in_contacts] = state.impulses[in_state] * (1.0 if impulse_seconds is None else impulse_seconds)
+    return Step(state, step_problem(assembly, contacts, state.velocity), contacts.rows(impulses), contacts, None, 0)

@@ -61,13 +61,13 @@ def with_spatial_views_only(blueprint: Blueprint) -> Blueprint:
     """Return a blueprint without plots and texts, and without the containers that they leave empty."""
     kept = dict(blueprint)
 
-    def has_views(entity: str) -> bool:
-        """Remove non-spatial content from a view or container; return whether anything remains."""
+    def keep_spatial(entity: str) -> bool:
+        """Remove what is not spatial from a view or container; return whether anything remains."""
         if entity.startswith("/view"):
             remains = _kind(blueprint, entity) == "3D"
         else:
             fields = dict(blueprint[entity]["ContainerBlueprint"])
-            is_kept = [has_views(child) for child in _children(fields)]
+            is_kept = [keep_spatial(child) for child in _children(fields)]
             for name in ("contents", "col_shares", "row_shares"):
                 if name in fields:
                     fields[name] = [value for value, keep in zip(_values(fields, name), is_kept, strict=False) if keep]
@@ -77,7 +77,7 @@ def with_spatial_views_only(blueprint: Blueprint) -> Blueprint:
                 del kept[name]
         return remains
 
-    has_views(_root(blueprint))
+    keep_spatial(_root(blueprint))
     return kept
 
 
@@ -86,9 +86,9 @@ def clear_title_bars(picture: Image.Image, blueprint: Blueprint) -> None:
     for left, top, right, _ in view_boxes(blueprint, picture.size).values():
         first, last, upper = math.ceil(left) + 1, math.floor(right) - 1, math.ceil(top) + 1
         lower = upper + TITLE_BAR - 2
-        empty = picture.crop((first + 2, upper + 1, first + 3, upper + 2)).resize((last - first, lower - upper))
+        blank = picture.crop((first + 2, upper + 1, first + 3, upper + 2)).resize((last - first, lower - upper))
         title = picture.crop((first + ICON - 1, upper, max(last - BUTTONS, first + ICON), lower))
-        picture.paste(empty, (first, upper))
+        picture.paste(blank, (first, upper))
         picture.paste(title, (first + MARGIN, upper))
 
 
@@ -116,10 +116,10 @@ def _boxes(blueprint: Blueprint, entity: str, box: Box) -> Iterator[tuple[str, B
 
 def _split(start: float, end: float, count: int, shares: list[float]) -> list[tuple[float, float]]:
     """Return the ends of parts of a line, in proportion to their shares."""
-    own = (shares or [1.0] * count)[:count]
+    used_shares = (shares or [1.0] * count)[:count]
     length, parts = end - start - GAP * (count - 1), []
-    for share in own:
-        parts.append((start, start + length * share / sum(own)))
+    for share in used_shares:
+        parts.append((start, start + length * share / sum(used_shares)))
         start = parts[-1][1] + GAP
     return parts
 

@@ -12,6 +12,9 @@ from ...problems.contact.solver import Solver, Status, Stop, shows_iterates
 from ..plugins.remote_solver import FailedSolveError
 from .contact_states import contact_states, count_states
 
+CURVE_THINNING, FRAME_THINNING = (1000, 1.003), (20, 1.08)
+"""Arguments of ``Thinning`` for curves, which have a few thousand points at most, and for drawn iterates."""
+
 
 @dataclass
 class Thinning:
@@ -82,7 +85,7 @@ class _TraceObserver:
         self._problem, self._trace = problem, trace
         self._residual = Residual(problem)
         self._normal_rows = problem.laws.first_row[problem.laws.is_unilateral]
-        self._curves, self._frames = Thinning(1000, 1.003), Thinning(20, 1.08)
+        self._curves, self._frames = Thinning(*CURVE_THINNING), Thinning(*FRAME_THINNING)
         self._previous = self._last = np.zeros(problem.n_rows)
         self._iteration = 0
 
@@ -116,9 +119,8 @@ class _TraceObserver:
     def _add_frame(self) -> None:
         self._trace.shown.append(self._iteration)
         layout = self._problem.layout
-        self._trace.impulses.append(
-            layout.pad(self._last)[:, : 1 + layout.sliding]
-        )  # forces are drawn, moments are not
+        # forces are drawn, moments are not
+        self._trace.impulses.append(layout.pad(self._last)[:, : 1 + layout.sliding])
 
 
 def trace_solve(problem: ContactProblem, solver: Solver, stop: Stop) -> Trace:

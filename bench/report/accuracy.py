@@ -21,6 +21,26 @@ SUMMARY_ACCURACIES = (1e-4, 1e-6)
 SHIFT_SECONDS = 1e-3
 """Shift of the geometric mean [s], which limits the weight of problems that are solved in less."""
 
+TOLERANCE_ROUNDING = 1e-9
+"""Relative difference up to which two tolerances are equal."""
+
+_PAIR_COLUMNS = ["problem", "family", "tolerance"]
+"""Columns that identify a point of a solver and the same point of its warm variant."""
+
+_COMPARISON_COLUMNS = [
+    "problems",
+    "cold_solved",
+    "warm_solved",
+    "cold_iterations",
+    "warm_iterations",
+    "timed",
+    "cold_seconds",
+    "warm_seconds",
+    "gain",
+    "slower",
+]
+"""Columns of ``starts_table`` after family, solver and tolerance."""
+
 
 def accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals for which the tables of a run give times, from coarse to fine.
@@ -48,13 +68,16 @@ def _ladder(frames: RunFrames) -> tuple[float, ...]:
 
 def reachable_accuracies(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
     """Return the accuracies that are not finer than the finest tolerance."""
-    return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - 1e-9))
+    return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - TOLERANCE_ROUNDING))
 
 
 def accuracy_tag(accuracy: float) -> str:
     """Return an accuracy as in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
     written = (f"{accuracy:.{digits}e}" for digits in range(16))
-    return next((text for text in written if np.isclose(float(text), accuracy, rtol=1e-9, atol=0.0)), f"{accuracy:e}")
+    return next(
+        (text for text in written if np.isclose(float(text), accuracy, rtol=TOLERANCE_ROUNDING, atol=0.0)),
+        f"{accuracy:e}",
+    )
 
 
 def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: float = np.inf) -> pd.DataFrame:
@@ -162,23 +185,22 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     common = common_problems(cases)
     points = frames.points[frames.points["total_seconds"].notna()]
     limit = frames.info.plan.limits.solve_seconds
-    times, order = (
-        times_to_accuracies(points, levels, limit),
-        {name: k for k, name in enumerate(frames.info.plan.solvers)},
-    )
+    times = times_to_accuracies(points, levels, limit)
+    order = {name: k for k, name in enumerate(frames.info.plan.solvers)}
     cases = cases.sort_values("solver", key=lambda names: names.map(order), kind="stable").reset_index(drop=True)
-    names, parts = list(zip(cases["problem"], cases["solver"], strict=True)), []
+    names = list(zip(cases["problem"], cases["solver"], strict=True))
+    parts = []
     for level in levels:
         seconds, claimed = times[level].to_dict(), claimed_cases(points, level)
         excluded = excluded_cases(points, level, limit)
-        of_level: dict[str, Any] = {
+        columns: dict[str, Any] = {
             "seconds": [seconds.get(name, np.nan) for name in names],
             "claimed": [name in claimed for name in names],
             "common": cases["problem"].isin(common),
             "excluded": [name in excluded for name in names],
             "compared": cases["problem"].isin(common - {problem for problem, _ in excluded}),
         }
-        parts.append(cases[["solver", "model", "problem"]].assign(accuracy=level, **of_level))
+        parts.append(cases[["solver", "model", "problem"]].assign(accuracy=level, **columns))
     return pd.concat(parts).sort_index(kind="stable").reset_index(drop=True)
 
 
@@ -210,11 +232,11 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
             parts = seconds[reached["compared"]], seconds[~reached["excluded"]]
             means = [value for times in parts for value in (mean_time(times.to_numpy(), limit), len(times))]
             values = (reached["claimed"].mean(), seconds.notna().mean(), *means)
-            row |= dict(zip(_keys(accuracy), values, strict=True))
+            row |= dict(zip(_accuracy_columns(accuracy), values, strict=True))
         row["wrong"] = int(((points["solver"] == solver) & (points["outcome"] == Outcome.WRONG)).sum())
         rows.append(row)
-    of_accuracies = [key for accuracy in shown for key in _keys(accuracy)]
-    return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *of_accuracies, "wrong"])
+    columns = [name for accuracy in shown for name in _accuracy_columns(accuracy)]
+    return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *columns, "wrong"])
 
 
 def families(frames: RunFrames) -> list[str]:
@@ -241,16 +263,16 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over those solved in both ways. The others are over those of them without excluded times (timed, their number):
-    geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems that a
-    warm start slows down by ``MARGIN`` or more (slower).
+    over those solved in both ways. The other columns are over those of them without excluded times (timed, their
+    number): geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems
+    that a warm start slows down by ``MARGIN`` or more (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points
     by_solver = dict(iter(shown.groupby("solver", sort=False)))
     for solver in frames.info.plan.solvers:
         if solver in by_solver and warm_name(solver) in by_solver:
-            pairs = by_solver[solver].merge(by_solver[warm_name(solver)], on=_PAIR, suffixes=("_cold", "_warm"))
+            pairs = by_solver[solver].merge(by_solver[warm_name(solver)], on=_PAIR_COLUMNS, suffixes=("_cold", "_warm"))
             groups = pairs.groupby(["family", "tolerance"], sort=False)
             rows += [
                 {"family": family, "solver": solver, "tolerance": level, **_compare_starts(own)}
@@ -259,21 +281,6 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
     order = {family: index for index, family in enumerate(dict.fromkeys(frames.cases["family"]))}
     rows.sort(key=lambda row: (-row["tolerance"], order[row["family"]]))
     return pd.DataFrame(rows, columns=["family", "solver", "tolerance", *_COMPARISON_COLUMNS])
-
-
-_PAIR = ["problem", "family", "tolerance"]
-_COMPARISON_COLUMNS = [
-    "problems",
-    "cold_solved",
-    "warm_solved",
-    "cold_iterations",
-    "warm_iterations",
-    "timed",
-    "cold_seconds",
-    "warm_seconds",
-    "gain",
-    "slower",
-]
 
 
 def _compare_starts(pairs: pd.DataFrame) -> dict[str, float]:
@@ -307,18 +314,17 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     and its time [s] (``time_1e-04``); the least judged residual, ignoring wrong claims (residual), and its solver
     (best).
     """
-    table = frames.cases.drop_duplicates("problem")[["problem", "family", "n_contacts", "n_rows"]].reset_index(
-        drop=True
-    )
+    table = frames.cases[["problem", "family", "n_contacts", "n_rows"]]
+    table = table.drop_duplicates("problem", ignore_index=True)
     names, shown = table["problem"], accuracies(frames)
     table["solvers"] = _counts(names, counted_cases(frames)["problem"])
-    tried = attempts(frames, shown).dropna(subset="seconds")
+    all_reached = attempts(frames, shown).dropna(subset="seconds")
     compared = next(iter(solvers_by_threads(frames).values()), [])
     for accuracy in shown:
-        tag, reached = accuracy_tag(accuracy), tried[tried["accuracy"] == accuracy]
+        tag, reached = accuracy_tag(accuracy), all_reached[all_reached["accuracy"] == accuracy]
         is_compared = reached["solver"].isin(compared)
-        disturbed = reached["problem"][is_compared & reached["excluded"].astype(bool)]
-        is_compared &= ~reached["problem"].isin(disturbed)
+        with_excluded = reached["problem"][is_compared & reached["excluded"].astype(bool)]
+        is_compared &= ~reached["problem"].isin(with_excluded)
         least = _least(reached[is_compared], "seconds")
         table[f"solved_{tag}"] = _counts(names, reached["problem"])
         table[f"fastest_{tag}"] = [least["solver"].get(name, "") for name in names]
@@ -349,14 +355,16 @@ def shown_means(summary: pd.DataFrame) -> dict[str, str]:
     if compares_all(summary):
         return {"mean": "mean_time"}
     common = int(summary["common"].max())
-    return ({f"mean of {common}": "mean_time"} if common else {}) | {"mean of own": "own_mean_time"}
+    return ({f"mean of {common}": "mean_time"} if common else {}) | {"own mean": "own_mean_time"}
 
 
-def _keys(accuracy: float) -> list[str]:
+def _accuracy_columns(accuracy: float) -> list[str]:
     return [f"{kind}_{accuracy_tag(accuracy)}" for kind in ACCURACY_COLUMNS]
 
 
 def claimed_cases(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:
     """Return problem and solver of the cases whose solver claims to solve to ``accuracy``."""
-    finer = points[(points["tolerance"] <= accuracy * (1.0 + 1e-9)) & (points["status"] == Outcome.SOLVED)]
+    finer = points[
+        (points["tolerance"] <= accuracy * (1.0 + TOLERANCE_ROUNDING)) & (points["status"] == Outcome.SOLVED)
+    ]
     return set(zip(finer["problem"], finer["solver"], strict=True))

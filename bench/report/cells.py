@@ -10,6 +10,7 @@ from ...problems.contact.model import Model
 from ..store.condition import EXCLUDED_MARK
 from ..store.ratios import EXCLUDED
 from .accuracy import accuracy_tag, shown_means
+from .endings import join_texts
 
 TIME = "time_to_"
 """Prefix of the keys of the time columns, before the accuracy."""
@@ -71,10 +72,8 @@ def shown_results(
     """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
-    both = zip(results["reason"], results["notes"], strict=True)
-    shown = results.assign(reason=["; ".join(filter(None, texts)) for texts in both]).drop(
-        columns=["notes", "excluded"]
-    )
+    reasons = list(map(join_texts, results["reason"], results["notes"]))
+    shown = results.assign(reason=reasons).drop(columns=["notes", "excluded"])
     shown = shown.rename(columns=heads | {key: head for head, key in times.items()})
     for head in times:
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}

@@ -7,6 +7,7 @@ import pandas as pd
 from ...problems.contact.solver import Status
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome, claim_reason
+from .accuracy import accuracy_tag
 
 CASE = ["problem", "solver"]
 """Columns that identify a case."""
@@ -30,9 +31,21 @@ def case_endings(frames: RunFrames) -> pd.DataFrame:
     for case in frames.cases.to_dict("records"):
         ladder = ladders.get((case["problem"], case["solver"]), attempted.iloc[:0])
         noted = ladder[ladder["notes"] != ""]
-        notes = "" if noted.empty else f"at {noted['tolerance'].iloc[-1]:.0e}: {noted['notes'].iloc[-1]}"
+        notes = "" if noted.empty else f"{_prefix(noted.iloc[-1])}{noted['notes'].iloc[-1]}"
         rows.append((*_ending(case, ladder), notes))
     return pd.DataFrame(rows, columns=["outcome", "reason", "notes"], index=frames.cases.index)
+
+
+def join_texts(reason: str, notes: str) -> str:
+    """Join the reason and the notes of a case or point, and omit the tolerance of the notes if the reason has it."""
+    prefix, separator, rest = notes.partition(": ")
+    has_prefix = separator and reason.startswith(f"{prefix}: ")
+    return "; ".join(filter(None, (reason, rest if has_prefix else notes)))
+
+
+def _prefix(point: "pd.Series[Any]") -> str:
+    """Return the beginning of a text about a point, which gives its tolerance."""
+    return f"at {accuracy_tag(point['tolerance'])}: "
 
 
 def _ending(case: dict[Any, Any], ladder: pd.DataFrame) -> tuple[str, str]:
@@ -46,11 +59,11 @@ def _ending(case: dict[Any, Any], ladder: pd.DataFrame) -> tuple[str, str]:
                 return outcome.value, str(first["reason"])
             return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
     if not case["is_tried"]:
-        reached = f"below {ladder['tolerance'].iloc[-1]:.0e}" if len(ladder) else "yet"
+        reached = f"below {accuracy_tag(ladder['tolerance'].iloc[-1])}" if len(ladder) else "yet"
         return Outcome.UNFINISHED.value, f"not measured {reached}"
     if ladder.empty:
         return str(case["outcome"]), str(case["reason"])
     last = ladder.iloc[-1]
     if last["outcome"] == Outcome.SOLVED:
-        return Outcome.SOLVED.value, f"to {last['tolerance']:.0e}"
-    return str(last["outcome"]), f"at {last['tolerance']:.0e}: {last['reason']}"
+        return Outcome.SOLVED.value, f"to {accuracy_tag(last['tolerance'])}"
+    return str(last["outcome"]), f"{_prefix(last)}{last['reason']}"

@@ -40,7 +40,7 @@ from .cells import (
     summary_tags,
     time_columns,
 )
-from .endings import CASE, attempted_points, case_endings
+from .endings import CASE, attempted_points, case_endings, join_texts
 from .layout.output_file import write_file
 from .layout.terminal_table import column_groups, print_table, wrap_note
 from .layout.text import counted, csv_content, inline, latex_table, markdown_frame
@@ -51,8 +51,7 @@ _CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "threads", "model"
 
 _MARKS = (
     "Bold: the fastest, if the 95 % intervals of all ratios to it lie above 1.05. ≈: possibly as fast as the fastest. "
-    "Solvers are compared with those that use as many threads. "
-    "tables/ratios has the intervals."
+    "Solvers are compared with those that use as many threads. tables/ratios has the intervals."
 )
 """Legend of the marks of times."""
 
@@ -121,14 +120,14 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     """
     files = []
     for name, frame, shown, note in _tables(frames):
-        parquet = io.BytesIO()
+        parquet, texts = io.BytesIO(), shown(frame)
         frame.to_parquet(parquet, index=False)
-        page = _markdown_head(frames) + markdown_frame(shown(frame)) + note
+        page = _markdown_head(frames) + markdown_frame(texts) + note
         contents = {
             "csv": csv_content(frame),
             "parquet": parquet.getvalue(),
             "md": page.encode(),
-            "tex": latex_table(shown(frame)).encode(),
+            "tex": latex_table(texts).encode(),
         }
         files += [write_file(folder / f"{name}.{kind}", content) for kind, content in contents.items()]
     if not frames.is_study and frames.residual == JUDGED:
@@ -189,8 +188,8 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if results["problem"].nunique() > MAX_TABLES and not frames.is_study:
         _print_problems(frames, results, console)
     else:
-        of_study = (*FAULTS, Outcome.UNSUPPORTED)
-        noted = of_study if frames.is_study else tuple(one for one in Outcome if one != Outcome.SOLVED)
+        unsolved = tuple(outcome for outcome in Outcome if outcome != Outcome.SOLVED)
+        noted = (*FAULTS, Outcome.UNSUPPORTED) if frames.is_study else unsolved
         _print_each_problem(frames, results, console, noted)
     summary = pd.DataFrame() if frames.is_study else summary_table(frames)
     if len(summary):
@@ -223,9 +222,10 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
         fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
         print_table(console, shown, left_aligned=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
-            ended = f"{row['outcome']}, {row['reason']}" if row["outcome"] in noted else ""
-            if ended or row["notes"]:
-                note = f"{row['solver']}: {'; '.join(filter(None, (ended, row['notes'])))}"
+            is_noted = row["outcome"] in noted
+            text = join_texts(row["reason"] if is_noted else "", row["notes"])
+            if text:
+                note = f"{row['solver']}: {row['outcome']}, {text}" if is_noted else f"{row['solver']}: {text}"
                 console.print(Text(wrap_note(note, console.width), style="dim"))
         console.print()
         if frames.is_study:
@@ -291,23 +291,25 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
 
 def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
     columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
-    least = f", including preparation, to that {frames.residual} residual"
-    least = " of a simulation, to that error" if frames.is_study else least
-    times = f"{columns} the least median time{least}; – means never reached."
-    times += "" if frames.is_study else f" {_MARKS}"
-    times += "" if frames.is_study or all_solve_coulomb(frames.cases) else f" {_BY_MODEL}"
+    if frames.is_study:
+        return f"{columns} the least median time of a simulation, to that error; – means never reached."
+    goal = f"to that {frames.residual} residual"
+    times = f"{columns} the least median time, including preparation, {goal}; – means never reached. {_MARKS}"
+    times += "" if all_solve_coulomb(frames.cases) else f" {_BY_MODEL}"
     return times if summary.empty else f"{times}\n{_summary_legend(summary)}"
 
 
 def _summary_legend(summary: pd.DataFrame) -> str:
     common = int(summary["common"].iloc[0])
-    own = "mean of own: over all problems that the solver supports."
+    own = "own mean: over all problems that the solver supports."
     fewer = " (n): over n of them, because times of the others are excluded."
     if compares_all(summary):
         means = f"mean: shifted geometric mean time over {counted(common, 'problem')}, failures at the time limit."
     elif common:
-        which = f"the {counted(common, 'problem')} that all these solvers support, failures at the time limit"
-        means = f"mean of {common}: shifted geometric mean time over {which}; {own}"
+        common_problems = f"the {counted(common, 'problem')} that all these solvers support"
+        means = (
+            f"mean of {common}: shifted geometric mean time over {common_problems}, failures at the time limit; {own}"
+        )
     else:
         means = f"no problem is supported by all these solvers, so means are not comparable; {own}"
     return (
@@ -328,7 +330,7 @@ def _markdown_head(frames: RunFrames) -> str:
 def _has_fewer(summary: pd.DataFrame) -> bool:
     """Return whether excluded times reduce the problems of a mean."""
     return any(
-        (summary[f"{number}_{tag}"] < summary[most]).any()
+        (summary[f"{number}_{tag}"] < summary[total]).any()
         for tag in summary_tags(summary)
-        for number, most in (("mean_problems", "common"), ("own_problems", "problems"))
+        for number, total in (("mean_problems", "common"), ("own_problems", "problems"))
     )

@@ -11,6 +11,7 @@ from ...solvers.composite.fallback import Fallback
 from ..errors import BenchError
 
 WARM, COLD, WARM_THEN_COLD, SCALED = STARTS = ("warm", "cold", "warm-then-cold", "scaled")
+"""Names of starts."""
 
 DEFAULT_START = WARM
 """The default start, which needs the fewest sweeps on most scenes and tolerances."""
@@ -69,6 +70,8 @@ class StepSolver:
 
 @dataclass(frozen=True)
 class _FromZero:
+    """A prepared solver that ignores the given start."""
+
     prepared: Prepared
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -77,6 +80,8 @@ class _FromZero:
 
 @dataclass(frozen=True)
 class _FromScaled:
+    """A prepared solver that starts from the given impulses, scaled."""
+
     prepared: Prepared
     problem: ContactProblem
 
@@ -99,4 +104,5 @@ def scaled_start(problem: ContactProblem, impulses: FloatArray) -> FloatArray:
     curvature = float(impulses @ (problem.relative_velocity(impulses) - problem.free_velocity))
     if not curvature > 0.0:
         return impulses
-    return min(max(-float(impulses @ problem.free_velocity) / curvature, 0.0), 1.0) * impulses
+    factor = -float(impulses @ problem.free_velocity) / curvature
+    return min(max(factor, 0.0), 1.0) * impulses

@@ -83,13 +83,14 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
     """Return the type of the rows of a scene: the columns of every scene, and its observables.
 
     Raises:
-        BenchError: if two columns have the same name.
+        BenchError: if two columns have the same name, or an observable has none.
     """
     names = [one.name for one in scene.observables]
     for name in names:
         if name in _OWN_COLUMNS or names.count(name) > 1 or not name:
             raise BenchError(
-                f"the scene {scene.name!r} has an observable {name!r}, which is the name of a column; rename it."
+                f"the scene {scene.name!r} has an observable {name!r}, but names of observables must not be empty, "
+                "occur twice, or be the name of another column; rename it."
             )
     return np.dtype(
         [*_OWN_COLUMNS.items(), *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)]

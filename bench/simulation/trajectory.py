@@ -114,10 +114,8 @@ class Simulation:
     def __post_init__(self) -> None:
         scene = self.plan.scene
         self.kept_states = KeptStates(self.plan.states, scene.start, self.plan.stepper.resolution(scene))
-        self._rows, self._switches = (
-            GrowingArray(np.zeros(0, dtype=step_columns(scene))),
-            GrowingArray(np.zeros(0, dtype=SWITCH)),
-        )
+        self._rows = GrowingArray(np.zeros(0, dtype=step_columns(scene)))
+        self._switches = GrowingArray(np.zeros(0, dtype=SWITCH))
         self._progress = _Progress(0, 0, scene.start)
 
     def __repr__(self) -> str:
@@ -250,7 +248,7 @@ class Simulation:
         steps: NDArray[np.void],
         state: State,
         switches: NDArray[np.void] | None = None,
-        states: LawStates | None = None,
+        law_states: LawStates | None = None,
         segments: Sequence[Segment] | None = None,
     ) -> None:
         """Replace all steps by stored ones.
@@ -259,13 +257,17 @@ class Simulation:
             steps: the steps.
             state: the state at their end.
             switches: their switching points.
-            states: the last states of laws.
+            law_states: the last states of laws.
             segments: their segments; if None, one with the settings of the plan.
         """
-        known = np.zeros(0, dtype=SWITCH) if switches is None else switches
-        self._rows, self._switches = GrowingArray(steps), GrowingArray(known)
-        made = ([planned_segment(self.plan, 0)] if len(steps) else []) if segments is None else segments
-        self._progress = _Progress(len(steps), len(known), state, states if len(steps) else None, tuple(made))
+        if switches is None:
+            switches = np.zeros(0, dtype=SWITCH)
+        if segments is None:
+            segments = [planned_segment(self.plan, 0)] if len(steps) else []
+        self._rows, self._switches = GrowingArray(steps), GrowingArray(switches)
+        self._progress = _Progress(
+            len(steps), len(switches), state, law_states if len(steps) else None, tuple(segments)
+        )
         self.kept_states.offer(state)
 
 

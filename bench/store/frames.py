@@ -4,6 +4,7 @@ A field that is itself a record contributes the columns of its fields. Times hav
 name of the field, and columns of their quartiles. Lists have separate frames.
 """
 
+import itertools
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -27,6 +28,7 @@ JUDGED, LOCAL = "judged", "local"
 """Residuals that tables and charts can show: the judged one, or the local one of the verdict."""
 
 RESIDUALS = (JUDGED, LOCAL)
+"""Names of these residuals."""
 
 _IDENTITY = ("problem", "solver", "model")
 """Fields of a case that its points repeat."""
@@ -140,7 +142,7 @@ def read_frames(path: Path, problem: str | None = None) -> RunFrames:
     """
     store = open_run(path)
     info = store.read_run()
-    planned = [(problem, solver) for problem in info.plan.problems for solver in info.plan.solvers]
+    planned = itertools.product(info.plan.problems, info.plan.solvers)
     order = {pair: number for number, pair in enumerate(planned)}
     stored, damaged = store.read_cases(problem)
     cases = sorted((case for case in stored if _pair(case) in order), key=lambda case: order[_pair(case)])
@@ -149,15 +151,14 @@ def read_frames(path: Path, problem: str | None = None) -> RunFrames:
         for case in stored
         if _pair(case) not in order
     ]
-    identified = _identified(cases)
-    measured = _frame(CaseRecord, cases)
-    measured["is_finished"] = pd.Series([case.is_finished(info.plan) for case in cases], dtype=bool)
-    measured["is_tried"] = pd.Series([case.is_tried(info.plan) for case in cases], dtype=bool)
+    case_rows = _frame(CaseRecord, cases)
+    case_rows["is_finished"] = pd.Series([case.is_finished(info.plan) for case in cases], dtype=bool)
+    case_rows["is_tried"] = pd.Series([case.is_tried(info.plan) for case in cases], dtype=bool)
     points = points_frame(cases)
-    for frame in (measured, points):
+    for frame in (case_rows, points):
         frame.insert(1, "family", frame["problem"].map(info.plan.family).astype(str))
-    errors = _parts(identified, QuantityError, lambda point: point.measured.errors if point.measured else [])
-    return RunFrames(path, measured, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
+    errors = _parts(_identified(cases), QuantityError, lambda point: point.measured.errors if point.measured else [])
+    return RunFrames(path, case_rows, points, rounds_frame(cases), _iterations(cases), errors, info, damaged)
 
 
 def points_frame(cases: Sequence[CaseRecord]) -> pd.DataFrame:
@@ -195,7 +196,9 @@ class _Column(NamedTuple):
             if record is None:
                 return np.nan
             record = record.get(name) if isinstance(record, dict) else getattr(record, name)
-        return self.missing if record is None else str(record) if isinstance(record, str) else record
+        if record is None:
+            return self.missing
+        return str(record) if isinstance(record, str) else record  # text of an enumeration
 
 
 def _frame(kind: type[Record], records: Sequence[Record]) -> pd.DataFrame:
@@ -249,9 +252,9 @@ def _parts(
     """Return one row per record of a kind in the points, after the names of its case and the tolerance."""
     found = [(case, point, part) for case, point in points for part in parts(point)]
     identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
-    place = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
-    place = place.astype({"problem": str, "solver": str, "tolerance": np.float64})
-    return pd.concat([place, _frame(kind, [part for _, _, part in found])], axis=1)
+    names = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
+    names = names.astype({"problem": str, "solver": str, "tolerance": np.float64})
+    return pd.concat([names, _frame(kind, [part for _, _, part in found])], axis=1)
 
 
 def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:

@@ -114,6 +114,9 @@ def claim_outcome(tolerance: float, model: Model, own: float, coulomb: float) ->
 ON_COPY = "on a copy of the problem"
 """Beginning of the reason of a claim that is wrong on a changed copy of the problem; its impulses are not stored."""
 
+IN_FIRST_SOLVE = "in a first solve in a fresh process"
+"""Beginning of the reason of a claim that is wrong, or of a failure, in a first solve of the problem."""
+
 LATE_PREPARING = "preparing took longer than the time limit"
 """Reason of a solve that did not begin within its time limit."""
 

@@ -26,7 +26,7 @@ def check(
     with ProgressBar(quiet or as_json) as progress:
 
         def show(check: str, done: int, total: int) -> None:
-            progress.name(check, again=True)
+            progress.name(check, bar_only=True)
             progress.count(done, total)
 
         subjects = run_checks(target, check_seconds, show)

@@ -38,7 +38,7 @@ def matrix(
     from ...errors import BenchError, UnwritableError
     from ...measure.contacts.matrix import default_solvers, measure_matrix
     from ...measure.selection import select
-    from ...report.layout.output_file import check_writable, write_file
+    from ...report.layout.output_file import write_file
     from ...report.layout.text import counted, csv_content, print_json
     from ...report.matrix import count_bad, matrix_page, matrix_table
     from ...store.outcome import Cell
@@ -47,25 +47,18 @@ def matrix(
     options.check_output_options(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
-    if output is not None and not output.parent.is_dir():
-        raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
-    table = None if output is None else output.with_suffix(".csv")
-    if table is not None and table == output:
-        raise BenchError(
-            f"cannot write {output}: the CSV file of the cells would replace the page; name a file that ends in .md."
-        )
-    check_writable([path for path in (output, table) if path is not None], force=True)
+    table = None if output is None else _table_file(output)
     stop = Stop(tolerance, max_iterations, solve_seconds)
-    chosen, methods = select(problem, suite, sample, sampling=sampling), list(solver or default_solvers())
-    with ProgressBar(not progress or quiet or as_json) as shown:
-        shown.count(0, len(chosen.problems) * len(methods))
+    selection, solvers = select(problem, suite, sample, sampling=sampling), list(solver or default_solvers())
+    with ProgressBar(not progress or quiet or as_json) as bar:
+        bar.count(0, len(selection.problems) * len(solvers))
 
         def show(cell: Cell) -> None:
-            shown.name(f"{cell.solver} on {cell.problem}", again=True)
-            shown.count_one()
+            bar.name(f"{cell.solver} on {cell.problem}", bar_only=True)
+            bar.count_one()
 
-        cells = measure_matrix(chosen.problems, methods, stop, on_cell=show)
-    for sentence in chosen.left_out:
+        cells = measure_matrix(selection.problems, solvers, stop, on_cell=show)
+    for sentence in selection.left_out:
         print(f"proxbench: {options.spell_options(sentence)}", file=sys.stderr)
     command = _command(suite, problem, solver, stop, output, sample, sampling)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
@@ -84,7 +77,27 @@ def matrix(
             print(f"{counted(len(cells), 'cell')}, {count_bad(cells)} of them wrong or with a failed process")
         print(f"matrix   {output}")
         print(f"table    {table}")
-    return int(count_bad(cells) > 0 or bool(chosen.left_out))
+    return int(count_bad(cells) > 0 or bool(selection.left_out))
+
+
+def _table_file(output: Path) -> Path:
+    """Return the CSV file of the cells beside the page ``output``.
+
+    Raises:
+        BenchError: if one of the two cannot be written, or they are the same file.
+    """
+    from ...errors import BenchError
+    from ...report.layout.output_file import check_writable
+
+    if not output.parent.is_dir():
+        raise BenchError(f"cannot write {output}: there is no folder {output.parent}.")
+    table = output.with_suffix(".csv")
+    if table == output:
+        raise BenchError(
+            f"cannot write {output}: the CSV file of the cells would replace the page; name a file that ends in .md."
+        )
+    check_writable([output, table], force=True)
+    return table
 
 
 def _command(

@@ -1,6 +1,7 @@
 """The command ``proxbench capture``: contact problems from the steps of an engine."""
 
 import sys
+from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -50,8 +51,8 @@ def capture(
         if not as_json:
             _print_row(row, is_first=len(rows) == 1)
 
-    wanted = CaptureOptions(duration, every, keyframe, seed)
-    summary = simulate(model, output, wanted, force=force, **({"on_step": show} if judge else {}))
+    simulated = CaptureOptions(duration, every, keyframe, seed)
+    summary = simulate(model, output, simulated, force=force, **({"on_step": show} if judge else {}))
     if as_json:
         print_json({**_as_json(summary), **({"steps": rows} if judge else {})})
     else:
@@ -86,8 +87,13 @@ def engine_quality(step: "CapturedStep") -> dict[str, Any]:
 
 
 def _print_row(row: dict[str, Any], is_first: bool) -> None:
-    for cells in ([HEADS] if is_first else []) + [tuple(cell(row[head]) for head in HEADS)]:
-        print("  ".join(f"{text:>{width}}" for text, width in zip(cells, WIDTHS, strict=True)))
+    if is_first:
+        _print_cells(HEADS)
+    _print_cells([cell(row[head]) for head in HEADS])
+
+
+def _print_cells(texts: Sequence[str]) -> None:
+    print("  ".join(f"{text:>{width}}" for text, width in zip(texts, WIDTHS, strict=True)))
 
 
 def cell(value: Any) -> str:
@@ -96,6 +102,7 @@ def cell(value: Any) -> str:
 
 
 def _as_json(summary: "CaptureSummary") -> dict[str, Any]:
+    """Return a summary as JSON values."""
     from dataclasses import asdict
 
     refused = [{"step": step, **asdict(row)} for step, rows in summary.refused_rows.items() for row in rows]
@@ -120,9 +127,11 @@ def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> 
             "separation: largest velocity at which a loaded contact opens [m/s], 0 under Coulomb's law\n"
         )
     empty = f", {summary.empty} without contact omitted" if summary.empty else ""
-    print(f"captured  {counted(len(summary.files), 'step')} into {output}, at most {summary.laws} laws{empty}")
-    taken = summary.engine_rows - summary.refused.total()
-    print(f"rows      {taken} of {summary.engine_rows} taken")
+    print(
+        f"captured  {counted(len(summary.files), 'step')} into {output}, at most {counted(summary.laws, 'law')}{empty}"
+    )
+    n_taken = summary.engine_rows - summary.refused.total()
+    print(f"rows      {n_taken} of {summary.engine_rows} taken")
     if is_judged:
         print(f"velocity  largest error after a step {summary.velocity_error:.1e}, relative; {STEP_ERROR:g} is allowed")
     for reason, count in summary.refused.items():

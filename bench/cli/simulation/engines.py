@@ -53,16 +53,15 @@ def engines(
     if output is not None:
         _require_suffix(output)
         check_writable([output], force)
-    shown = _print_run if progress and not as_json else lambda run: None
+    on_run = _print_run if progress and not as_json else lambda run: None
     earlier = None if resume is None else read_comparison(resume)
-    comparison = compare_engines(scenes or (), engine or (), rounds, shown, earlier=earlier)
-    data = msgspec.to_builtins(comparison)
+    comparison = compare_engines(scenes or (), engine or (), rounds, on_run, earlier=earlier)
     text = comparison_tables(comparison)
     for file in filter(None, (resume, output)):
         is_data = file.suffix == ".json" or file == resume
-        write_file(file, msgspec.json.format(msgspec.json.encode(data)) if is_data else text.encode())
+        write_file(file, msgspec.json.format(msgspec.json.encode(comparison)) if is_data else text.encode())
     if as_json:
-        print_json(data)
+        print_json(msgspec.to_builtins(comparison))
     else:
         print(text)
     if comparison.is_interrupted:
@@ -78,5 +77,5 @@ def _require_suffix(output: Path) -> None:
 
 
 def _print_run(run: "Measurement") -> None:
-    words = run.failure or f"{1e3 * run.wall_seconds:.3g} ms per simulated second"
-    print(f"{run.scene}: {run.engine}, {run.setting}: {words}", file=sys.stderr)
+    result = run.failure or f"{1e3 * run.wall_seconds:.3g} ms per simulated second"
+    print(f"{run.scene}: {run.engine}, {run.setting}: {result}", file=sys.stderr)

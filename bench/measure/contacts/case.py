@@ -21,7 +21,7 @@ from ...isolation.worker import MAX_CONTENT_BYTES, Fault, invalid_answer_fault
 from ...plugins.remote_solver import are_iterations
 from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained
-from ...store.outcome import ON_COPY, Outcome, late_reason
+from ...store.outcome import IN_FIRST_SOLVE, ON_COPY, Outcome, late_reason
 from ...store.plans import Limits
 from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
 from ..ladder import MAX_REASON_LENGTH, CasePass, LadderCase
@@ -49,7 +49,6 @@ MAX_EXCLUDED = 3
 
 MAX_EXCLUDED_SECONDS = 0.2
 """Wall time of the excluded rounds of a point in a pass after which it is not repeated [s]."""
-
 
 MAX_RESTS = 20
 """Number of pauses in which processes of a solver may still end; afterwards, the solver has misbehaved."""
@@ -93,7 +92,7 @@ class Case(LadderCase[MeasuredRound]):
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self.is_built_in = solver.is_built_in
-        self._observed = next(filter(None, map(_known_contradiction, self.points)), None)
+        self._observed = next(filter(None, map(_stored_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
@@ -135,7 +134,7 @@ class Case(LadderCase[MeasuredRound]):
             return
         if seen:
             self._curve = self._judged_curve(*seen)
-            self._observed = _contradicted_count(seen[0])
+            self._observed = _observed_contradiction(seen[0])
 
     def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin its processes to a core from now on."""
@@ -205,8 +204,8 @@ class Case(LadderCase[MeasuredRound]):
         if not n_rows:
             return np.zeros((1, 0))
         if not n_rows <= len(numbers) <= n_rows * count or len(numbers) % n_rows:
-            counts = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
-            raise Fault(Outcome.MISBEHAVED, counts)
+            reason = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
+            raise Fault(Outcome.MISBEHAVED, reason)
         return numbers.reshape(-1, n_rows)
 
     def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
@@ -230,7 +229,7 @@ class Case(LadderCase[MeasuredRound]):
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        iterations = self._counted(last.iterations)
+        iterations = self._true_iterations(last.iterations)
         rounds = [answer.record for answer in answers]
         hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in found.claims][:MAX_ANSWERS]
         measured = Measured(
@@ -252,8 +251,8 @@ class Case(LadderCase[MeasuredRound]):
         """Return why finer points are not attempted after an unsolved or late one; empty if they are."""
         if point.outcome is Outcome.NOT_ATTEMPTED:
             return point.reason
-        is_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
-        return f"{point.tolerance:g} already ended {point.outcome.value}" if is_ended else ""
+        has_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
+        return f"{point.tolerance:g} already ended {point.outcome.value}" if has_ended else ""
 
     def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
         """Add one point of the ladder, after first solves in fresh processes confirm its times.
@@ -264,8 +263,8 @@ class Case(LadderCase[MeasuredRound]):
         self.points = keep_finest_impulses(self.points)
         point = self.points[level]
         measured = point.measured
-        is_to_control = point.is_repeated and point.outcome is not Outcome.WRONG and self.problem.n_rows
-        if measured is None or not is_to_control:
+        needs_control = point.is_repeated and point.outcome is not Outcome.WRONG and self.problem.n_rows
+        if measured is None or not needs_control:
             return
         kept = [one for one in answers if not one.record.excluded] or answers
         seconds = float(np.median([one.timed.undisturbed_seconds for one in kept]))
@@ -295,12 +294,14 @@ class Case(LadderCase[MeasuredRound]):
         firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
             point = replace(point, measured=_with_times(measured, "first", firsts))
-        return judge_control_solves(
-            self.problem, self.solver.model, point, firsts, "in a first solve in a fresh process"
-        )
+        return judge_control_solves(self.problem, self.solver.model, point, firsts, IN_FIRST_SOLVE)
 
     def _measure_again(self, stop: Stop) -> float:
-        """Return the median time of one more round [s]; raise a ``Fault`` if there is none."""
+        """Return the median time of one more round [s].
+
+        Raises:
+            Fault: if the process gives no valid answer.
+        """
         if self._worker is None:
             raise invalid_answer_fault()
         began = time.monotonic()
@@ -308,7 +309,7 @@ class Case(LadderCase[MeasuredRound]):
         passed = time.monotonic() - began
         return TimedRound.read(answer, passed, self.is_built_in).undisturbed_seconds
 
-    def _counted(self, claimed: int) -> int:
+    def _true_iterations(self, claimed: int) -> int:
         """Return the iterations of a solve for which the solver reports ``claimed``.
 
         If observed and claimed iterations of the observed solve differ, claims are corrected by their ratio. If the
@@ -355,10 +356,10 @@ class Case(LadderCase[MeasuredRound]):
 
 def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequence[ControlSolve]) -> Measured:
     """Return measurements with the times of undisturbed first solves or copies, each with that of repeated solves."""
-    counted = [one for one in solves if one.timed.status is Status.SOLVED and one.is_undisturbed]
+    kept = [one for one in solves if one.timed.status is Status.SOLVED and one.is_undisturbed]
     times = {
-        f"{kind}_seconds": [one.seconds for one in counted],
-        f"{kind}_repeated_seconds": [one.repeated for one in counted],
+        f"{kind}_seconds": [one.seconds for one in kept],
+        f"{kind}_repeated_seconds": [one.repeated for one in kept],
     }
     return replace(measured, **{name: [*getattr(measured, name), *new] for name, new in times.items()})
 
@@ -369,7 +370,7 @@ def warm_up_data(problem: ContactProblem) -> bytes:
     return problem_bytes(perturbed_copy(problem))
 
 
-def _known_contradiction(point: Point) -> tuple[int, int] | None:
+def _stored_contradiction(point: Point) -> tuple[int, int] | None:
     """Return the observed and the claimed iterations of a stored point; None if they agree."""
     measured = point.measured
     if measured is None or measured.claimed_iterations is None:
@@ -377,7 +378,7 @@ def _known_contradiction(point: Point) -> tuple[int, int] | None:
     return measured.iterations, measured.claimed_iterations
 
 
-def _contradicted_count(answer: dict[str, Any]) -> tuple[int, int] | None:
+def _observed_contradiction(answer: dict[str, Any]) -> tuple[int, int] | None:
     """Return the number of calls of the observer and the claimed iterations; None if they agree."""
     calls, claimed = answer.get("calls"), answer.get("claimed")
     if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):

@@ -178,8 +178,8 @@ class Measurement:
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
                 break
-        starts = [*[None] * (len(problems) - 1), start]
-        solves = [self._solve(problem.fresh(), stop, first) for problem, first in zip(problems, starts, strict=True)]
+        solves = [self._solve(problem.fresh(), stop) for problem in problems[:-1]]
+        solves.append(self._solve(problems[-1].fresh(), stop, start))
         earlier = [int(one.solution.iterations) for one in solves[:-1]]
         timed = msgspec.structs.replace(_timed_round(solves, before), earlier_iterations=earlier)
         self.problem = problems[-1]
@@ -201,7 +201,7 @@ class Measurement:
         Raises:
             MisbehaviourError: if the result is not a valid solution.
         """
-        collecting = gc.isenabled()
+        was_collecting = gc.isenabled()
         impulses, start = np.zeros(problem.n_rows), _read_only_copy(start)
         gc.disable()
         try:
@@ -222,12 +222,13 @@ class Measurement:
             done = perf_counter()
             worked = used_processor_seconds(self.solver) - worked
         finally:
-            if collecting:
+            if was_collecting:
                 gc.enable()
         raise_fault(solution_fault(problem, solution))
+        prepare, solve, uncounted = ready - began, done - ready, 0.0
         library = getattr(prepared, "library_seconds", None) if self.times_library else None
-        times = (ready - began, done - ready, 0.0) if library is None else (0.0, library, done - began - library)
-        prepare, solve, uncounted = times
+        if library is not None:
+            prepare, solve, uncounted = 0.0, library, done - began - library
         return TimedSolve(replace(solution, impulses=impulses), prepare, solve, worked, uncounted)
 
     def _check_after(self, problem: ContactProblem) -> None:
@@ -279,16 +280,16 @@ class MeasuringTask:
         """
         measurement = self._measurement
         if request == "supports":
-            return {"refusal": measurement.unsupported_reason()}, b""
+            return {"unsupported_reason": measurement.unsupported_reason()}, b""
         if request == "observe":
             iterations, iterates, calls, claimed = measurement.observe(*arguments)
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
         if request in ("round", "first_solves"):
-            stop, what, *start = arguments
             if request == "round":
-                timed, answers = measurement.round(stop, what, *start)
+                timed, answers = measurement.round(*arguments)
             else:
-                timed, answers = measurement.first_solves(stop, list(map(_problem, what)), *start)
+                stop, contents, *start = arguments
+                timed, answers = measurement.first_solves(stop, list(map(_problem, contents)), *start)
             return msgspec.to_builtins(timed), b"".join(impulses.tobytes() for impulses in answers)
         if request == "warm_up":
             measurement.warm_up(*arguments)

@@ -79,18 +79,18 @@ def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) 
     own, coulomb = verdicts(problem, impulses, solver.model)
     outcome = point_outcome(solution.status, stop.tolerance, solver.model, own, coulomb)
     reason = claim_reason(outcome, stop.tolerance, solver.model, own.residual)
-    is_finite, known = bool(np.isfinite(impulses).all()), problem.answer
+    is_finite = bool(np.isfinite(impulses).all())
     error = None
-    if known is not None and is_finite:
-        error = known.error(impulses, problem.relative_velocity(impulses), Residual(problem).scale)
+    if problem.answer is not None and is_finite:
+        error = problem.answer.error(impulses, problem.relative_velocity(impulses), Residual(problem).scale)
     return Cell(
         name,
         solver.name,
         outcome,
-        coulomb.residual,
-        own.residual,
-        solution.iterations,
-        "" if outcome is Outcome.SOLVED else reason or solution.message or solution.status.sentence,
-        is_finite,
-        error,
+        residual=coulomb.residual,
+        model_residual=own.residual,
+        iterations=solution.iterations,
+        reason="" if outcome is Outcome.SOLVED else reason or solution.message or solution.status.sentence,
+        is_finite=is_finite,
+        answer_error=error,
     )

@@ -50,8 +50,8 @@ class TrajectoryTask:
         task = replace(self, seconds=math.inf) if request == "warm_up" else self
         try:
             return task._simulated(value, member), b""
-        except UnsupportedStepError as refusal:
-            return {"refusal": str(refusal)}, b""
+        except UnsupportedStepError as error:
+            return {"unsupported_reason": str(error)}, b""
 
     def _known(self) -> dict[str, Any]:
         """Return the exact end of the motion (empty if unknown), its start, and its length."""

@@ -13,13 +13,14 @@ from ....problems.motion.bodies.surfaces import Plane, Segment, Surface
 LATITUDES, LONGITUDES = 6, 12
 """Numbers of faces of a ball from pole to pole and around the axis, small enough for scenes of a thousand balls."""
 
-AROUND = 64
+N_AROUND = 64
 """Number of faces around a surface of revolution."""
 
 WHITE = (236, 240, 245)
 """Colour of the lighter octants of balls (red, green, blue)."""
 
 Colours = NDArray[np.uint8]
+"""Red, green, blue of each corner, shape (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +80,12 @@ def _segment_mesh(segment: Segment, top: float, width: float) -> Mesh:
     (low, bottom), (high, end) = segment.lower, segment.upper
     share = min(1.0, (top - bottom) / (end - bottom)) if end > bottom else 1.0
     ends = np.array([[low, bottom], [low + share * (high - low), bottom + share * (end - bottom)]])
-    angle = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, N_AROUND + 1)
     lines = []
-    for across, height in ends:
-        x, y = across * np.cos(angle), across * np.sin(angle)
-        if segment.side:
-            x, y = np.full(2, segment.side * across), np.array([-width, width])
+    for radius, height in ends:
+        x, y = radius * np.cos(angle), radius * np.sin(angle)
+        if segment.side:  # a planar wall, at the distance ``radius`` from the middle
+            x, y = np.full(2, segment.side * radius), np.array([-width, width])
         lines.append(np.column_stack([x, y, np.full(len(x), height)]))
     n = len(lines[0])
     k = np.arange(n - 1)

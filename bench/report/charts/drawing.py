@@ -1,5 +1,6 @@
 """Layout and files of charts: stacked panels, written as SVG and PNG without a browser."""
 
+import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
@@ -32,6 +33,12 @@ SEPARATE_LEGENDS: dict[str, Literal["independent", "shared"]] = {
     "strokeDash": "independent",
 }
 """Scales with which each panel keeps its own legend, which combines colour, shape and dash."""
+
+TIME_TITLE = "time, preparation included [ms]"
+"""Title of axes of times to solve a problem."""
+
+LEGEND_WIDTH = 150
+"""Space for the legend to the right of a panel [pixels]."""
 
 TIME_AXIS: dict[str, Any] = {"format": "~g", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.5}
 """Ticks of axes of times and counts."""
@@ -71,7 +78,7 @@ def stacked(
     title: alt.TitleParams,
     scales: Mapping[str, Literal["independent", "shared"]],
     spacing: int = 8,
-    label: int = 52,
+    label_width: int = 52,
 ) -> alt.VConcatChart:
     """Return stacked panels.
 
@@ -80,13 +87,13 @@ def stacked(
         title: title of the chart.
         scales: "shared" or "independent" scales of the panels, by channel.
         spacing: distance between two panels [pixels].
-        label: width of the labels of vertical axes [pixels].
+        label_width: width of the labels of vertical axes [pixels].
     """
     chart: alt.VConcatChart = (
         alt.vconcat(*panels, spacing=spacing)
         .properties(title=title, background="white", padding=14)
         .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
-        .configure_axisY(minExtent=label)
+        .configure_axisY(minExtent=label_width)
         .configure_line(strokeJoin="round")  # pointed corners extend beyond the values
         .configure_view(stroke="#cccccc")
         .configure_legend(labelFontSize=FONT_SIZE)
@@ -139,23 +146,23 @@ def log_scale(
 def by_name(
     channel: Any,
     field: str,
-    names: Mapping[str, SolverStyle],
+    styles: Mapping[str, SolverStyle],
     part: Literal["colour", "shape", "dash"],
     legend: alt.Legend | None = None,
 ) -> Any:
-    """Return an encoding of ``field`` by one property of the styles of ``names``."""
-    scale = alt.Scale(domain=list(names), range=[getattr(one, part) for one in names.values()])
-    return channel(f"{field}:N", scale=scale, sort=list(names), legend=legend)
+    """Return an encoding of ``field`` by one property of the styles of solvers."""
+    scale = alt.Scale(domain=list(styles), range=[getattr(style, part) for style in styles.values()])
+    return channel(f"{field}:N", scale=scale, sort=list(styles), legend=legend)
 
 
-def solver_legend(names: Mapping[str, SolverStyle], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
-    """Return a legend to the right of a panel, with the ``shown`` ones of ``names``, in their order.
+def solver_legend(styles: Mapping[str, SolverStyle], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
+    """Return a legend to the right of a panel, with the ``shown`` solvers in the order of ``styles``.
 
     It shows the marks of the panel, or the dashes of its lines if it has no marks.
     """
     drawn = set(shown)
-    values = [name for name in names if name in drawn]
-    columns = -(-len(values) // MAX_LEGEND_ROWS)
+    values = [name for name in styles if name in drawn]
+    columns = math.ceil(len(values) / MAX_LEGEND_ROWS)
     return alt.Legend(
         title=None,
         orient="right",

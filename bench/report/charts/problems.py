@@ -20,8 +20,10 @@ from ..endings import case_endings
 from ..layout.text import counted
 from ..studies import headline, motion_warning, reference_statistics
 from .drawing import (
+    LEGEND_WIDTH,
     SEPARATE_LEGENDS,
     TIME_AXIS,
+    TIME_TITLE,
     by_name,
     heading,
     log_scale,
@@ -50,9 +52,7 @@ CROSS = "M-1,-1L1,1M-1,1L1,-1"
 """Two strokes, as an SVG path, for wrong claims."""
 
 WIDTH, HEIGHT = 620, 330
-
-MARGIN = 150
-"""Room for the legend to the right of a panel [pixels]."""
+"""Size of a panel [pixels]."""
 
 MAX_REASON_LENGTH = 70
 """Largest number of characters of the reason why a solver is not shown; the tables contain the full reason."""
@@ -60,13 +60,10 @@ MAX_REASON_LENGTH = 70
 MIN_SHARE = 0.05
 """Share of the upper end of a bar below which a mean deviation is noise, and drawn at this share."""
 
-TIME = "time, preparation included [ms]"
-"""Title of axes of times."""
+COST_TITLES = {"milliseconds": TIME_TITLE, "wall": "wall time [s]", "iterations": "one-step solves"}
+"""Titles of the axis of cost, by column."""
 
-WORKS = {"milliseconds": TIME, "wall": "wall time [s]", "iterations": "one-step solves"}
-"""Titles of the cost of accuracy, by column."""
-
-ANSWERED = (Outcome.SOLVED.value, Outcome.RELAXED.value)
+FILLED_OUTCOMES = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 """Outcomes that are drawn as filled marks."""
 
 COST_NOTE = (
@@ -111,14 +108,17 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     Bars go from the least to the largest error of a member, or show a standard error of the mean deviation; a dashed
     line is the standard error, over seeds, of the reference itself.
     """
-    trajectory, named = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)
+    trajectory, styles = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)
     points = frames.points[frames.points["problem"] == problem].merge(
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
     least = np.maximum(MIN_SHARE * points["high"], MIN_RESIDUAL)
-    shown = {name: np.maximum(points[own], least) for name, own in (("residual", "error"), ("low", "low"))}
-    shown["high"] = np.maximum(points["high"], MIN_RESIDUAL)
-    points = points.assign(wall=points["total_seconds"], **shown)
+    points = points.assign(
+        wall=points["total_seconds"],
+        residual=np.maximum(points["error"], least),
+        low=np.maximum(points["low"], least),
+        high=np.maximum(points["high"], MIN_RESIDUAL),
+    )
     floors = {quantity: floor for quantity, (_, floor) in reference_statistics(trajectory).items() if floor > 0.0}
     rows: list[alt.HConcatChart] = []
     for quantity in points["quantity"].unique():
@@ -126,12 +126,12 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         error = "error" if len(points) == len(own) else f"error of {quantity}"
         panels = []
         for work in ("wall", "iterations"):
-            legend = solver_legend(named, points["solver"]) if work == "iterations" and not rows else None
-            panel = cost_panel(named, own, f"{error}, relative", work, legend, floors.get(quantity))
+            legend = solver_legend(styles, points["solver"]) if work == "iterations" and not rows else None
+            panel = cost_panel(styles, own, f"{error}, relative", work, legend, floors.get(quantity))
             panels.append(panel.properties(width=WIDTH, height=HEIGHT))
         rows.append(side_by_side(panels, spacing=40))
     notes = [*run_state(frames), _absent(frames, problem, points), motion_warning(trajectory)]
-    title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + MARGIN)
+    title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + LEGEND_WIDTH)
     return stacked(rows, title, SEPARATE_LEGENDS, spacing=20)
 
 
@@ -147,7 +147,7 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     ]
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
-    title = heading(problem, [size, *run_state(frames)], WIDTH + MARGIN)
+    title = heading(problem, [size, *run_state(frames)], WIDTH + LEGEND_WIDTH)
     return stacked(panels, title, SEPARATE_LEGENDS, spacing=20)
 
 
@@ -157,9 +157,9 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     Marks are at the judged residual, not at the tolerance: filled for solved solves, hollow for the best iterate of
     other solves, and crosses for wrong claims.
     """
-    rows, named = _costs(frames, problem), solver_styles(frames.info.plan.solvers)
+    rows, styles = _costs(frames, problem), solver_styles(frames.info.plan.solvers)
     residual = f"{frames.residual} residual (velocity error, relative)"
-    panel = cost_panel(named, rows, residual, "milliseconds", solver_legend(named, rows["solver"]))
+    panel = cost_panel(styles, rows, residual, "milliseconds", solver_legend(styles, rows["solver"]))
     return _titled(panel, "What accuracy costs", [COST_NOTE, _absent(frames, problem, rows)])
 
 
@@ -168,13 +168,13 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
 
     Curves are cut at MAX_RESIDUAL.
     """
-    rows, named = _curves(frames, problem), solver_styles(frames.info.plan.solvers)
-    panel = convergence_panel(named, rows, solver_legend(named, rows["solver"], has_marks=False))
+    rows, styles = _curves(frames, problem), solver_styles(frames.info.plan.solvers)
+    panel = convergence_panel(styles, rows, solver_legend(styles, rows["solver"], has_marks=False))
     return _titled(panel, "Convergence", [CONVERGENCE_NOTE, _absent(frames, problem, rows)])
 
 
 def cost_panel(
-    named: Mapping[str, SolverStyle],
+    styles: Mapping[str, SolverStyle],
     data: Any,
     residual: str,
     work: str,
@@ -184,11 +184,11 @@ def cost_panel(
     """Return the cost over the residual, or error, of solves, more accurate to the right.
 
     Args:
-        named: the style of each solver.
+        styles: the style of each solver.
         data: rows with the columns solver, tolerance, residual, low, high, iterations, outcome and that of the work, or
             data of altair that are filled in later. Low and high are ends of bars: of times, or of errors.
         residual: title of the horizontal axis.
-        work: column of the vertical axis, one of ``WORKS``; bars are vertical for "milliseconds" only.
+        work: column of the vertical axis, one of ``COST_TITLES``; bars are vertical for "milliseconds" only.
         legend: legend of solvers.
         floor: residual at which a dashed line is drawn.
     """
@@ -196,22 +196,22 @@ def cost_panel(
     x_ends, y_ends = (["residual"], ["low", "high"]) if bar == "y" else (["low", "high"], [work])
     columns = ["solver", "tolerance", "residual", "low", "high", "iterations", "outcome"]
     data = data if not isinstance(data, pd.DataFrame) else data[list(dict.fromkeys([*columns, work]))]
-    titles = {"x": f"{residual}; better to the right", "y": f"{WORKS[work]}; better below"}
+    titles = {"x": f"{residual}; better to the right", "y": f"{COST_TITLES[work]}; better below"}
     base = alt.Chart(data).encode(
         x=alt.X("residual:Q", title=titles["x"], scale=log_scale(data, x_ends, floor, True, has_decades=True)).axis(
             **RESIDUAL_AXIS
         ),
         y=alt.Y(f"{work}:Q", title=titles["y"], scale=log_scale(data, y_ends)).axis(**TIME_AXIS),
-        color=by_name(alt.Color, "solver", named, "colour", legend),
+        color=by_name(alt.Color, "solver", styles, "colour", legend),
     )
     channel = {"x": alt.X, "y": alt.Y}[bar]
     ends = {bar: channel("low:Q", title=titles[bar]), f"{bar}2": "high:Q"}
     layers = [
         base.mark_rule(strokeWidth=1).encode(**ends),
         base.mark_line(strokeWidth=2).encode(
-            strokeDash=by_name(alt.StrokeDash, "solver", named, "dash", legend), order="tolerance:Q"
+            strokeDash=by_name(alt.StrokeDash, "solver", styles, "dash", legend), order="tolerance:Q"
         ),
-        *_solve_marks(base, named, work, legend),
+        *_solve_marks(base, styles, work, legend),
     ]
     if floor is not None:
         rule = alt.Chart(pd.DataFrame({"floor": [floor]})).mark_rule(strokeDash=[5, 3], color="#666666")
@@ -219,7 +219,7 @@ def cost_panel(
     return alt.LayerChart(layer=layers)
 
 
-def convergence_panel(named: Mapping[str, SolverStyle], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
+def convergence_panel(styles: Mapping[str, SolverStyle], data: Any, legend: alt.Legend | None = None) -> alt.LayerChart:
     """Return judged residual over iterations of rows with the columns solver, iteration and residual."""
     data = data if not isinstance(data, pd.DataFrame) else data[["solver", "iteration", "residual"]]
     base = alt.Chart(data).encode(
@@ -231,26 +231,26 @@ def convergence_panel(named: Mapping[str, SolverStyle], data: Any, legend: alt.L
             title="judged residual (velocity error, relative)",
             scale=log_scale(data, ["residual"], has_decades=True),
         ).axis(**RESIDUAL_AXIS),
-        color=by_name(alt.Color, "solver", named, "colour", legend),
+        color=by_name(alt.Color, "solver", styles, "colour", legend),
         tooltip="solver:N",
     )
-    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
+    dash = by_name(alt.StrokeDash, "solver", styles, "dash", legend)
     return alt.LayerChart(layer=[base.mark_line(strokeWidth=1.8).encode(strokeDash=dash)])
 
 
 def _solve_marks(
-    base: alt.Chart, named: Mapping[str, SolverStyle], work: str, legend: alt.Legend | None
+    base: alt.Chart, styles: Mapping[str, SolverStyle], work: str, legend: alt.Legend | None
 ) -> list[alt.Chart]:
     """Return the marks of solves: filled if solved, hollow if not, crossed if the claim is wrong."""
     shaped = base.encode(
-        shape=by_name(alt.Shape, "solver", named, "shape", legend),
+        shape=by_name(alt.Shape, "solver", styles, "shape", legend),
         tooltip=["solver:N", "residual:Q", f"{work}:Q", "iterations:Q", "outcome:N"],
     )
-    ended = alt.FieldOneOfPredicate(field="outcome", oneOf=list(ANSWERED))
-    others = [outcome.value for outcome in Outcome if outcome.value not in ANSWERED]
-    open_ended = alt.FieldOneOfPredicate(field="outcome", oneOf=others)
-    filled = shaped.transform_filter(ended).mark_point(filled=True, size=60, opacity=1)
-    hollow = shaped.transform_filter(open_ended).mark_point(fill="white", size=60, opacity=1, strokeWidth=1.8)
+    other_outcomes = [outcome.value for outcome in Outcome if outcome.value not in FILLED_OUTCOMES]
+    is_filled = alt.FieldOneOfPredicate(field="outcome", oneOf=list(FILLED_OUTCOMES))
+    is_hollow = alt.FieldOneOfPredicate(field="outcome", oneOf=other_outcomes)
+    filled = shaped.transform_filter(is_filled).mark_point(filled=True, size=60, opacity=1)
+    hollow = shaped.transform_filter(is_hollow).mark_point(fill="white", size=60, opacity=1, strokeWidth=1.8)
     wrong = (
         base.transform_filter(alt.datum.outcome == Outcome.WRONG.value)
         .mark_point(shape=CROSS, size=150, strokeWidth=2, opacity=1)
@@ -260,7 +260,7 @@ def _solve_marks(
 
 
 def _titled(panel: alt.LayerChart, title: str, notes: list[str]) -> alt.LayerChart:
-    head = heading(title, notes, WIDTH + MARGIN, 13)
+    head = heading(title, notes, WIDTH + LEGEND_WIDTH, 13)
     titled: alt.LayerChart = panel.properties(width=WIDTH, height=HEIGHT, title=head)
     return titled
 

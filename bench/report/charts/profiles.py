@@ -127,9 +127,9 @@ def _with_threads(notes: list[str], name: str, left_out: str) -> list[str]:
 
 def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legend: set[str]) -> alt.HConcatChart:
     """Return panels side by side, one per (kind, title, rows), with a legend at the last one."""
-    named = solver_styles(frames.info.plan.solvers)
+    styles = solver_styles(frames.info.plan.solvers)
     panels = [
-        profile_panel(name, named, rows, in_legend if place == len(parts) - 1 else ()).properties(
+        profile_panel(name, styles, rows, in_legend if place == len(parts) - 1 else ()).properties(
             width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT, title=title
         )
         for place, (name, title, rows) in enumerate(parts)
@@ -177,17 +177,17 @@ def _page(
     return stacked(rows, head, SEPARATE_LEGENDS, spacing=20)
 
 
-def profile_panel(name: str, named: Mapping[str, SolverStyle], data: Any, legend_of: Collection[str] = ()) -> Any:
+def profile_panel(name: str, styles: Mapping[str, SolverStyle], data: Any, legend_of: Collection[str] = ()) -> Any:
     """Return the chart of one kind of profile.
 
     Args:
         name: "performance", "data", "accuracy" or "speedup".
-        named: the style of each solver.
+        styles: the style of each solver.
         data: rows of ``profile_tables``, or altair data that are filled in later.
         legend_of: solvers in the legend to its right; speed-ups have no legend.
     """
     if name == "speedup":
-        return _speedup_panel(named, data)
+        return _speedup_panel(styles, data)
     shares = f"share of {_counts(data)}" if isinstance(data, pd.DataFrame) else SHARE
     column, title, scale = {
         "performance": ("ratio", "time relative to the fastest solver", alt.Scale(type="log", nice=False)),
@@ -195,20 +195,20 @@ def profile_panel(name: str, named: Mapping[str, SolverStyle], data: Any, legend
         "accuracy": ("residual", "residual at most (finer to the right)", alt.Scale(type="log", reverse=True)),
     }[name]
     form = {"performance": "~g", "data": "~g", "accuracy": ".0e"}[name]
-    legend = solver_legend(named, legend_of, name == "accuracy") if legend_of else None
+    legend = solver_legend(styles, legend_of, name == "accuracy") if legend_of else None
     across = alt.X(f"{column}:Q", title=title, scale=scale)
     ticks = {"values": list(RESIDUALS)} if name == "accuracy" else {"tickCount": 6}
     base = alt.Chart(data).encode(
         x=across.axis(format=form, labelOverlap=True, **ticks),
         y=alt.Y("share:Q", title=shares).scale(domain=[0.0, 1.0]).axis(format="%", tickCount=5),
-        color=by_name(alt.Color, "solver", named, "colour", legend),
+        color=by_name(alt.Color, "solver", styles, "colour", legend),
         tooltip="solver:N",
     )
     steps: Literal["linear", "step-after"] = "linear" if name == "accuracy" else "step-after"
-    dash = by_name(alt.StrokeDash, "solver", named, "dash", legend)
+    dash = by_name(alt.StrokeDash, "solver", styles, "dash", legend)
     layers = [base.mark_line(strokeWidth=2, interpolate=steps).encode(strokeDash=dash)]
     if name == "accuracy":
-        shape = by_name(alt.Shape, "solver", named, "shape", legend)
+        shape = by_name(alt.Shape, "solver", styles, "shape", legend)
         layers.append(base.mark_point(filled=True, size=40, opacity=1).encode(shape=shape))
     if name == "data":
         rules = alt.Chart(pd.DataFrame({"seconds": BUDGETS})).mark_rule(strokeDash=[2, 3], color="#777777")
@@ -216,12 +216,12 @@ def profile_panel(name: str, named: Mapping[str, SolverStyle], data: Any, legend
     return alt.layer(*layers)
 
 
-def _speedup_panel(named: Mapping[str, SolverStyle], data: Any) -> alt.LayerChart:
+def _speedup_panel(styles: Mapping[str, SolverStyle], data: Any) -> alt.LayerChart:
     """Return ticks of problems and a mark at their geometric mean, one row per solver; a line marks equal times."""
-    rows = alt.Y("solver:N", sort=list(named), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
+    rows = alt.Y("solver:N", sort=list(styles), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
     across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=True)
     across = across.axis(format="~g", tickCount=6, labelOverlap=True)
-    colour = by_name(alt.Color, "solver", named, "colour")
+    colour = by_name(alt.Color, "solver", styles, "colour")
     base = alt.Chart(data).encode(y=rows, color=colour)
     tick = base.mark_tick(thickness=1.5, height=10, opacity=0.7).encode(
         x=across, tooltip=["solver:N", "problem:N", "speedup:Q"]
@@ -229,7 +229,7 @@ def _speedup_panel(named: Mapping[str, SolverStyle], data: Any) -> alt.LayerChar
     mean = base.transform_calculate(exponent="log(datum.speedup)")
     mean = mean.transform_aggregate(exponent="mean(exponent)", groupby=["solver"])
     mean = mean.transform_calculate(speedup="exp(datum.exponent)").mark_point(filled=True, size=80, opacity=1)
-    mean = mean.encode(x=across, shape=by_name(alt.Shape, "solver", named, "shape"), tooltip=["solver:N", "speedup:Q"])
+    mean = mean.encode(x=across, shape=by_name(alt.Shape, "solver", styles, "shape"), tooltip=["solver:N", "speedup:Q"])
     tie = alt.Chart(pd.DataFrame({"speedup": [1.0]})).mark_rule(color="#777777").encode(x=alt.X("speedup:Q"))
     return alt.LayerChart(layer=[tie, tick, mean])
 

@@ -11,7 +11,7 @@ from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
 from ..cells import duration, exponent
 from ..layout.text import counted
-from .drawing import FONT_SIZE, TIME_AXIS, by_name, heading, log_scale, stacked
+from .drawing import FONT_SIZE, LEGEND_WIDTH, TIME_AXIS, TIME_TITLE, by_name, heading, log_scale, stacked
 from .palette import PALETTE, solver_styles
 
 WIDTH = 300
@@ -55,7 +55,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
     both = pd.concat([tried[["milliseconds"]], means[["milliseconds"]]]).dropna()
     scale = log_scale(both if len(both) else pd.DataFrame({"milliseconds": [1e3 * limit]}), ["milliseconds"])
     panels = [
-        _time_panel(frames, tried, means, accuracy, scale, first=k == 0)
+        _time_panel(frames, tried, means, accuracy, scale, has_names=k == 0)
         for k, accuracy in enumerate(means["accuracy"].unique())
     ]
     common = counted(tried["problem"][tried["common"]].nunique(), "problem")
@@ -81,7 +81,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
     ):
         across = _columns("tolerance", list(counts["tolerance"].unique()), title)
         cells = counts.assign(share=counts[column] / counts["n"])
-        solvers = _rows(counts["solver"].unique(), named=not panels, grid=False)
+        solvers = _rows(counts["solver"].unique(), has_names=not panels, has_lines=False)
         panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {who}")
         panel.layer.append(_right_labels(cells.drop_duplicates("solver")).encode(y=solvers, text="all:N"))
         panels.append(panel)
@@ -98,12 +98,15 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
         tag = accuracy_tag(accuracy)
         cells = table[["family", "solver"]].assign(
             share=table[f"correct_{tag}"],
-            solved=[f"{round(s * n)}/{n}" for s, n in zip(table[f"correct_{tag}"], table["problems"], strict=True)],
+            solved=[
+                f"{round(share * count)}/{count}"
+                for share, count in zip(table[f"correct_{tag}"], table["problems"], strict=True)
+            ],
             mean=table[f"mean_time_{tag}"].map(duration),
         )
         title = f"to a {frames.residual} residual of {exponent(accuracy)}"
         width = max(WIDTH, FAMILY_COLUMN * len(names))
-        solvers = _rows(tried["solver"].unique(), named=not panels, grid=False)
+        solvers = _rows(tried["solver"].unique(), has_names=not panels, has_lines=False)
         panels.append(_heat_panel(cells, across, solvers, {"solved": -6, "mean": 7}, title, width))
     note = "solved and supported problems (white: none supported); mean time over those that all solvers support"
     return _run_chart("Success by family", note, panels, frames, tried)
@@ -119,24 +122,24 @@ def _run_chart(
         f"not shown: {', '.join(absent)} (no supported problem)" if absent else "",
         *run_state(frames),
     ]
-    head = heading(title, notes, len(panels) * WIDTH + 150)
-    return stacked([alt.hconcat(*panels, spacing=40)], head, {"color": "shared"}, label=0)
+    head = heading(title, notes, len(panels) * WIDTH + LEGEND_WIDTH)
+    return stacked([alt.hconcat(*panels, spacing=40)], head, {"color": "shared"}, label_width=0)
 
 
 def _time_panel(
-    frames: RunFrames, tried: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, first: bool
+    frames: RunFrames, tried: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, has_names: bool
 ) -> alt.LayerChart:
-    named = solver_styles(frames.info.plan.solvers)
-    colour = by_name(alt.Color, "solver", named, "colour")
+    styles = solver_styles(frames.info.plan.solvers)
+    colour = by_name(alt.Color, "solver", styles, "colour")
     columns = ["solver", "accuracy", "problem", "milliseconds"]
     dots, mean = tried[tried["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]
-    rows = _rows(means["solver"].unique(), named=first, grid=True)
-    across = alt.X("milliseconds:Q", title="time, preparation included [ms]", scale=scale).axis(**TIME_AXIS)
+    rows = _rows(means["solver"].unique(), has_names=has_names, has_lines=True)
+    across = alt.X("milliseconds:Q", title=TIME_TITLE, scale=scale).axis(**TIME_AXIS)
     tick = alt.Chart(dots.dropna()).mark_tick(thickness=1.5, height=10, opacity=0.75)
     mark = alt.Chart(mean.dropna()).mark_point(filled=True, size=95, opacity=1)
     layers = [
         tick.encode(x=across, y=rows, color=colour, tooltip=["solver", "problem", "milliseconds"]),
-        mark.encode(x=across, y=rows, color=colour, shape=by_name(alt.Shape, "solver", named, "shape")),
+        mark.encode(x=across, y=rows, color=colour, shape=by_name(alt.Shape, "solver", styles, "shape")),
         _right_labels(mean).encode(y=rows, text="reached:N"),
     ]
     return _panel(layers, f"to a {frames.residual} residual of {exponent(accuracy)}")
@@ -180,7 +183,9 @@ def _panel(layers: list[alt.Chart], title: str, row: int = ROW, width: int = WID
     return panel
 
 
-def _rows(solvers: Any, named: bool, grid: bool) -> alt.Y:
+def _rows(solvers: Any, has_names: bool, has_lines: bool) -> alt.Y:
     """Return the rows of solvers in the order of the run, with or without their names and lines through them."""
-    axis = alt.Axis(labels=named, ticks=False, domain=False, labelLimit=MAX_NAME_WIDTH, labelPadding=8, grid=grid)
+    axis = alt.Axis(
+        labels=has_names, ticks=False, domain=False, labelLimit=MAX_NAME_WIDTH, labelPadding=8, grid=has_lines
+    )
     return alt.Y("solver:N", sort=list(solvers), title=None, axis=axis)

@@ -17,22 +17,22 @@ WIDTH, HEIGHT = 480, 280
 """Size of a chart before the page adapts it [pixels]."""
 
 
-def templates(named: dict[str, SolverStyle], residual: str) -> dict[str, dict[str, Any]]:
+def templates(styles: dict[str, SolverStyle], residual: str) -> dict[str, dict[str, Any]]:
     """Return the Vega specifications of a page by name: the profiles, and "cost" and "convergence" of a problem.
 
     The data of a profile have the columns of ``profile_tables``. The data of "cost" have the columns solver, tolerance,
     residual, milliseconds, low, high, iterations and outcome; those of "convergence" solver, iteration and residual.
 
     Args:
-        named: the style of each solver.
+        styles: the style of each solver.
         residual: kind of residual, "judged" or "local".
     """
     rows = alt.NamedData(name=ROWS)
     panels: Mapping[str, Any] = {
-        **{name: profile_panel(name, named, rows).properties(height=HEIGHT) for name in CURVES},
-        "speedup": profile_panel("speedup", named, rows).properties(height=alt.Step(ROW)),
-        "cost": cost_panel(named, rows, f"{residual} residual", "milliseconds").properties(height=HEIGHT),
-        "convergence": convergence_panel(named, rows).properties(height=HEIGHT),
+        **{name: profile_panel(name, styles, rows).properties(height=HEIGHT) for name in CURVES},
+        "speedup": profile_panel("speedup", styles, rows).properties(height=alt.Step(ROW)),
+        "cost": cost_panel(styles, rows, f"{residual} residual", "milliseconds").properties(height=HEIGHT),
+        "convergence": convergence_panel(styles, rows).properties(height=HEIGHT),
     }
     fit = alt.AutoSizeParams(type="fit-x", contains="padding")
     return {

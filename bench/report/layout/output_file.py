@@ -27,8 +27,9 @@ def write_file(file: Path, content: bytes) -> Path:
         with replacing(file) as opened:
             opened.write(content)
     except OSError as error:
-        remedy = "choose a writable place with free space"
-        raise UnwritableError(f"cannot write {file}: {error.strerror}; {remedy}.") from None
+        raise UnwritableError(
+            f"cannot write {file}: {error.strerror}; choose a writable place with free space."
+        ) from None
     return file
 
 
@@ -76,7 +77,7 @@ def check_writable(files: Iterable[Path], force: bool) -> None:
             if file.exists():
                 if not force:
                     raise BenchError(f"{file} exists already; choose another name, or replace it with `force=True`.")
-                with file.open("ab"):
+                with file.open("ab"):  # appends nothing, but fails if the file is not writable
                     continue
             folder = file.absolute().parent
             while not folder.exists():
@@ -116,7 +117,7 @@ def draw_pictures(
     draw: Callable[[], list[Path]],
     result: Path,
     what: str = "chart",
-    again: str = "draw it with: proxbench simulate --resume {} --chart NAME",
+    remedy: str = "draw it with: proxbench simulate --resume {} --chart NAME",
 ) -> list[Path]:
     """Draw pictures of a stored result; return their files.
 
@@ -124,7 +125,7 @@ def draw_pictures(
         draw: function that draws them and returns their files.
         result: file of the result.
         what: name of the pictures in messages.
-        again: instructions to draw them later, with {} for the result.
+        remedy: instructions to draw them later, with {} for the result.
 
     Raises:
         UnwritableError: if they cannot be written, with these instructions.
@@ -135,5 +136,5 @@ def draw_pictures(
     except Exception as error:
         kind = UnwritableError if isinstance(error, UnwritableError) else BenchError
         raise kind(
-            f"{result} is kept, but its {what} is missing: {error_text(error)}; {again.format(result)}"
+            f"{result} is kept, but its {what} is missing: {error_text(error)}; {remedy.format(result)}"
         ) from error

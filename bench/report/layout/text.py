@@ -12,7 +12,6 @@ from ....problems.representation import counted as counted
 PIPE_WIDTH = 1000
 """Line width for files and pipes, so that names and commands are not wrapped."""
 
-
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
 """Characters that begin a formula in a spreadsheet, from OWASP's page on CSV injection."""
 
@@ -44,8 +43,8 @@ def latex_table(shown: Any) -> str:
     """Return a pandas frame of strings as a LaTeX table with ``booktabs`` rules; text between ``**`` becomes bold."""
     heads = [str(column).replace("\n", " ") for column in shown.columns]
     styled = shown.set_axis(heads, axis="columns").style.hide(axis="index")
-    made: str = styled.format(escape="latex").format_index(escape="latex", axis="columns").to_latex(hrules=True)
-    return re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", made).replace("≈", r"$\approx$")
+    latex: str = styled.format(escape="latex").format_index(escape="latex", axis="columns").to_latex(hrules=True)
+    return re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", latex).replace("≈", r"$\approx$")
 
 
 def csv_content(table: Any) -> bytes:
@@ -83,5 +82,5 @@ def json_records(table: Any) -> list[dict[str, Any]]:
 
 
 def unsolved_words(number: int, steps: int, tolerance: str) -> str:
-    """Return a clause with the number of unsolved steps, as in ``"1 of 20 steps is not solved to 1e-04"``."""
+    """Return a clause on the number of unsolved steps, as in ``"1 of 20 steps is not solved to 1e-04"``."""
     return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance}"

@@ -26,7 +26,7 @@ from ..accuracy import (
 from ..charts.palette import on_dark, solver_styles
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
-from ..endings import CASE, attempted_points, case_endings
+from ..endings import CASE, attempted_points, case_endings, join_texts
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from .commands import option, protocol_options, repeat_command
 
@@ -55,7 +55,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
     """
     info = frames.info
     solvers = [name for name in info.plan.solvers if name in set(frames.cases["solver"])]
-    named = solver_styles(info.plan.solvers)
+    styles = solver_styles(info.plan.solvers)
     accuracies = sorted({*info.plan.tolerances, *profile_accuracies(frames)}, reverse=True)
     return {
         "run": _about(frames),
@@ -72,7 +72,7 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         "points": _points(frames),
         "starts": _starts(frames),
         "curves": _curves(frames),
-        "charts": templates({name: named[name] for name in solvers}, frames.residual),
+        "charts": templates({name: styles[name] for name in solvers}, frames.residual),
         "rows": ROWS,
         "share": SHARE,
     }
@@ -157,23 +157,24 @@ def _hardware(machine: Machine) -> dict[str, Any]:
 
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
-    named, firsts = solver_styles(frames.info.plan.solvers), frames.cases.drop_duplicates("solver").set_index("solver")
+    styles = solver_styles(frames.info.plan.solvers)
+    first_cases = frames.cases.drop_duplicates("solver").set_index("solver")
     return [
         {
             "name": name,
-            "model": firsts["model"][name],
-            "threads": int(firsts["threads"][name]),
+            "model": first_cases["model"][name],
+            "threads": int(first_cases["threads"][name]),
             "file": plain_name(name),
             "option": option("solver", name),
-            "on_dark": "#{:02x}{:02x}{:02x}".format(*on_dark(named[name].colour)),
-            **vars(named[name]),
+            "on_dark": "#{:02x}{:02x}{:02x}".format(*on_dark(styles[name].colour)),
+            **vars(styles[name]),
         }
         for name in solvers
     ]
 
 
 def _problems(frames: RunFrames) -> list[dict[str, Any]]:
-    firsts = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
+    first_cases = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
     folder = frames.output_folder / RECORDINGS
     return [
         {
@@ -187,7 +188,7 @@ def _problems(frames: RunFrames) -> list[dict[str, Any]]:
             "option": option("problem", name),
             "recorded": (folder / f"{plain_name(name)}.rrd").is_file(),
         }
-        for name, case in firsts.items()
+        for name, case in first_cases.items()
     ]
 
 
@@ -216,7 +217,7 @@ def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
         **{name: table[name].tolist() for name in CASE},
         "supported": frames.cases.index.isin(counted_cases(frames).index).astype(int).tolist(),
         "outcome": endings["outcome"].tolist(),
-        "reason": _joined(endings["reason"], endings["notes"]),
+        "reason": list(map(join_texts, endings["reason"], endings["notes"])),
         "traceback": table["traceback"].str[-MAX_TEXT:].tolist(),
         "stderr": table["stderr"].str[-MAX_TEXT:].tolist(),
         "wall": _numbers(frames.cases["wall_seconds"], 4),
@@ -244,7 +245,7 @@ def _points(frames: RunFrames) -> dict[str, list[Any]]:
         "case": [numbers[name] for name in zip(points["problem"], points["solver"], strict=True)],
         "tolerance": points["tolerance"].tolist(),
         "outcome": points["outcome"].tolist(),
-        "reason": _joined(points["reason"], points["notes"]),
+        "reason": list(map(join_texts, points["reason"], points["notes"])),
         "excluded": points["is_excluded"].fillna(False).astype(int).tolist(),
         "iterations": _numbers(points["iterations"]),
         **{name: _numbers(points[column], number) for name, (column, number) in digits.items()},
@@ -264,11 +265,11 @@ def _curves(frames: RunFrames) -> dict[str, list[Any]]:
 
     Curves are thinned to the limits of the page, and keep their last point.
     """
-    most, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
+    max_points, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
     curves: dict[str, list[Any]] = {"case": [], "iteration": [], "residual": []}
     drawn = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
     for name, curve in drawn.groupby(CASE, sort=False):
-        kept = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(most, len(curve))).astype(int))]
+        kept = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(max_points, len(curve))).astype(int))]
         curves["case"].append(numbers[name])
         curves["iteration"].append(kept["iteration"].tolist())
         curves["residual"].append(_numbers(kept["residual"], 4))
@@ -278,10 +279,6 @@ def _curves(frames: RunFrames) -> dict[str, list[Any]]:
 def _case_numbers(frames: RunFrames) -> dict[Any, int]:
     names = zip(frames.cases["problem"], frames.cases["solver"], strict=True)
     return {name: number for number, name in enumerate(names)}
-
-
-def _joined(reasons: Iterable[str], notes: Iterable[str]) -> list[str]:
-    return ["; ".join(filter(None, both)) for both in zip(reasons, notes, strict=True)]
 
 
 def _numbers(values: Iterable[float], digits: int = 17) -> list[float | None]:

@@ -56,26 +56,26 @@ class BoxPile:
 
     @property
     def side(self) -> int:
-        """Boxes along each side of a layer; a pile is half as high again as it is wide."""
+        """Boxes along each side of a layer; a pile is 1.5 times as high as wide."""
         return ceil(cbrt(self.n_boxes / 1.5))
 
     def system(self) -> RigidBodies:
         """Return the boxes between the walls."""
         half = 0.5 * self.side * self.pitch
-        sides = [FixedBody(HalfSpace())]
+        fixed = [FixedBody(HalfSpace())]
         for (x, y), (a, b, c), angle in WALLS:
-            sides.append(FixedBody(HalfSpace(), (half * x, half * y, 0.0), tuple(about((a, b, c), angle))))
-            sides.append(FixedBody(HalfSpace(), (half * y, half * x, 0.0), tuple(about((b, a, c), -angle))))
-        return rigid_bodies([Box(self.size)] * self.n_boxes, np.full(self.n_boxes, self.mass), sides, EFFECTS)
+            fixed.append(FixedBody(HalfSpace(), (half * x, half * y, 0.0), tuple(about((a, b, c), angle))))
+            fixed.append(FixedBody(HalfSpace(), (half * y, half * x, 0.0), tuple(about((b, a, c), -angle))))
+        return rigid_bodies([Box(self.size)] * self.n_boxes, np.full(self.n_boxes, self.mass), fixed, EFFECTS)
 
     def start(self) -> State:
         """Return the boxes at rest above the ground."""
         box, side = np.arange(self.n_boxes), self.side
         places = np.column_stack([box % side, box // side % side, box // side**2]) + 0.5
         centres = self.pitch * (places - [0.5 * side, 0.5 * side, 0.0])
-        turns = np.random.default_rng(self.seed).normal(size=(self.n_boxes, 4))
-        turns /= np.linalg.norm(turns, axis=1)[:, None]
-        return State(0.0, np.hstack([centres, turns]).ravel(), np.zeros(6 * self.n_boxes))
+        orientations = np.random.default_rng(self.seed).normal(size=(self.n_boxes, 4))
+        orientations /= np.linalg.norm(orientations, axis=1)[:, None]
+        return State(0.0, np.hstack([centres, orientations]).ravel(), np.zeros(6 * self.n_boxes))
 
 
 @dataclass(frozen=True)
@@ -170,5 +170,5 @@ class BoxTrain:
 
 def _upright(centres: FloatArray) -> State:
     """Return boxes at rest without rotation, at centres [m], shape (n, 3)."""
-    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
-    return State(0.0, np.hstack([centres, turns]).ravel(), np.zeros(6 * len(centres)))
+    orientations = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
+    return State(0.0, np.hstack([centres, orientations]).ravel(), np.zeros(6 * len(centres)))

@@ -72,7 +72,7 @@ def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> 
         subtitleFontSize=12,
     )
     resolve: dict[str, Any] = {"x": "shared", "color": "independent", "strokeDash": "independent"}
-    return stacked(panels, title, resolve, label=44)
+    return stacked(panels, title, resolve, label_width=44)
 
 
 def write_chart(simulation: Simulation, path: Path) -> list[Path]:

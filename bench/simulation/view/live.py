@@ -1,5 +1,6 @@
 """The live summary of a simulation on standard error, or occasional plain lines if that is not a terminal."""
 
+import math
 import time
 from types import TracebackType
 from typing import Self
@@ -32,9 +33,9 @@ class LiveSummary:
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._interval = REDRAW_SECONDS if console.is_terminal else LINE_SECONDS
         self._next = time.perf_counter()
-        self._shown: tuple[float, int] | None = None
-        self._unsolved = 0
-        self._counted = 0
+        self._shown_time = math.nan
+        self._n_shown = 0
+        self._n_unsolved = 0
 
     def __enter__(self) -> Self:
         if self._console.is_terminal and not self._hidden:
@@ -57,21 +58,21 @@ class LiveSummary:
             self._console.print(f"{first}  {second}", soft_wrap=True, highlight=False)
             return
         bar = ProgressBar(total=1.0, completed=_share(simulation), width=min(self._console.width - 1, 78))
-        style = "red" if self._unsolved else "dim"
+        style = "red" if self._n_unsolved else "dim"
         self._live.update(Group(Text(first, no_wrap=True), Text(second, style=style, no_wrap=True), bar), refresh=True)
 
     def _lines(self, simulation: Simulation, now: float) -> tuple[str, str]:
         """Return the progress, the speed, and the last step, each within 80 columns."""
         plan, last = simulation.plan, simulation.steps[-1]
         # count new steps only; counting all would become slower with every redraw
-        self._unsolved += int(simulation.unsolved_from(self._counted).sum())
-        self._counted = simulation.n_steps
-        before, self._shown = self._shown, (now, simulation.n_steps)
-        speed = "" if before is None else f"  {(simulation.n_steps - before[1]) / (now - before[0]):.0f} steps/s"
+        self._n_unsolved += int(simulation.unsolved_from(self._n_shown).sum())
+        rate = (simulation.n_steps - self._n_shown) / (now - self._shown_time)
+        speed = "" if math.isnan(rate) else f"  {rate:.0f} steps/s"
+        self._shown_time, self._n_shown = now, simulation.n_steps
         first = f"{plan.scene.name}  {last['time']:.4f} of {plan.until:g} s  step {simulation.n_steps}{speed}"
         if plan.stepper.locates_switches:
             first += f"  of {last['length']:.0e} s  {len(simulation.switches)} switches"
-        missed = f"  unsolved {self._unsolved}" if self._unsolved else ""
+        missed = f"  unsolved {self._n_unsolved}" if self._n_unsolved else ""
         energy = ""
         if plan.scene.potential_energy is not None:
             energy = f"  energy {last['kinetic_energy'] + last['potential_energy']:.4g} J"

@@ -93,7 +93,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "hiding_steps": int(simulation.has_hidden_errors.sum()),
         "solves": int(steps["solves"].sum()),
         "rejected": int(steps["rejected"].sum()),
-        "incidents": len(simulation.switches),
+        "switches": len(simulation.switches),
         "shortest_step": float(steps["length"].min()) if len(steps) else None,
         "longest_step": float(steps["length"].max()) if len(steps) else None,
         "deepest_penetration": largest("penetration"),
@@ -127,7 +127,7 @@ def document(simulation: Simulation) -> dict[str, Any]:
         ],
         "summary": summary(simulation),
         "windows": rows,
-        "incidents": [
+        "switches": [
             {"begin": float(row["begin"]), "end": float(row["end"]), **asdict(event)}
             for row, event in zip(simulation.switches, simulation.switch_events, strict=True)
         ],
@@ -166,8 +166,8 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 def _print_segments(simulation: Simulation, console: Console) -> None:
     """Print the settings of each segment; the iteration limit has a column only if it differs."""
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
-    limit = ["max iter."] if has_limits else []
-    table = plain_table("steps", "stepper", "solver", "tolerance", *limit, "start", "missed")
+    heads = ["max iter."] if has_limits else []
+    table = plain_table("steps", "stepper", "solver", "tolerance", *heads, "start", "missed")
     for segment, part in _parts(simulation):
         missed = int(simulation.unsolved[part].sum())
         limits = [str(segment.max_iterations)] if has_limits else []
@@ -242,7 +242,10 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     total = summary(simulation)
     ending = _ending(simulation)
     if not total["steps"]:
-        yield ("no step has been taken", "") if ending is None or simulation.failure is None else ending
+        if ending is not None and simulation.failure is not None:
+            yield ending
+        else:
+            yield "no step has been taken", ""
         return
     yield (
         f"total  {total['simulated_seconds']:.4g} s in {counted(total['steps'], 'step')}, "

@@ -42,7 +42,7 @@ class Bundle:
         source: its file, or the folder of the run.
         run: plan and machines.
         cases: the measured cases.
-        carried: the problems that the package does not hold, by name.
+        carried: the problems that the package does not contain, by name.
     """
 
     source: Path
@@ -51,7 +51,7 @@ class Bundle:
     carried: dict[str, ContactProblem]
 
     def problem(self, name: str) -> ContactProblem:
-        """Return a problem of the run from the package if it holds the name, else from the bundle.
+        """Return a problem of the run from the package if it has one of that name, else from the bundle.
 
         Raises:
             BenchError: if neither has the problem, or the two differ.
@@ -61,10 +61,10 @@ class Bundle:
             if carried is None:
                 raise BenchError(f"the problem {name!r} is neither in {self.source} nor in this package.")
             return carried
-        held = load(name)
-        if carried is not None and carried.digest != held.digest:
+        shipped = load(name)
+        if carried is not None and carried.digest != shipped.digest:
             raise BenchError(f"the problem {name!r} of {self.source} has other numbers than that of the library.")
-        return held
+        return shipped
 
     def read_run(self) -> RunRecord:
         """Return the record of the run, as ``Store.read_run``."""
@@ -97,7 +97,7 @@ def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None 
     """Pack a run into one file, as a whole or not at all, and return the file.
 
     The file holds plan, machines, cases, the impulses of the finest point of each case, and the problems that the
-    package does not hold. Equal runs give equal files.
+    package does not contain. Equal runs give equal files.
 
     Args:
         run_dir: the run, or its folder.

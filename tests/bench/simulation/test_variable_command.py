@@ -35,9 +35,9 @@ def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str], tmp_pat
     assert run_command(f"{TOY} --duration 0.01 --json --output {tmp_path}/toy.npz".split()) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["summary"]["finished"]
-    incident = document["incidents"][0]
-    assert incident["law"] == "unilateral"
-    assert incident["begin"] < incident["time"] < incident["end"]
+    switch = document["switches"][0]
+    assert switch["law"] == "unilateral"
+    assert switch["begin"] < switch["time"] < switch["end"]
 
 
 @pytest.mark.slow

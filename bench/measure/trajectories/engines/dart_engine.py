@@ -22,17 +22,17 @@ class DartEngine:
         self.world = library.simulation.World()
         self.world.setTimeStep(time_step)
         self.world.setGravity(np.array(description.gravity))
-        awake = library.simulation.DeactivationOptions()
-        awake.mEnabled = False
-        self.world.setDeactivationOptions(awake)
+        deactivation = library.simulation.DeactivationOptions()
+        deactivation.mEnabled = False
+        self.world.setDeactivationOptions(deactivation)
         self.world.setCollisionDetector(getattr(library.simulation.CollisionDetectorType, options["detector"]))
         solver = self.world.getConstraintSolver()
         solver.getCollisionOption().maxNumContacts = MAX_CONTACTS
         if "sweeps" in options:
-            sweeping = library.constraint.MatrixFreeContactSolverOptions()
-            sweeping.mEnabled, sweeping.mMinRows = True, 0
-            sweeping.mMaxIterations = options["sweeps"]
-            solver.setMatrixFreeContactSolverOptions(sweeping)
+            sweep_options = library.constraint.MatrixFreeContactSolverOptions()
+            sweep_options.mEnabled, sweep_options.mMinRows = True, 0
+            sweep_options.mMaxIterations = options["sweeps"]
+            solver.setMatrixFreeContactSolverOptions(sweep_options)
         if options.get("nsgs"):
             solver.setBoxedLcpSolver(library.constraint.NsgsFrictionSolver())
         self._add_static()
@@ -57,13 +57,13 @@ class DartEngine:
         found = self.world.getLastCollisionResult().getContacts()
         if not found:
             return None
-        number = {body.getName(): k for k, body in enumerate(self.bodies)}
+        index = {body.getName(): k for k, body in enumerate(self.bodies)}
         normals = np.array([contact.normal for contact in found])
         forces = np.array([contact.force for contact in found])
         axes = contact_frames(normals)
         contacts = {
-            "body_1": [number.get(_owner(contact.collisionObject2), -1) for contact in found],
-            "body_2": [number.get(_owner(contact.collisionObject1), -1) for contact in found],
+            "body_1": [index.get(_body_name(contact.collisionObject2), -1) for contact in found],
+            "body_2": [index.get(_body_name(contact.collisionObject1), -1) for contact in found],
             "point": [contact.point for contact in found],
             "normal": normals,
             "tangent": axes[:, 1],
@@ -87,17 +87,17 @@ class DartEngine:
     def _add_body(self, body: Any) -> Any:
         dynamics = self.library.dynamics
         skeleton = dynamics.Skeleton(f"body {self.world.getNumSkeletons()}")
-        joint, made = skeleton.createFreeJointAndBodyNodePair()
-        made.setName(skeleton.getName())
-        made.setInertia(dynamics.Inertia(body.mass, np.zeros(3), body.inertia * np.eye(3)))
+        joint, body_node = skeleton.createFreeJointAndBodyNodePair()
+        body_node.setName(skeleton.getName())
+        body_node.setInertia(dynamics.Inertia(body.mass, np.zeros(3), body.inertia * np.eye(3)))
         shape = dynamics.BoxShape(np.full(3, 2.0 * body.half)) if body.is_cube else dynamics.SphereShape(body.half)
-        self._add_shape(made, shape)
-        place = self.library.math.Isometry3()
-        place.set_translation(np.array(body.position))
-        joint.setTransform(place)
+        self._add_shape(body_node, shape)
+        pose = self.library.math.Isometry3()
+        pose.set_translation(np.array(body.position))
+        joint.setTransform(pose)
         joint.setLinearVelocity(np.array(body.velocity))
         self.world.addSkeleton(skeleton)
-        return made
+        return body_node
 
     def _add_shape(self, body: Any, shape: Any) -> Any:
         node = body.createShapeNode(shape)
@@ -108,7 +108,8 @@ class DartEngine:
         return node
 
 
-def _owner(collision_object: Any) -> str:
+def _body_name(collision_object: Any) -> str:
+    """Return the name of the body to which a collision object belongs."""
     name: str = collision_object.getShapeFrame().getBodyNodePtr().getName()
     return name
 

@@ -102,8 +102,8 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
     chosen = next(one for one in ENGINES[engine].settings if one.name == setting)
     time_step = description.step * chosen.step_factor
     motion, wall, processor, solved = measure(description, build(engine, description, chosen), time_step)
-    numbers = description.measure(description, motion) if np.isfinite(motion.positions).all() else ()
-    few = solved if len(description.bodies) <= MAX_BODIES_SOLVED_AGAIN else []
+    errors = description.measure(description, motion) if np.isfinite(motion.positions).all() else ()
+    solved_again = solved if len(description.bodies) <= MAX_BODIES_SOLVED_AGAIN else []
     return Measurement(
         scene=scene,
         engine=engine,
@@ -111,15 +111,15 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
         time_step=time_step,
         wall_seconds=wall / description.duration,
         processor_seconds=processor / description.duration,
-        errors=dict(zip(description.errors, map(float, numbers), strict=bool(numbers))),
+        errors=dict(zip(description.errors, map(float, errors), strict=bool(errors))),
         own_residual=max((one.own_residual for one in solved if one.own_residual is not None), default=None),
         residual=max((judge(one.problem, one.impulses).residual for one in solved), default=None),
-        solved_residual=max(map(_solved_again, few), default=None),
-        failure="" if numbers else "the motion is not finite",
+        solved_residual=max(map(_residual_of_robust, solved_again), default=None),
+        failure="" if errors else "the motion is not finite",
     )
 
 
-def _solved_again(one: SolvedProblem) -> float:
+def _residual_of_robust(one: SolvedProblem) -> float:
     """Return the judged residual to which ``Robust`` solves a problem."""
     from .....problems.contact.solver import Stop
     from .....solvers.registry import create

@@ -16,8 +16,8 @@ class PyBulletEngine:
         client = import_module("pybullet_utils.bullet_client")
         library: Any = client.BulletClient(connection_mode=import_module("pybullet").DIRECT)
         self.library, self.description, self.time_step = library, description, time_step
-        self._advance = library.stepSimulation
-        self._kind = {"useMaximalCoordinates": bool(options.get("maximal_coordinates"))}
+        self._advance = library.stepSimulation  # bound once, since each access of the client costs a wrapper
+        self._body_options = {"useMaximalCoordinates": bool(options.get("maximal_coordinates"))}
         library.setGravity(*description.gravity)
         library.setPhysicsEngineParameter(
             fixedTimeStep=time_step, numSolverIterations=options["iterations"], solverResidualThreshold=0.0
@@ -26,7 +26,9 @@ class PyBulletEngine:
             library.setPhysicsEngineParameter(minimumSolverIslandSize=options["island_size"])
         static = [self._add_panel(panel) for panel in description.panels]
         if description.has_floor:
-            static.append(library.createMultiBody(0, library.createCollisionShape(library.GEOM_PLANE), **self._kind))
+            static.append(
+                library.createMultiBody(0, library.createCollisionShape(library.GEOM_PLANE), **self._body_options)
+            )
         self.bodies = [self._add_body(body) for body in description.bodies]
         for body in (*static, *self.bodies):
             library.changeDynamics(
@@ -57,11 +59,11 @@ class PyBulletEngine:
 
     def solved_problem(self) -> SolvedProblem | None:
         """Return the problem of the last step."""
-        number = {body: k for k, body in enumerate(self.bodies)}
-        found = [c for c in self.library.getContactPoints() if c[1] in number or c[2] in number]
+        index = {body: k for k, body in enumerate(self.bodies)}
+        found = [c for c in self.library.getContactPoints() if c[1] in index or c[2] in index]
         contacts = {
-            "body_1": [number.get(c[2], -1) for c in found],
-            "body_2": [number.get(c[1], -1) for c in found],
+            "body_1": [index.get(c[2], -1) for c in found],
+            "body_2": [index.get(c[1], -1) for c in found],
             "point": [c[5] for c in found],
             "point_1": [c[6] for c in found],
             "normal": [c[7] for c in found],
@@ -73,17 +75,17 @@ class PyBulletEngine:
 
     def _add_panel(self, panel: Any) -> int:
         shape = self.library.createCollisionShape(self.library.GEOM_BOX, halfExtents=list(panel.half))
-        pose = {"basePosition": list(panel.centre), "baseOrientation": list(panel.quaternion), **self._kind}
-        made: int = self.library.createMultiBody(0, shape, **pose)
-        return made
+        pose = {"basePosition": list(panel.centre), "baseOrientation": list(panel.quaternion), **self._body_options}
+        body: int = self.library.createMultiBody(0, shape, **pose)
+        return body
 
     def _add_body(self, body: Any) -> int:
         library = self.library
         size = {"halfExtents": 3 * [body.half]} if body.is_cube else {"radius": body.half}
         shape = library.createCollisionShape(library.GEOM_BOX if body.is_cube else library.GEOM_SPHERE, **size)
-        made: int = library.createMultiBody(body.mass, shape, basePosition=body.position, **self._kind)
-        library.resetBaseVelocity(made, body.velocity)
-        return made
+        number: int = library.createMultiBody(body.mass, shape, basePosition=body.position, **self._body_options)
+        library.resetBaseVelocity(number, body.velocity)
+        return number
 
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> PyBulletEngine:

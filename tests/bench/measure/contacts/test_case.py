@@ -269,7 +269,7 @@ def test_the_answer_of_a_round_is_kept_while_its_processes_end(monkeypatch: pyte
 
 
 def test_a_solver_that_declines_gives_its_reason_and_is_asked_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    process = Scripted({"supports": ({"refusal": "no friction"}, [])})
+    process = Scripted({"supports": ({"unsupported_reason": "no friction"}, [])})
     case = begun(monkeypatch, process)
     assert (case.outcome, case.record().reason) == (Outcome.UNSUPPORTED, "no friction")
     assert [request for request, _ in process.asked] == ["supports"]
