@@ -1,7 +1,8 @@
 """Tables of captured models of MuJoCo: identities and both residuals of each model, and solvers on the same steps.
 
 ``python tests/speed/captured_models.py models`` prints a row for each model of docs/results-engines.md. ``solvers``
-prints MuJoCo's solvers and Robust on the captured steps of three models. Both need the extra ``mujoco``. The models of
+prints MuJoCo's solvers and Robust on the captured steps of three models, and ``thrown`` the residuals of the thrown
+cube in its first step in contact. All need the extra ``mujoco``. The models of
 dm_control are read from its wheel, ``pip install --no-deps dm_control==1.0.50``, or from the folder ``--suite``, and
 are left out if there is none.
 
@@ -13,7 +14,7 @@ import argparse
 import copy
 import gc
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,6 +26,7 @@ import scipy.sparse as sp
 from proxbench.problems import ContactProblem, Model, judge
 from proxbench.problems.capture.sequence import CaptureOptions, captured_steps
 from proxbench.problems.capture.step import VELOCITY_ERROR, CapturedStep, judge_step
+from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import Stop, create
 from proxbench.solvers.peers.mujoco_problem import ConstraintStage
 from proxbench.solvers.peers.mujoco_program import program_of
@@ -189,6 +191,44 @@ def solver_rows(suite: Path | None, rounds: int) -> Iterator[str]:
             yield f"| {name} | {solver} | {' | '.join(cells)} | {_number(1e6 * np.median(seconds))} |"
 
 
+@dataclass(frozen=True)
+class FirstContact:
+    """The thrown cube in its first step in contact.
+
+    Attributes:
+        own: residual of MuJoCo's forces under MuJoCo's model.
+        coulomb: their residual under Coulomb's law, relative to the largest free velocity.
+        impulse_error: their natural map Λ − P(Λ − ξ/α), relative to the largest impulse.
+        robust: residual of Robust under Coulomb's law.
+    """
+
+    own: float
+    coulomb: float
+    impulse_error: float
+    robust: float
+
+
+def first_contact() -> FirstContact:
+    """Judge the first step in contact of the thrown cube."""
+    _, model, options, keyframe = next(models(None))
+    step = next(captured(model, options, keyframe)).step
+    verdict, residual = judge_step(step), Residual(step.problem)
+    velocity = step.problem.delassus() @ step.impulses + step.problem.free_velocity
+    violations = residual.of_laws(residual.unit * step.impulses, velocity)  # α ‖Λ − P(Λ − ξ/α)‖ of each law [m/s]
+    largest = np.abs(step.impulses).max()
+    solution = create("Robust").prepare(step.problem).solve(Stop(TOLERANCE))
+    robust = judge(step.problem, solution.impulses).residual
+    return FirstContact(verdict.own, verdict.coulomb, float((violations / residual.alpha).max() / largest), robust)
+
+
+def thrown_rows() -> Iterator[str]:
+    """Yield a row of Markdown with the residuals of the thrown cube in its first step in contact."""
+    found = first_contact()
+    yield "| Own model | Coulomb | Natural map / largest impulse | Robust, Coulomb |"
+    yield "| ---: | ---: | ---: | ---: |"
+    yield f"| {found.own:.1e} | {found.coulomb:.3f} | {found.impulse_error:.2f} | {found.robust:.1e} |"
+
+
 def _number(value: float) -> str:
     """Return three digits without an exponent."""
     return f"{float(f'{value:.3g}'):.10g}"
@@ -212,17 +252,25 @@ def measure(problem: ContactProblem, rounds: int) -> dict[str, tuple[float, floa
     return found
 
 
+TABLES: dict[str, Callable[[argparse.Namespace], Iterator[str]]] = {
+    "models": lambda options: model_rows(options.suite),
+    "solvers": lambda options: solver_rows(options.suite, options.rounds),
+    "thrown": lambda options: thrown_rows(),
+}
+"""Rows of each table."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tables", nargs="+", choices=("models", "solvers"), help="what to print")
+    parser.add_argument("tables", nargs="+", choices=tuple(TABLES), help="what to print")
     parser.add_argument("--suite", type=Path, default=suite_folder(), help="folder of the models of dm_control")
     parser.add_argument("--rounds", type=int, default=20, help="timed solves of each solver on each step")
     options = parser.parse_args(arguments)
     gc.freeze()
     with threadpool_limits(1):
         for table in options.tables:
-            for row in model_rows(options.suite) if table == "models" else solver_rows(options.suite, options.rounds):
+            for row in TABLES[table](options):
                 print(row, flush=True)
 
 

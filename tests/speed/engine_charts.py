@@ -42,6 +42,12 @@ CUBES = {
 
 LEAST_RESIDUAL = 1e-10
 
+LEAST_ERROR = 1e-11
+"""Smaller errors, in their units, are rounding errors; the page shows 0."""
+
+MAX_OWN_RESIDUAL = 1e-3
+"""Residual under the model of an engine above which it did not solve that model; the page shows it in bold."""
+
 MARKS = {
     "mujoco": ("#1f77b4", "circle"),
     "pybullet": ("#d95f02", "square"),
@@ -164,6 +170,15 @@ def draw_stack(figures: pd.DataFrame) -> alt.LayerChart:
     return alt.layer(marks, names).properties(width=520, height=340)
 
 
+def error_cell(error: str, value: float) -> str:
+    """Return an error as the page shows it, ``lift 11 mm``; units of energies are in its text."""
+    name, _, unit = error.rstrip("]").partition(" [")
+    if name == "balls through":
+        return f"{value:.0f} through"
+    number = f"{value:.2g}" if value >= LEAST_ERROR else "0"
+    return f"{name} {number}" if unit.startswith("m g") else f"{name} {number} {unit}"
+
+
 def best_rows(figures: pd.DataFrame) -> Iterator[str]:
     """Yield a row of Markdown for the best setting of each engine in each scene.
 
@@ -178,8 +193,10 @@ def best_rows(figures: pd.DataFrame) -> Iterator[str]:
         best = accurate.sort_values(clock).iloc[0]
         number = f"{float(format(best[clock], '.3g')):.10g}"  # three digits without an exponent
         cost = number if clock == WALL else f"*{number}*"
-        errors = ", ".join(f"{error} {best[error]:.2g}" for error in description.errors)
+        errors = ", ".join(error_cell(error, best[error]) for error in description.errors)
         tracks = [f"{best[track]:.1e}" if best[track] > 0.0 else "–" for track in ("own model", "Coulomb")]
+        if best["own model"] > MAX_OWN_RESIDUAL:
+            tracks[0] = f"**{tracks[0]}**"
         cells = [scene, engine, best["setting"], f"{best['Δt [ms]']:g}", cost, errors, *tracks]
         yield f"| {' | '.join(cells)} |"
 

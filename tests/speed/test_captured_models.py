@@ -37,3 +37,11 @@ def test_mujoco_solves_its_model_and_robust_solves_coulombs_law() -> None:
     assert own["Newton"] < 1e-8 < 1e-4 < own["Robust"]
     assert coulomb["Robust"] <= 1e-8 < 1e-4 < coulomb["Newton"]
     assert min(seconds.values()) > 0.0
+
+
+def test_the_thrown_cube_solves_its_model_and_is_far_from_coulombs_law() -> None:
+    found = captured_models.first_contact()
+    assert found.own < 1e-13
+    assert found.coulomb == pytest.approx(0.0765, abs=5e-4)
+    assert found.impulse_error == pytest.approx(0.61, abs=5e-3)
+    assert found.robust <= 1e-8

@@ -50,8 +50,8 @@ def test_both_pictures_are_drawn_with_all_engines(tmp_path: Path) -> None:
 def test_the_page_has_the_best_settings() -> None:
     page = (engine_charts.DOCS / "results-engines.md").read_text()
     for row in best_rows(pd.read_csv(FIGURES)):
-        _, engine, setting, step, cost, *_ = row.strip("| ").split(" | ")
-        assert f"| {engine} | {setting} | {step} | {cost} |" in page, row
+        _, cells = row.removeprefix("| ").split(" | ", 1)  # the page names a scene once
+        assert f" | {cells}\n" in page, row
 
 
 def test_settings_are_compared_by_one_clock_if_a_wall_time_is_unknown() -> None:

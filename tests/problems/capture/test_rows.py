@@ -1,5 +1,6 @@
 """Constraint rows become the laws that they mean, or are refused with the reason."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,22 @@ def test_a_refused_row_acts_as_the_engine_had_it_act(monkeypatch: pytest.MonkeyP
     velocity = found.problem.relative_velocity(found.impulses)
     expected = whole.problem.relative_velocity(whole.impulses)[1:]
     assert velocity == pytest.approx(expected, abs=1e-13)
+
+
+def test_a_row_of_an_unknown_type_is_refused_with_its_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, data = moving(EVERYTHING.format(**PLAIN))
+    monkeypatch.setattr(rows, "mujoco", lambda: with_other_number("mjCNSTR_LIMIT_JOINT"))
+    kind = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+    reasons = [one.reason for one in captured_step(model, data).refused]
+    assert reasons
+    assert set(reasons) == {f"its type {kind} is not known; remove it from the model"}
+
+
+def with_other_number(name: str) -> Any:
+    """Return the module mujoco, in which a type of rows has a number that no row has."""
+    types = {one: getattr(mujoco.mjtConstraint, one) for one in dir(mujoco.mjtConstraint) if one.startswith("mjCNSTR")}
+    changed = SimpleNamespace(**(types | {name: 99}))
+    return SimpleNamespace(**{one: getattr(mujoco, one) for one in dir(mujoco)} | {"mjtConstraint": changed})
 
 
 def test_a_step_whose_rows_are_all_refused_names_a_row_and_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,9 +1,11 @@
 """A file of ContactBench is the same problem with its normal row last.
 
 All arrays here are synthetic, with the names, shapes and row order of ContactBench's sources. Its own samples are
-binary ``.npz`` files, and no test reads them.
+binary ``.npz`` files (``tests/python/data`` of its repository); one test reads those in the folder that the variable
+PROXBENCH_CONTACTBENCH names.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, ProblemError, judge, load
 from proxbench.problems.exchange.formats.contactbench import problem_of_arrays
 from proxbench.problems.exchange.repair import Repair
+from proxbench.solvers import solve
 
 
 def complementarity(impulses: np.ndarray, velocity: np.ndarray, mu: float) -> float:
@@ -32,6 +35,19 @@ def test_their_velocities_are_ours_in_another_order(seed: int, n: int) -> None:
     velocity = (G @ theirs + g.ravel()).reshape(n, 3)
     np.testing.assert_allclose(problem.relative_velocity(ours).reshape(n, 3), velocity[:, [2, 0, 1]], rtol=1e-12)
     assert problem.laws.friction_coefficient[1::2].tolist() == mus.tolist()
+
+
+FOLDER = os.environ.get("PROXBENCH_CONTACTBENCH", "")
+SAMPLES = sorted(Path(FOLDER).glob("*.npz")) if FOLDER else []
+
+
+@pytest.mark.skipif(not SAMPLES, reason="PROXBENCH_CONTACTBENCH names no folder of samples of ContactBench")
+@pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.stem)
+def test_its_own_samples_are_read_and_solved(sample: Path) -> None:
+    problem = load(sample)
+    with np.load(sample) as arrays:
+        assert problem.n_rows == arrays["g"].size == 3 * arrays["mus"].size
+    assert judge(problem, solve(problem, tolerance=1e-6).impulses).residual <= 1e-6
 
 
 def test_a_cube_that_slides_is_solved_in_their_measure_too(tmp_path: Path) -> None:
