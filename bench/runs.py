@@ -34,6 +34,9 @@ from .store.frames import RunFrames, read_frames
 from .store.plans import Limits, RunSettings
 from .store.store import INVALID_NAME, plain_name
 
+MAX_MEBIBYTES = 2**40
+"""Exclusive bound of a memory limit [MiB]."""
+
 
 def _ignore(*shown: object) -> None:
     """Ignore the event."""
@@ -200,11 +203,7 @@ def run(
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
-    given = {
-        "solve_seconds": solve_seconds,
-        "case_seconds": case_seconds,
-        "memory_bytes": None if memory is None else round(memory * 2**20),
-    }
+    given = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": _bytes(memory)}
     changed = {name: value for name, value in given.items() if value is not None}
     settings = RunSettings.checked(
         _several(tolerances),
@@ -296,6 +295,17 @@ def study(
     folder = _new_folder(results, run_id, prefix=f"{scene.partition('(')[0]}-study-")
     measure(plan, folder, on_event)
     return load(folder)
+
+
+def _bytes(memory: float | None) -> int | None:
+    """Return a memory limit in bytes, given in MiB."""
+    if memory is None:
+        return None
+    if not 1 <= memory < MAX_MEBIBYTES:
+        raise BenchError(
+            f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; leave it out for the default."
+        )
+    return round(memory * 2**20)
 
 
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:

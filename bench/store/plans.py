@@ -44,7 +44,7 @@ class Limits(Struct, frozen=True):
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
             if not 0 < value < MAX_NUMBER:
-                raise BenchError(f"{name} must be positive and finite, got {value}.")
+                raise BenchError(f"`{name}` must be positive and finite, got {value:g}; leave it out for the default.")
 
 
 class RunSettings(Record, frozen=True, kw_only=True):
@@ -82,7 +82,7 @@ class RunSettings(Record, frozen=True, kw_only=True):
         passes = default_passes if passes is None else passes
         for tolerance in ladder:
             if not 0.0 < tolerance < 1.0:
-                raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
+                raise BenchError(f"`tolerances` must be between 0 and 1, got {tolerance:g}; choose one such as 1e-4.")
         if not 1 <= passes <= MAX_PASSES:
             raise BenchError(f"`passes` must be between 1 and {MAX_PASSES}, got {passes}.")
         if not 0 <= seed < 2**63:
