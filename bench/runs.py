@@ -31,11 +31,8 @@ from .store.bundles.merge import merge as merge_sources
 from .store.bundles.rejudge import OnCase
 from .store.bundles.rejudge import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
-from .store.plans import Limits, RunSettings
+from .store.plans import Limits, RunSettings, limit_in_bytes
 from .store.store import INVALID_NAME, plain_name
-
-MAX_MEBIBYTES = 2**40
-"""Exclusive bound of a memory limit [MiB]."""
 
 
 def _ignore(*shown: object) -> None:
@@ -158,11 +155,11 @@ def run(
     suite: str | Path = "quick",
     results: Path | str = "results",
     run_id: str | None = None,
+    *,
     tolerances: Sequence[float] | float | None = None,
     limits: Limits | None = None,
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
-    *,
     solve_seconds: float | None = None,
     case_seconds: float | None = None,
     memory: float | None = None,
@@ -203,7 +200,7 @@ def run(
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
-    given = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": _bytes(memory)}
+    given = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": limit_in_bytes(memory)}
     changed = {name: value for name, value in given.items() if value is not None}
     settings = RunSettings.checked(
         _several(tolerances),
@@ -249,10 +246,10 @@ def study(
     solvers: Sequence[str | Solver] | str | Solver = (),
     results: Path | str = "results",
     run_id: str | None = None,
+    *,
     limits: Limits | None = None,
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
-    *,
     methods: Mapping[str, Sequence[float]] | None = None,
     tolerance: float = 1e-12,
     duration: float | None = None,
@@ -297,17 +294,6 @@ def study(
     return load(folder)
 
 
-def _bytes(memory: float | None) -> int | None:
-    """Return a memory limit in bytes, given in MiB."""
-    if memory is None:
-        return None
-    if not 1 <= memory < MAX_MEBIBYTES:
-        raise BenchError(
-            f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; leave it out for the default."
-        )
-    return round(memory * 2**20)
-
-
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
     """Return the folder of a new run; without ``run_id``, a number distinguishes runs of the same second."""
     if not run_id:
@@ -346,7 +332,7 @@ def resume(
             missing or has changed, or the machine, versions or sources differ.
         InterruptedRunError: on Ctrl-C.
     """
-    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
+    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix=mix, executor=executor)
     return load(run_dir)
 
 

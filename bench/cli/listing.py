@@ -29,7 +29,7 @@ SHOWN_MEMBERS = 4
 
 Row = dict[str, Any]
 
-WIDEST_PROBLEM = 34
+MAX_NAME_WIDTH = 34
 """Width of the column of problem names; longer names shift their row."""
 
 NOT_GENERATED = "not generated yet"
@@ -112,7 +112,7 @@ def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
 def _print_problems(rows: Sequence[Row]) -> None:
     """Print a table of problems, grouped by family."""
     heads = {"contacts": 8, "rows": 5, "friction": 15}
-    width = min(max((len(row["name"]) for row in rows), default=0), WIDEST_PROBLEM)
+    width = min(max((len(row["name"]) for row in rows), default=0), MAX_NAME_WIDTH)
     print(f"  {'':<{width}}  " + "  ".join(f"{head:>{size}}" for head, size in heads.items()) + "  form")
     for family, members in _families(rows).items():
         print(f"\n{family} ({len(members)})")

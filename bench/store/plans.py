@@ -23,6 +23,10 @@ MAX_PASSES = 1000
 """Largest number of passes."""
 
 
+MAX_MEBIBYTES = 2**40
+"""Exclusive bound of a memory limit [MiB]."""
+
+
 class Limits(Struct, frozen=True):
     """Limits of one case.
 
@@ -45,6 +49,21 @@ class Limits(Struct, frozen=True):
         for name, value in msgspec.structs.asdict(self).items():
             if not 0 < value < MAX_NUMBER:
                 raise BenchError(f"`{name}` must be positive and finite, got {value:g}; leave it out for the default.")
+
+
+def limit_in_bytes(memory: float | None) -> int | None:
+    """Return a memory limit in bytes, given in MiB, or None if it is None.
+
+    Raises:
+        BenchError: if the limit is less than 1 MiB or not finite.
+    """
+    if memory is None:
+        return None
+    if not 1 <= memory < MAX_MEBIBYTES:
+        raise BenchError(
+            f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; leave it out for the default."
+        )
+    return round(memory * 2**20)
 
 
 class RunSettings(Record, frozen=True, kw_only=True):
