@@ -19,6 +19,7 @@ from proxbench.problems.compilation import (
     interprets_kernels,
 )
 from proxbench.problems.contact.matrices import delassus, factors
+from proxbench.problems.exchange.files.problem_file import save_problem
 
 COMPILE_SEVERAL = """
 import numba
@@ -67,6 +68,23 @@ ContactProblem.from_delassus(np.eye(6) + 1.0, -np.ones(6), 0.3)
 print(COMPILATION.kernels)
 """
     assert _run_on_an_empty_cache(code) == ["0"]
+
+
+def test_listing_compiles_nothing_and_loads_no_generated_problem(tmp_path: Path) -> None:
+    save_problem(load("hard-groove"), tmp_path / "bodies-box-sticking.npz")
+    code = f"""
+import os
+os.environ["PROXBENCH_CACHE"] = {str(tmp_path)!r}
+from contextlib import redirect_stdout
+from io import StringIO
+from proxbench.bench.cli.main import run_command
+from proxbench.problems.compilation import COMPILATION
+from proxbench.problems.exchange.catalog import is_available
+with redirect_stdout(StringIO()) as text:
+    code = run_command(["list"])
+print(code, is_available("bodies-box-sticking"), "SORprox" in text.getvalue(), COMPILATION.kernels)
+"""
+    assert _run_on_an_empty_cache(code) == ["0", "True", "True", "0"]
 
 
 def test_the_first_solve_of_a_small_problem_compiles_nothing_but_its_sweep() -> None:
