@@ -1,4 +1,4 @@
-"""Every chore of the project, each with its own environment: ``nox -s tests``, ``nox -s bench``, …"""
+"""The sessions of nox, each with its own environment: ``nox -s tests``, ``nox -s bench``, …"""
 
 import filecmp
 import os
@@ -90,16 +90,16 @@ def speed(session: nox.Session) -> None:
 
 @nox.session
 def mutants(session: nox.Session) -> None:
-    """Change small things in a copy of the code, and see whether the daily tests notice: tests/mutants.py says how.
+    """Find small changes to a copy of the code that no daily test notices; see tests/mutants.py.
 
     ``nox -s mutants -- --sample 20 --seed 1 problems/contact`` tries 20 places of one folder, which takes minutes; all
-    changes of all folders take days. What is known is kept in the session's folder, and another call goes on from it.
+    changes of all folders take days. Results are kept in the session's folder, and the next call continues from them.
     """
     tree = Path(session.create_tmp()) / "tree"
     listed = session.run("git", "ls-files", "--cached", "--others", "--exclude-standard", external=True, silent=True)
     names = str(listed).splitlines()
     for module in {path for path in tree.rglob("*.py")} - {tree / name for name in names}:
-        module.unlink()  # which is gone, or has another name
+        module.unlink()  # deleted or renamed in the source
     for name in names:
         source, copy = Path(name), tree / name
         if source.is_file() and not (copy.exists() and filecmp.cmp(source, copy, shallow=False)):

@@ -31,7 +31,7 @@ from .store.bundles.merge import merge as merge_sources
 from .store.bundles.rejudge import OnCase
 from .store.bundles.rejudge import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
-from .store.plans import Limits, RunSettings
+from .store.plans import Limits, RunSettings, limit_in_bytes
 from .store.store import INVALID_NAME, plain_name
 
 
@@ -155,11 +155,11 @@ def run(
     suite: str | Path = "quick",
     results: Path | str = "results",
     run_id: str | None = None,
+    *,
     tolerances: Sequence[float] | float | None = None,
     limits: Limits | None = None,
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
-    *,
     solve_seconds: float | None = None,
     case_seconds: float | None = None,
     memory: float | None = None,
@@ -200,11 +200,7 @@ def run(
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_several(plugins) or ())
-    given = {
-        "solve_seconds": solve_seconds,
-        "case_seconds": case_seconds,
-        "memory_bytes": None if memory is None else round(memory * 2**20),
-    }
+    given = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": limit_in_bytes(memory)}
     changed = {name: value for name, value in given.items() if value is not None}
     settings = RunSettings.checked(
         _several(tolerances),
@@ -250,10 +246,10 @@ def study(
     solvers: Sequence[str | Solver] | str | Solver = (),
     results: Path | str = "results",
     run_id: str | None = None,
+    *,
     limits: Limits | None = None,
     on_event: OnEvent = _ignore,
     plugins: Sequence[Path | str] | Path | str = (),
-    *,
     methods: Mapping[str, Sequence[float]] | None = None,
     tolerance: float = 1e-12,
     duration: float | None = None,
@@ -336,7 +332,7 @@ def resume(
             missing or has changed, or the machine, versions or sources differ.
         InterruptedRunError: on Ctrl-C.
     """
-    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix, executor)
+    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix=mix, executor=executor)
     return load(run_dir)
 
 

@@ -46,15 +46,21 @@ class CompilationListener(event.Listener):
         if self._depth == 0:
             self._begin = now
         self._depth, self.kernels = self._depth + 1, self.kernels + 1
+        self._write_notice(now)
+
+    def on_end(self, compilation: event.Event) -> None:
+        """Write the notice if all compilations so far took too long, and add the time unless it is part of another."""
+        now = time.perf_counter()
+        self._write_notice(now)
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += now - self._begin
+
+    def _write_notice(self, now: float) -> None:
+        """Write the notice once, if compilations have taken too long by the time ``now``."""
         if not self.is_silent and self.seconds + now - self._begin > SECONDS_BEFORE_NOTICE:
             self.is_silent = True
             print(NOTICE, file=sys.stderr, flush=True)
-
-    def on_end(self, compilation: event.Event) -> None:
-        """Add the time of the compilation unless it is part of another."""
-        self._depth -= 1
-        if self._depth == 0:
-            self.seconds += time.perf_counter() - self._begin
 
 
 COMPILATION = CompilationListener()

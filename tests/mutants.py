@@ -1,14 +1,14 @@
-"""Change the code in one small place after another, and see whether the daily tests notice.
+"""Make small changes to the code, one at a time, and list those that no daily test notices.
 
 ``nox -s mutants`` runs this in a copy of the repository that is installed in place. Cosmic Ray makes the changes: other
-operators and comparisons, numbers off by one, loops without iterations, exceptions that are not caught. Of what it
-makes, annotations, decorators and numbers outside functions are left out: no test can notice the first, and the last
-are mostly limits that were tuned. A change is noticed if a daily test fails or takes too long, those of the same name
-first, then those of the same folder, then those in ``WIDER``.
+operators and comparisons, numbers off by one, loops without iterations, exceptions that are not caught. Changes of
+annotations, decorators and numbers outside functions are skipped: no test can notice the first two, and the last are
+mostly tuned limits. A change is noticed if a daily test fails or times out. Tests of the same name run first, then
+those of the same folder, then those in ``WIDER``.
 
 Tests run in copies of a process that has imported the libraries, so that a change costs little more than its tests.
-Kernels run without numba's compiler, whose cache does not know that what a kernel calls has changed. The tests are run
-once without a change: those that fail or are slow in pure Python are left out.
+Kernels run without numba's compiler, whose cache does not notice changes in the functions that a kernel calls. The
+tests run once without a change, and those that fail or are slow in pure Python are skipped.
 
     python tests/mutants.py --sample 20 --seed 1 problems/contact bench/store
 """
@@ -49,7 +49,7 @@ ROOMS = (
     "bench/measure",
     "bench/isolation",
 )
-"""What is changed where nothing else is asked for."""
+"""The folders that are changed by default."""
 
 WIDER = {
     "problems/contact": ("tests/problems/hard",),

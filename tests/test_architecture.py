@@ -1,7 +1,7 @@
-"""Arrows go one way: problems ← solvers ← bench, without circles, and heavy libraries stay in their rooms."""
+"""Imports go one way, problems ← solvers ← bench, without cycles; only some folders import heavy libraries."""
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from functools import cache
 from pathlib import Path
@@ -12,93 +12,36 @@ import pytest
 Node = TypeVar("Node")
 
 ROOT = Path(__file__).parent.parent
-FACE = ROOT / "bench" / "package"
-"""The package proxbench itself, a room of bench that is installed above the three."""
+PACKAGE_ROOT = ROOT / "bench" / "package"
+"""The top level of the package ``proxbench``: a folder of ``bench`` that is installed above the three."""
 
 FILES = [file for top in ("problems", "solvers", "bench") for file in sorted((ROOT / top).rglob("*.py"))]
 BELOW = {"problems": {"problems"}, "solvers": {"problems", "solvers"}, "bench": {"problems", "solvers", "bench"}}
-RECORDED_WITH_RERUN = (
-    "bodies/balls",
-    "bodies/contact_patches",
-    "bodies/joints",
-    "bodies/rigid_bodies",
-    "bodies/woodpecker",
-    "blueprints",
-    "contact_states",
-    "file",
-    "headless",
-    "simulation",
-    "solves",
-)
-MOST_ROOMS = 12
-LONGEST_FILE = 400
+MAX_ENTRIES = 12
+MAX_FILE_LINES = 400
+MAX_POSITIONAL = 5
 
-MOST_ARROWS = 40
-"""Between the folders of bench."""
+MAX_ARROWS = 40
+"""Largest number of imports between folders of bench."""
 
-AT_HOME = {
-    "altair": {
-        "bench/report/charts/drawing.py",
-        "bench/report/charts/plots.py",
-        "bench/report/charts/problems.py",
-        "bench/report/charts/profiles.py",
-        "bench/report/charts/summary.py",
-        "bench/report/charts/templates.py",
+IMPORTERS = {
+    "altair": ["bench/report/charts/", "bench/simulation/view/chart.py"],
+    "clarabel": ["solvers/conic/programs.py", "problems/motion/equilibrium.py"],
+    "distributed": ["bench/measure/execution/cluster.py"],
+    "h5py": ["problems/exchange/fclib/"],
+    "pandas": [
+        "bench/report/",
         "bench/simulation/view/chart.py",
-    },
-    "vl_convert": {"bench/report/charts/drawing.py"},
-    "clarabel": {"solvers/conic/programs.py", "problems/motion/equilibrium.py"},
-    "pandas": {
-        "bench/report/charts/drawing.py",
         "bench/store/frames.py",
         "bench/store/ratios.py",
-        "bench/runs.py",
-        "bench/report/endings.py",
-        "bench/report/studies.py",
-        "bench/report/accuracy.py",
-        "bench/report/tables.py",
-        "bench/report/cells.py",
-        "bench/report/layout/terminal_table.py",
-        "bench/report/build_report.py",
-        "bench/report/matrix.py",
-        "bench/report/page/document.py",
-        "bench/report/profiles.py",
-        "bench/report/charts/problems.py",
-        "bench/report/charts/profiles.py",
-        "bench/report/charts/summary.py",
-        "bench/report/comparison/comparison.py",
-        "bench/report/comparison/page.py",
-        "bench/report/comparison/pairing.py",
-        "bench/report/comparison/solved_changes.py",
-        "bench/report/comparison/times.py",
-        "bench/simulation/view/chart.py",
-    },
-    "typer": {
-        f"bench/cli/{name}.py"
-        for name in (
-            "comparison/check",
-            "comparison/compare",
-            "catalog",
-            "exchange/problem_files",
-            "main",
-            "options",
-            "record",
-            "report",
-            "run",
-            "simulation/command",
-            "simulation/engines",
-            "simulation/statics",
-            "exchange/bundles",
-            "exchange/capture",
-        )
-    },
-    "h5py": {f"problems/exchange/fclib/{name}.py" for name in ("container", "files")},
-    "rerun": {f"bench/recordings/{name}.py" for name in RECORDED_WITH_RERUN},
-    "warp": {f"solvers/prox/parallel/warp_{name}.py" for name in ("kernels", "sweeps")},
-    "distributed": {"bench/measure/execution/cluster.py"},
-    "psutil": {"bench/measure/machine.py"}
-    | {f"bench/isolation/{name}.py" for name in ("child", "process_tree", "process_usage")},
+    ],
+    "psutil": ["bench/isolation/", "bench/measure/machine.py"],
+    "rerun": ["bench/recordings/"],
+    "typer": ["bench/cli/"],
+    "vl_convert": ["bench/report/charts/drawing.py"],
+    "warp": ["solvers/prox/parallel/"],
 }
+"""The folders and files that may import a heavy library."""
 
 
 def name_of(file: Path) -> str:
@@ -112,7 +55,7 @@ def parsed(file: Path) -> ast.Module:
 
 @cache
 def imports(file: Path) -> list[tuple[int, str, list[str]]]:
-    """Level, module and names of every import of a file, wherever it stands."""
+    """Return level, module and names of every import of a file, also inside functions."""
     found: list[tuple[int, str, list[str]]] = []
     for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
@@ -124,12 +67,12 @@ def imports(file: Path) -> list[tuple[int, str, list[str]]]:
 
 @cache
 def targets(file: Path) -> frozenset[Path]:
-    """Files of the project that a file imports."""
+    """Return the files of the project that a file imports."""
     found = set()
     for level, module, names in imports(file):
         if not level:
             continue
-        base = ROOT if file.parent == FACE else file.parent
+        base = ROOT if file.parent == PACKAGE_ROOT else file.parent
         for _ in range(level - 1):
             base = base.parent
         place = base.joinpath(*module.split(".")) if module else base
@@ -139,8 +82,8 @@ def targets(file: Path) -> frozenset[Path]:
     return frozenset(found)
 
 
-def in_circles(arrows: Mapping[Node, AbstractSet[Node]]) -> set[Node]:
-    """What is left when all that imports nothing else that is left is taken away, again and again."""
+def nodes_on_cycles(arrows: Mapping[Node, AbstractSet[Node]]) -> set[Node]:
+    """Return the nodes that remain after leaves are removed repeatedly: those on cycles, or above one."""
     left = dict(arrows)
     while True:
         leaves = {node for node, below in left.items() if not below & set(left)}
@@ -149,16 +92,16 @@ def in_circles(arrows: Mapping[Node, AbstractSet[Node]]) -> set[Node]:
         left = {node: below for node, below in left.items() if node not in leaves}
 
 
-def room_of(file: Path) -> str:
-    """The folder of its floor that a file is in, or the file itself if it is in none."""
+def folder_of(file: Path) -> str:
+    """Return the second-level folder of a file, or the file itself if it is in none."""
     return "/".join(file.relative_to(ROOT).parts[:2])
 
 
-def folder_arrows(floor: str) -> set[tuple[str, str]]:
-    """Which folder of a floor imports which other; the floor's own ``__init__`` gathers names and is left out."""
-    pairs = {(file, target) for file in FILES if file != ROOT / floor / "__init__.py" for target in targets(file)}
-    arrows = {(room_of(file), room_of(target)) for file, target in pairs}
-    return {(a, b) for a, b in arrows if a != b and a.startswith(f"{floor}/") and b.startswith(f"{floor}/")}
+def folder_arrows(package: str) -> set[tuple[str, str]]:
+    """Return the imports between folders of a package, except for those of its ``__init__``, which collects names."""
+    pairs = {(file, target) for file in FILES if file != ROOT / package / "__init__.py" for target in targets(file)}
+    arrows = {(folder_of(file), folder_of(target)) for file, target in pairs}
+    return {(a, b) for a, b in arrows if a != b and a.startswith(f"{package}/") and b.startswith(f"{package}/")}
 
 
 def test_imports_inside_the_packages_are_relative_and_go_down() -> None:
@@ -178,44 +121,69 @@ def test_imports_inside_the_packages_are_relative_and_go_down() -> None:
     assert up == set()
 
 
-def test_no_files_import_each_other_in_a_circle() -> None:
+def test_imports_of_files_have_no_cycle() -> None:
     arrows = {file: targets(file) - {file} for file in FILES}
-    # the type-only arrow of the judge to the problem it judges is no arrow when the program runs
+    # this import serves type checking only
     arrows[ROOT / "problems/contact/judge.py"] -= {ROOT / "problems/contact/problem.py"}
-    assert not [name_of(file) for file in in_circles(arrows)]
+    assert not [name_of(file) for file in nodes_on_cycles(arrows)]
 
 
-@pytest.mark.parametrize("floor", BELOW)
-def test_no_folders_of_a_floor_import_each_other_in_a_circle(floor: str) -> None:
-    below: dict[str, set[str]] = {room_of(file): set() for file in FILES if name_of(file).startswith(floor)}
-    for source, target in folder_arrows(floor):
+@pytest.mark.parametrize("package", BELOW)
+def test_imports_of_folders_have_no_cycle(package: str) -> None:
+    below: dict[str, set[str]] = {folder_of(file): set() for file in FILES if name_of(file).startswith(package)}
+    for source, target in folder_arrows(package):
         below[source].add(target)
-    assert not in_circles(below)
+    assert not nodes_on_cycles(below)
 
 
-def test_the_folders_of_bench_have_few_arrows() -> None:
+def test_the_folders_of_bench_have_few_imports_of_each_other() -> None:
     between = {pair for pair in folder_arrows("bench") if not any(name.endswith(".py") for name in pair)}
-    assert len(between) <= MOST_ARROWS, sorted(between)
+    assert len(between) <= MAX_ARROWS, sorted(between)
 
 
-def test_a_folder_has_few_rooms_and_says_who_lives_there() -> None:
+def test_a_folder_has_few_entries_and_a_docstring() -> None:
     folders = {file.parent for file in FILES}
-    assert {name_of(folder): count for folder in folders if (count := rooms(folder)) > MOST_ROOMS} == {}
+    assert {name_of(folder): count for folder in folders if (count := n_entries(folder)) > MAX_ENTRIES} == {}
     assert [name_of(folder) for folder in folders if not ast.get_docstring(parsed(folder / "__init__.py"))] == []
 
 
-def rooms(folder: Path) -> int:
+def n_entries(folder: Path) -> int:
     files = {file for file in folder.glob("*.py") if file.name != "__init__.py"}
     return len(files) + sum((path / "__init__.py").is_file() for path in folder.iterdir())
 
 
-@pytest.mark.parametrize("library", AT_HOME)
-def test_a_heavy_library_is_imported_only_where_it_is_the_business(library: str) -> None:
+@pytest.mark.parametrize("library", IMPORTERS)
+def test_a_heavy_library_is_imported_only_by_the_files_that_need_it(library: str) -> None:
     users = {name_of(file) for file in FILES if any(module.split(".")[0] == library for _, module, _ in imports(file))}
-    assert users <= AT_HOME[library]
+    assert {user for user in users if not user.startswith(tuple(IMPORTERS[library]))} == set()
+    assert [place for place in IMPORTERS[library] if not any(user.startswith(place) for user in users)] == []
 
 
-def test_files_are_short_and_have_a_subject() -> None:
+def test_files_are_short_and_have_a_docstring() -> None:
     lengths = {name_of(file): len(file.read_text(encoding="utf-8").splitlines()) for file in FILES}
-    assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
+    assert {name: length for name, length in lengths.items() if length > MAX_FILE_LINES} == {}
     assert [name_of(file) for file in FILES if file.stem == "utils" or not ast.get_docstring(parsed(file))] == []
+
+
+def test_public_functions_have_at_most_five_positional_parameters() -> None:
+    too_long = {
+        f"{name_of(file)}: {name}": count
+        for file in FILES
+        if not name_of(file).startswith("bench/cli/")  # typer calls commands by name
+        for name, count in positional_counts(parsed(file))
+        if count > MAX_POSITIONAL
+    }
+    assert too_long == {}
+
+
+def positional_counts(node: ast.AST, is_method: bool = False) -> Iterator[tuple[str, int]]:
+    """Yield the name and the number of positional parameters of each public function that is not a kernel."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.ClassDef) and not child.name.startswith("_"):
+            yield from positional_counts(child, is_method=True)
+        if not isinstance(child, ast.FunctionDef) or (child.name.startswith("_") and child.name != "__init__"):
+            continue
+        decorators = " ".join(ast.unparse(decorator) for decorator in child.decorator_list)
+        if "njit" not in decorators:
+            has_self = is_method and "staticmethod" not in decorators
+            yield child.name, len(child.args.posonlyargs) + len(child.args.args) - has_self

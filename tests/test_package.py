@@ -11,7 +11,7 @@ import pytest
 from packaging.version import Version
 
 ROOT = Path(__file__).parent.parent
-FACE = "bench/package"
+PACKAGE_ROOT = "bench/package"
 """Folder of the package proxbench itself."""
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -23,7 +23,8 @@ def test_every_package_of_the_tree_is_listed_for_installation() -> None:
         for top in ("problems", "solvers", "bench")
         for file in (ROOT / top).rglob("__init__.py")
     }
-    places = {f"proxbench.{folder.replace('/', '.')}": folder for folder in folders - {FACE}} | {"proxbench": FACE}
+    places = {f"proxbench.{folder.replace('/', '.')}": folder for folder in folders - {PACKAGE_ROOT}}
+    places["proxbench"] = PACKAGE_ROOT
     assert set(places) == set(PROJECT["tool"]["setuptools"]["packages"])
     assert places == PROJECT["tool"]["setuptools"]["package-dir"]
 

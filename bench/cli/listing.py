@@ -29,14 +29,14 @@ SHOWN_MEMBERS = 4
 
 Row = dict[str, Any]
 
-WIDEST_PROBLEM = 34
+MAX_NAME_WIDTH = 34
 """Width of the column of problem names; longer names shift their row."""
 
 NOT_GENERATED = "not generated yet"
 """Entry of a problem whose numbers are neither in the package nor in the cache folder."""
 
 
-def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, list[Row]]:
+def listing_rows(what: str = "", suite: str = "", name: str = "", has_sizes: bool = True) -> dict[str, list[Row]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
 
     The row of an unusable entry contains the reason as "error".
@@ -45,6 +45,7 @@ def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, l
         what: one of ``KINDS``; all kinds if empty.
         suite: suite whose problems to list; all problems if empty.
         name: single solver, suite, problem or scene to list, with or without options; all if empty.
+        has_sizes: add the sizes and laws of problems; generated problems and those of plugins are loaded for them.
 
     Raises:
         BenchError: for an unknown kind or name, with the nearest one, or a suite with a kind other than problems.
@@ -65,7 +66,7 @@ def listing_rows(what: str = "", suite: str = "", name: str = "") -> dict[str, l
         if what != "problems":
             raise BenchError(f"--suite lists problems only; write: proxbench list problems --suite {suite}")
         return {"problems": [_standard_problem(name) for name in suite_members(suite)]}
-    makers = {"solvers": _solvers, "suites": _suites, "problems": _problems, "scenes": _scenes}
+    makers = {"solvers": _solvers, "suites": _suites, "problems": partial(_problems, has_sizes), "scenes": _scenes}
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
@@ -112,7 +113,7 @@ def _print_rows(rows: Sequence[tuple[str, str]]) -> None:
 def _print_problems(rows: Sequence[Row]) -> None:
     """Print a table of problems, grouped by family."""
     heads = {"contacts": 8, "rows": 5, "friction": 15}
-    width = min(max((len(row["name"]) for row in rows), default=0), WIDEST_PROBLEM)
+    width = min(max((len(row["name"]) for row in rows), default=0), MAX_NAME_WIDTH)
     print(f"  {'':<{width}}  " + "  ".join(f"{head:>{size}}" for head, size in heads.items()) + "  form")
     for family, members in _families(rows).items():
         print(f"\n{family} ({len(members)})")
@@ -217,10 +218,14 @@ def _plugin_scene(offer: Offer) -> Row:
     return {"summary": f"from {offer.source}", "options": describe_scene(offer.name)}
 
 
-def _problems() -> list[Row]:
+def _problems(has_sizes: bool) -> list[Row]:
     offers = plugin_problems()
     of_plugins = {offer.name for offer in offers if not offer.rejection}
-    rows = [_standard_problem(name) for name in problem_names() if name not in of_plugins]
+    names = [name for name in problem_names() if name not in of_plugins]
+    if not has_sizes:
+        rows = [{"name": name, "source": "", "error": ""} for name in names]
+        return rows + [{"name": offer.name, "source": offer.source, "error": offer.rejection} for offer in offers]
+    rows = [_standard_problem(name) for name in names]
     return rows + [_offered(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
 
 

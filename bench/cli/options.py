@@ -47,7 +47,13 @@ def given_parameters(context: typer.Context) -> set[str]:
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
-_OTHER_NAMES = {"results": "output", "plugins": "plugin"}
+_OTHER_NAMES = {
+    "results": "output",
+    "plugins": "plugin",
+    "tolerances": "tolerance",
+    "max_seconds": "solve_seconds",
+    "seconds": "check_seconds",
+}
 """Options, without dashes, by the parameters in Python whose names differ."""
 
 

@@ -76,6 +76,7 @@ def report_run(
     quiet: bool,
     as_json: bool,
     residual: str = "judged",
+    *,
     record: bool = False,
     baseline: str = "",
     page: bool = False,

@@ -82,7 +82,7 @@ def run(
                 suite,
                 output,
                 run_id or None,
-                tolerance,
+                tolerances=tolerance,
                 on_event=shown,
                 solve_seconds=solve_seconds,
                 case_seconds=case_seconds,
@@ -96,7 +96,7 @@ def run(
                 executor=executor,
             )
     has_pictures = charts or (page and made.is_study)  # a study has no page
-    return report_run(made, has_pictures, quiet, as_json, residual, record, page=page)
+    return report_run(made, has_pictures, quiet, as_json, residual, record=record, page=page)
 
 
 def _executor(dask: str) -> AbstractContextManager[Executor | None]:

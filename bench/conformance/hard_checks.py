@@ -22,7 +22,7 @@ HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances in descending order."""
 
-LEAST_DIFFERENCE = 1e-13
+MIN_DIFFERENCE = 1e-13
 """Difference below which residuals count as equal."""
 
 SAME_ITERATE = 1e-9
@@ -48,7 +48,7 @@ def improves_with_tolerance(solver: Solver) -> None:
             trial = run_trial(solver, problem, Stop(tolerance, HARD.max_iterations, HARD.max_seconds))
             if trial.solution.status is Status.TIME_LIMIT:
                 break
-            if trial.residual > max(before, tolerance) + LEAST_DIFFERENCE:
+            if trial.residual > max(before, tolerance) + MIN_DIFFERENCE:
                 raise Violation(
                     f"on {problem.name} a tolerance of {tolerance:g} gives a residual of {trial.residual:.1e}, "
                     f"but {looser:g} gives {before:.1e}; return the best iterate."

@@ -63,6 +63,7 @@ def resume_measuring(
     retry_failed: bool,
     on_event: OnEvent,
     plugins: Sequence[Path | str] = (),
+    *,
     mix: bool = False,
     executor: Executor | None = None,
 ) -> None:
@@ -113,4 +114,4 @@ def _executor(
     """Return the executor of a plan: this process, or the workers of ``executor``."""
     if executor is None:
         return LocalExecutor(solvers, store, record, on_event, mix)
-    return DistributedExecutor(solvers, store, record, on_event, executor, mix)
+    return DistributedExecutor(solvers, store, record, on_event, executor=executor, mix=mix)

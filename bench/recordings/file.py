@@ -76,10 +76,11 @@ class RecordingFile:
 def write_curve(
     stream: rr.RecordingStream,
     path: str,
-    label: str,
-    colour: tuple[int, int, int],
     at: Sequence[rr.TimeColumn],
     values: ArrayLike,
+    *,
+    label: str,
+    colour: tuple[int, int, int],
 ) -> None:
     """Write a curve to the recording: its style, and ``values`` at the times ``at``, shape (n_times,)."""
     stream.log(path, rr.SeriesLines(colors=[colour], names=[label], widths=[2.0]), static=True)

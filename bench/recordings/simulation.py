@@ -148,7 +148,7 @@ class SceneRecorder:
             kept = [step for step, value in points.items() if not np.isnan(value)]
             at = [rr.TimeColumn(STEP, sequence=kept), rr.TimeColumn(TIME, duration=times[kept])]
             label, colour = name.rpartition("/")[2], _colour_of(name)
-            write_curve(stream, f"curves/{name}", label, colour, at, [points[step] for step in kept])
+            write_curve(stream, f"curves/{name}", at, [points[step] for step in kept], label=label, colour=colour)
 
     def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
         """Widen the axes of constant curves, to avoid magnified rounding; return whether there are any."""

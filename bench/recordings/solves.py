@@ -91,6 +91,7 @@ def record_solves(
     stop: Stop,
     file: Path,
     force: bool = False,
+    *,
     places: Places | None = None,
 ) -> RecordedSolves:
     """Solve ``problem`` with each solver from zero, and write the iterations as a recording.
@@ -177,12 +178,14 @@ def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings
         at = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
         values = np.asarray(getattr(trace, name)[first:])
         known = np.clip(np.where(np.isnan(values), np.inf, values), MIN_RESIDUAL, ceilings[name])
-        write_curve(stream, f"curves/{name}/{index}", trace.solver, colour, at, np.log10(known))
+        write_curve(stream, f"curves/{name}/{index}", at, np.log10(known), label=trace.solver, colour=colour)
     at = [rr.TimeColumn(ITERATION, sequence=trace.iterations)]
     counts = np.asarray(trace.state_counts, dtype=np.float64)
     for state in ContactState:
         name = state.name.lower()
-        write_curve(stream, f"states/{index}/{name}", name, rgb(STATE_COLOURS[state]), at, counts[:, state])
+        write_curve(
+            stream, f"states/{index}/{name}", at, counts[:, state], label=name, colour=rgb(STATE_COLOURS[state])
+        )
 
 
 def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:

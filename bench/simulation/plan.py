@@ -238,16 +238,20 @@ def _value_text(value: object) -> str:
 
 def _check_seconds(seconds: float) -> None:
     if not 0.0 < seconds < math.inf:
-        raise BenchError(f"step_seconds must be positive and finite, got {seconds} s.")
+        raise BenchError(f"`step_seconds` must be positive and finite, got {seconds:g}; leave it out for the default.")
 
 
 def _check_numbers(plan: SimulationPlan) -> None:
     if not 0.0 < plan.duration < math.inf:
-        raise BenchError(f"duration must be positive and finite, got {plan.duration} s.")
+        raise BenchError(
+            f"`duration` must be positive and finite, got {plan.duration:g}; leave it out for the default."
+        )
     if not 0.0 < plan.tolerance < 1.0:
-        raise BenchError(f"tolerance {plan.tolerance} must be between 0 and 1.")
+        raise BenchError(f"`tolerance` must be between 0 and 1, got {plan.tolerance:g}; leave it out for the default.")
     if not plan.max_iterations >= 1:
-        raise BenchError(f"max_iterations must be at least 1, got {plan.max_iterations}.")
+        raise BenchError(
+            f"`max_iterations` must be at least 1, got {plan.max_iterations}; leave it out for the default."
+        )
     check_start(plan.start)
     if isinstance(plan.solver, Warm):
         raise BenchError(

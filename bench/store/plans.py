@@ -23,6 +23,10 @@ MAX_PASSES = 1000
 """Largest number of passes."""
 
 
+MAX_MEBIBYTES = 2**40
+"""Exclusive bound of a memory limit [MiB]."""
+
+
 class Limits(Struct, frozen=True):
     """Limits of one case.
 
@@ -44,7 +48,22 @@ class Limits(Struct, frozen=True):
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
             if not 0 < value < MAX_NUMBER:
-                raise BenchError(f"{name} must be positive and finite, got {value}.")
+                raise BenchError(f"`{name}` must be positive and finite, got {value:g}; leave it out for the default.")
+
+
+def limit_in_bytes(memory: float | None) -> int | None:
+    """Return a memory limit in bytes, given in MiB, or None if it is None.
+
+    Raises:
+        BenchError: if the limit is less than 1 MiB or not finite.
+    """
+    if memory is None:
+        return None
+    if not 1 <= memory < MAX_MEBIBYTES:
+        raise BenchError(
+            f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; leave it out for the default."
+        )
+    return round(memory * 2**20)
 
 
 class RunSettings(Record, frozen=True, kw_only=True):
@@ -82,7 +101,7 @@ class RunSettings(Record, frozen=True, kw_only=True):
         passes = default_passes if passes is None else passes
         for tolerance in ladder:
             if not 0.0 < tolerance < 1.0:
-                raise BenchError(f"tolerance {tolerance} must be between 0 and 1.")
+                raise BenchError(f"`tolerances` must be between 0 and 1, got {tolerance:g}; choose one such as 1e-4.")
         if not 1 <= passes <= MAX_PASSES:
             raise BenchError(f"`passes` must be between 1 and {MAX_PASSES}, got {passes}.")
         if not 0 <= seed < 2**63:

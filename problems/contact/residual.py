@@ -47,7 +47,7 @@ PROJECTION_ROUNDINGS = 8.0
 RESOLUTION = 200.0 * UNIT
 """Factor of G_hh |Λ_h| in ``Residual.rounding``."""
 
-LEAST_SQUARED, LARGEST_SQUARED = 1e-100, 1e100
+MIN_SQUARED, MAX_SQUARED = 1e-100, 1e100
 """Velocities [m/s] in this range are squared without scaling."""
 
 
@@ -194,7 +194,7 @@ def residual_under(problem: ContactProblem, model: Model) -> Residual:
 
 def _unit(scale: float) -> float:
     """Return a power of two that brings ``scale`` near 1 if squares of such numbers leave the range, else 1."""
-    if scale == 0.0 or LEAST_SQUARED <= scale <= LARGEST_SQUARED:
+    if scale == 0.0 or MIN_SQUARED <= scale <= MAX_SQUARED:
         return 1.0
     return float(np.ldexp(1.0, int(np.clip(-np.frexp(scale)[1], -1021, 1021))))
 

@@ -77,11 +77,13 @@ class Stop:
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
-            raise SolverError(f"tolerance must be positive, got {self.tolerance}.")
+            raise SolverError(f"`tolerance` must be positive, got {self.tolerance:g}; choose one such as 1e-6.")
         if not self.max_iterations >= 0:
-            raise SolverError(f"max_iterations must not be negative, got {self.max_iterations}.")
+            raise SolverError(
+                f"`max_iterations` must not be negative, got {self.max_iterations}; choose one such as 1000."
+            )
         if not self.max_seconds > 0:
-            raise SolverError(f"max_seconds must be positive, got {self.max_seconds}.")
+            raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,8 +41,8 @@ UNCOUPLED = 0.0
 FACTORS_DENSITY, MAX_MOMENTUM_DENSITY = 1.5, 10.0
 """Densities above which sweeps use the factors, and above which they have no momentum."""
 
-FEW_ROWS, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
-"""Up to ``FEW_ROWS`` rows, the second value replaces ``FACTORS_DENSITY``: the safeguard saves more than the factors."""
+MAX_SMALL_SIZE, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
+"""Rows of the largest small problem; on such problems, the second value replaces ``FACTORS_DENSITY``."""
 
 ROWS_PER_CHECK = 100
 """Rows that a sweep visits in the time of one residual check; on few rows, call overhead dominates that time."""
@@ -60,7 +60,7 @@ def select_sweeps(problem: ContactProblem) -> Sweeps:
     is_many = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and found <= MAX_MOMENTUM_DENSITY
     relaxation = FAST_RELAXATION if is_many else RELAXATION
     momentum: Momentum = FAST_MOMENTUM if is_many else 0.0
-    if found > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= FEW_ROWS else FACTORS_DENSITY):
+    if found > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= MAX_SMALL_SIZE else FACTORS_DENSITY):
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
     return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED_SWEEPS
 

@@ -55,7 +55,7 @@ class SolverFacts:
 
     @staticmethod
     def checked(
-        source: str, name: str, version: str, model: int, sides: int, masks: tuple[int, int, int]
+        source: str, name: str, version: str, model: int, sides: int, *, masks: tuple[int, int, int]
     ) -> "SolverFacts":
         """Return the facts of ``source``, with the ``masks`` forms, laws and flags.
 

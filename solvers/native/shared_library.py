@@ -88,7 +88,9 @@ class Shared(NativeSolver):
         if about.size < ctypes.sizeof(Description):
             raise SolverError(f"pb_description of {source} has size {about.size}; set size to sizeof(pb_description).")
         masks = about.forms, about.laws, about.flags
-        return SolverFacts.checked(source, text_of(about.name), text_of(about.version), about.model, about.sides, masks)
+        return SolverFacts.checked(
+            source, text_of(about.name), text_of(about.version), about.model, about.sides, masks=masks
+        )
 
     def _check_length(self) -> None:
         """Raise ``SolverError`` if the file is truncated, because loading it would kill this process."""

@@ -11,9 +11,9 @@ from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.solvers import available, create
 
-LONGEST_TEXT = 400
-LONGEST_TABLE = 3000
-LONGEST_RECORD = 2000
+MAX_TEXT_LENGTH = 400
+MAX_TABLE_LENGTH = 3000
+MAX_RECORD_LENGTH = 2000
 
 
 def plan_of_names(folder: Path) -> object:
@@ -46,9 +46,9 @@ def planned_simulation(folder: Path) -> object:
 def test_a_representation_is_short_text_and_a_small_table(make: Callable[[Path], object], finished_run: Path) -> None:
     shown = make(finished_run)
     assert repr(shown).startswith(f"<{type(shown).__name__}")
-    assert len(repr(shown)) <= LONGEST_TEXT
+    assert len(repr(shown)) <= MAX_TEXT_LENGTH
     page = shown._repr_html_()  # type: ignore[attr-defined]
-    assert len(page) <= LONGEST_TABLE
+    assert len(page) <= MAX_TABLE_LENGTH
     HTMLParser().feed(page)
 
 
@@ -64,7 +64,7 @@ def test_a_simulation_says_how_far_it_is() -> None:
 
 def test_what_a_run_stores_about_itself_is_cut_short(finished_run: Path) -> None:
     info = load(finished_run).info
-    assert len(repr(info)) <= LONGEST_RECORD
+    assert len(repr(info)) <= MAX_RECORD_LENGTH
     assert f"run_id={info.run_id!r}"[:20] in repr(info)
 
 
@@ -75,4 +75,4 @@ def test_prepared_solvers_are_short() -> None:
     problem = load_problem("woodpecker-beak-impact")
     prepared = [solver.prepare(problem) for name in available() if not (solver := create(name)).supports(problem)]
     assert len(prepared) > 20
-    assert max(len(repr(one)) for one in prepared) <= LONGEST_TEXT
+    assert max(len(repr(one)) for one in prepared) <= MAX_TEXT_LENGTH

@@ -68,7 +68,7 @@ def test_limits_are_given_by_name_and_keep_the_others(tmp_path: Path) -> None:
         memory=512,
     )
     assert made.info.plan.limits == Limits(3.0, 30.0, 512 * 2**20, 7)
-    with pytest.raises(BenchError, match="memory_bytes must be positive"):
+    with pytest.raises(BenchError, match="`memory` must be at least 1 MiB and finite, got 0 MiB"):
         run(falling(), "SORprox", results=tmp_path, memory=0)
 
 

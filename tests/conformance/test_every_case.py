@@ -22,7 +22,7 @@ from proxbench.solvers import Stop, available, create
 
 IS_FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
 
-MOST_ROWS = 400 if IS_FULL else 4
+MAX_ROWS = 400 if IS_FULL else 4
 
 ONE_BY_ONE = (
     "finite",
@@ -69,7 +69,7 @@ DAILY = {
 CASES = [
     pytest.param(name, marks=[] if name in DAILY else [pytest.mark.slow])
     for name in HARD_CASES
-    if 0 < hard_case(name).n_rows <= MOST_ROWS
+    if 0 < hard_case(name).n_rows <= MAX_ROWS
 ]
 
 

@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 MEASURED = re.compile(r"(?:≈ )?[\d.]+ (?:µs|ms|s(?= wall| per simulated second))\*?")
 ROUNDING = re.compile(r"\b\d(?:\.\d+)?e-(?:1[5-9]|[2-9]\d)\b")
-WIDEST_LINE = 96
+MAX_LINE_WIDTH = 96
 """Characters of code that fit on a page without scrolling."""
 
 
@@ -162,7 +162,7 @@ def test_examples_fit_on_the_page(page: str) -> None:
     blocks = re.findall(
         r"^```(?:python|console|toml)\n(.*?)^```$", (ROOT / page).read_text("utf-8"), re.DOTALL | re.MULTILINE
     )
-    assert [line for block in blocks for line in block.splitlines() if len(line) > WIDEST_LINE] == []
+    assert [line for block in blocks for line in block.splitlines() if len(line) > MAX_LINE_WIDTH] == []
 
 
 @pytest.mark.parametrize(

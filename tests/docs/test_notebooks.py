@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "docs" / "notebooks").glob("*.ipynb"))
-LARGEST_OUTPUT = 20_000
+MAX_OUTPUT_LENGTH = 20_000
 """Characters that a cell may show."""
 
 
@@ -40,7 +40,7 @@ def test_a_notebook_runs_from_top_to_bottom(
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {"__name__": "__main__"}
     shown = [run_cell("".join(cell["source"]), namespace) for cell in cells(notebook, "code")]
-    assert max(map(len, shown)) <= LARGEST_OUTPUT
+    assert max(map(len, shown)) <= MAX_OUTPUT_LENGTH
     assert "Traceback" not in capsys.readouterr().err
 
 

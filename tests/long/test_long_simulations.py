@@ -25,7 +25,7 @@ PERIODS = 500 if FULL else 6
 STACK_SECONDS = 60.0 if FULL else 3.0
 POURED = 1000 if FULL else 60
 
-FEW_MEGABYTES = 40 * 2**20
+MAX_ADDED_BYTES = 40 * 2**20
 """What a simulation may add to memory: its rows, and what numba and the allocator keep."""
 
 
@@ -64,7 +64,7 @@ def test_a_pile_at_rest_stays_as_it_is() -> None:
     assert rest["penetration"][-quarter:].max() <= 1.02 * rest["penetration"][:quarter].max()
     assert np.maximum.accumulate(energies)[-1] <= energies[0] * (1.0 + 1e-6)
     assert rest["kinetic_energy"].max() <= 1e-4 * abs(energies[0])
-    assert grown < FEW_MEGABYTES
+    assert grown < MAX_ADDED_BYTES
 
 
 def test_the_woodpecker_keeps_its_cycle() -> None:
@@ -83,7 +83,7 @@ def test_the_woodpecker_keeps_its_cycle() -> None:
     assert all(cycle.is_published for cycle in motion.cycles)
     assert np.abs(periods / PERIOD - 1.0).max() < 1e-6
     assert np.isfinite(toy.trajectory).all()
-    assert grown < FEW_MEGABYTES
+    assert grown < MAX_ADDED_BYTES
 
 
 @pytest.mark.skipif(not FULL, reason="needs ninety periods")
@@ -114,7 +114,7 @@ def test_a_stack_of_ten_stands(solver: str) -> None:
     assert moved < 1e-8
     assert np.abs(state.velocity).max() < 1e-8
     assert max(depths[-10:]) <= max(depths[:10]) + 1e-8
-    assert grown < FEW_MEGABYTES
+    assert grown < MAX_ADDED_BYTES
 
 
 def test_a_funnel_is_emptied_twice_alike() -> None:
@@ -134,4 +134,4 @@ def test_a_funnel_is_emptied_twice_alike() -> None:
     assert np.isfinite(energies).all()
     np.testing.assert_array_equal(first.state.position, again.state.position)
     np.testing.assert_array_equal(first.steps["kinetic_energy"], again.steps["kinetic_energy"])
-    assert grown < FEW_MEGABYTES
+    assert grown < MAX_ADDED_BYTES

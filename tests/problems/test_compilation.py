@@ -1,4 +1,4 @@
-"""A process that compiles for long says so once, and interprets the kernels that small problems need once."""
+"""Notices of long compilations, and interpreted kernels of small problems."""
 
 import os
 import subprocess
@@ -19,15 +19,16 @@ from proxbench.problems.compilation import (
     interprets_kernels,
 )
 from proxbench.problems.contact.matrices import delassus, factors
+from proxbench.problems.exchange.files.problem_file import save_problem
 
-COMPILE_THREE = """
+COMPILE_SEVERAL = """
 import numba
 from proxbench.problems import compilation
 compilation.SECONDS_BEFORE_NOTICE = {seconds}
 {before}
-for number in range(3):
+for number in range({count}):
     numba.njit(eval(f"lambda x: x + {{number}}"))(1.0)
-print(compilation.COMPILATION.kernels >= 3, compilation.COMPILATION.seconds > 0.0)
+print(compilation.COMPILATION.kernels >= {count}, compilation.COMPILATION.seconds > 0.0)
 """
 
 MAX_SWEEP_KERNELS = 3
@@ -46,10 +47,13 @@ VARIED_PROBLEMS = [
 
 
 @pytest.mark.parametrize(
-    ("seconds", "before", "notices"), [(0.0, "", 1), (1e6, "", 0), (0.0, "compilation.silence_notice()", 0)]
+    ("count", "seconds", "before", "notices"),
+    [(3, 0.0, "", 1), (3, 1e6, "", 0), (3, 0.0, "compilation.silence_notice()", 0), (1, 1e-3, "", 1)],
 )
-def test_long_compilation_is_announced_once_on_standard_error(seconds: float, before: str, notices: int) -> None:
-    code = COMPILE_THREE.format(seconds=seconds, before=before)
+def test_long_compilation_is_announced_once_on_standard_error(
+    count: int, seconds: float, before: str, notices: int
+) -> None:
+    code = COMPILE_SEVERAL.format(count=count, seconds=seconds, before=before)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.count(NOTICE) == notices
     assert done.stdout.split() == ["True", "True"]
@@ -64,6 +68,23 @@ ContactProblem.from_delassus(np.eye(6) + 1.0, -np.ones(6), 0.3)
 print(COMPILATION.kernels)
 """
     assert _run_on_an_empty_cache(code) == ["0"]
+
+
+def test_listing_compiles_nothing_and_loads_no_generated_problem(tmp_path: Path) -> None:
+    save_problem(load("hard-groove"), tmp_path / "bodies-box-sticking.npz")
+    code = f"""
+import os
+os.environ["PROXBENCH_CACHE"] = {str(tmp_path)!r}
+from contextlib import redirect_stdout
+from io import StringIO
+from proxbench.bench.cli.main import run_command
+from proxbench.problems.compilation import COMPILATION
+from proxbench.problems.exchange.catalog import is_available
+with redirect_stdout(StringIO()) as text:
+    code = run_command(["list"])
+print(code, is_available("bodies-box-sticking"), "SORprox" in text.getvalue(), COMPILATION.kernels)
+"""
+    assert _run_on_an_empty_cache(code) == ["0", "True", "True", "0"]
 
 
 def test_the_first_solve_of_a_small_problem_compiles_nothing_but_its_sweep() -> None:

@@ -6,8 +6,8 @@ from proxbench.problems import ContactProblem, Laws, Verdict, judge, load
 from proxbench.problems.contact.solver import Solution, Status
 from proxbench.problems.representation import MAX_LISTED, counted, html_table, names_or_number
 
-LONGEST_LINE = 120
-LONGEST_TABLE = 2500
+MAX_LINE_LENGTH = 120
+MAX_TABLE_LENGTH = 2500
 HOSTILE = "<script>alert(1)</script>"
 
 PROBLEM = load("funnel-100")
@@ -28,12 +28,12 @@ def test_a_representation_is_one_short_line_with_the_essential(
     shown: ContactProblem | Laws | Verdict | Solution, facts: list[str]
 ) -> None:
     text = repr(shown)
-    assert len(text) <= LONGEST_LINE
+    assert len(text) <= MAX_LINE_LENGTH
     assert "\n" not in text
     assert [fact for fact in facts if fact not in text] == []
     page = shown._repr_html_()
     assert page.startswith("<table>")
-    assert len(page) <= LONGEST_TABLE
+    assert len(page) <= MAX_TABLE_LENGTH
 
 
 def test_a_verdict_shows_all_its_numbers_with_units_in_a_notebook() -> None:

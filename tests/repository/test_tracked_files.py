@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LARGEST = 1_000_000
+MAX_FILE_BYTES = 1_000_000
 """Bytes that a tracked file may have; larger data are generated, or belong elsewhere."""
-LARGEST_RUN = 3_000_000
+MAX_RUN_BYTES = 3_000_000
 """Bytes that the bundle of a whole run may have, one file with the impulses by which it is judged again."""
 MERGE_MARKER = re.compile(r"^(?:<{7}.*|>{7}.*|={7})$", re.MULTILINE)
 
@@ -42,7 +42,7 @@ def test_no_merge_marker_is_left(tracked: list[Path]) -> None:
 
 def test_no_file_is_larger_than_a_megabyte(tracked: list[Path]) -> None:
     sizes = {str(path.relative_to(ROOT)): path.stat().st_size for path in tracked}
-    allowed = {name: LARGEST_RUN if name.endswith(".bundle") else LARGEST for name in sizes}
+    allowed = {name: MAX_RUN_BYTES if name.endswith(".bundle") else MAX_FILE_BYTES for name in sizes}
     assert {name: size for name, size in sizes.items() if size > allowed[name]} == {}
 
 

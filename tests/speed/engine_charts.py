@@ -40,7 +40,7 @@ CUBES = {
 }
 """Engine, setting and colour of each curve of the thrown cube."""
 
-LEAST_RESIDUAL = 1e-10
+MIN_RESIDUAL = 1e-10
 
 LEAST_ERROR = 1e-11
 """Smaller errors, in their units, are rounding errors; the page shows 0."""
@@ -131,7 +131,7 @@ def draw_cube(motions: pd.DataFrame) -> alt.VConcatChart:
     """Return the height of the cube over time, and below it the residual of each step in contact."""
     # a colon would be a type, and a bracket a member, in the short names of altair
     shown = motions.set_axis(["curve", "time", "height", "residual"], axis=1)
-    shown["residual"] = shown["residual"].clip(lower=LEAST_RESIDUAL)
+    shown["residual"] = shown["residual"].clip(lower=MIN_RESIDUAL)
     colours = [colour for _, _, colour in CUBES.values()]
     scale = alt.Scale(domain=list(CUBES), range=colours)
     base = alt.Chart(shown).encode(
@@ -140,10 +140,10 @@ def draw_cube(motions: pd.DataFrame) -> alt.VConcatChart:
     )
     height = alt.Y("height:Q", title="height above the floor [mm]").scale(domain=(0, 300), clamp=True)
     above = base.mark_line(strokeWidth=2).encode(y=height).properties(width=420, height=200)
-    decades = [1.0, 1e-2, 1e-4, 1e-6, 1e-8, LEAST_RESIDUAL]
+    decades = [1.0, 1e-2, 1e-4, 1e-6, 1e-8, MIN_RESIDUAL]
     residual = alt.Y("residual:Q", title="residual, Coulomb’s law").axis(values=decades, format=".0e")
     points = base.transform_filter("isValid(datum.residual)").mark_point(filled=True, size=12, opacity=1)
-    below = points.encode(y=residual.scale(type="log", domain=(LEAST_RESIDUAL, 1), nice=False))
+    below = points.encode(y=residual.scale(type="log", domain=(MIN_RESIDUAL, 1), nice=False))
     return alt.vconcat(above, below.properties(width=420, height=160))
 
 

@@ -30,10 +30,10 @@ from proxbench.solvers import Stop, create
 
 SOLVERS = ("Robust", "SORprox(relaxation=1.5)", "NSGS", "InteriorPoint", "ClarabelSOCP")
 PROBLEMS = ("hard-sticking-box", "funnel-30", "funnel-100", "pile-100", "funnel-1000")
-FEW_SOLVERS, FEW_PROBLEMS = SOLVERS[:4], PROBLEMS[:3]
+DEFAULT_SOLVERS, DEFAULT_PROBLEMS = SOLVERS[:4], PROBLEMS[:3]
 TOLERANCE = 1e-4
 
-MOST_SOLVES, MOST_SECONDS = 400, 2.0
+MAX_SOLVES, MAX_SECONDS = 400, 2.0
 """Number of successive solves of a case, and the time for them [s]."""
 
 COPIED_BYTES = 320_000_000
@@ -101,8 +101,8 @@ def successive_seconds(problem: str, solver: str) -> float:
     """Return the median time of successive solves of new copies of a problem [s]."""
     given, method, stop = load(problem), create(solver), Stop(tolerance=TOLERANCE)
     times: list[float] = []
-    end = time.perf_counter() + MOST_SECONDS
-    while len(times) < 3 or (len(times) < MOST_SOLVES and time.perf_counter() < end):
+    end = time.perf_counter() + MAX_SECONDS
+    while len(times) < 3 or (len(times) < MAX_SOLVES and time.perf_counter() < end):
         copied = given.fresh()
         began = time.perf_counter()
         method.prepare(copied).solve(stop)
@@ -186,8 +186,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=0, help="number of short runs under each load")
     parser.add_argument("--loads", nargs="+", choices=list(loads()), default=list(loads()), help="loads of these runs")
-    parser.add_argument("--problems", nargs="+", default=FEW_PROBLEMS, help="their problems")
-    parser.add_argument("--solvers", nargs="+", default=FEW_SOLVERS, help="their solvers")
+    parser.add_argument("--problems", nargs="+", default=DEFAULT_PROBLEMS, help="their problems")
+    parser.add_argument("--solvers", nargs="+", default=DEFAULT_SOLVERS, help="their solvers")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if not options.runs:

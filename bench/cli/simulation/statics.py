@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ....problems.contact.problem import ContactProblem
     from ....problems.motion.scenes.scene import Scene
 
-LEAST_PUSH = 1e-9
+MIN_PUSH = 1e-9
 """Largest push, relative to the weight, that is printed as no push."""
 
 _loads = partial(typer.Option, rich_help_panel="Loads and contacts")
@@ -113,4 +113,4 @@ def _sentence(row: dict[str, Any]) -> str:
 def _size(push: float | None) -> str:
     if push is None:
         return "any push"
-    return f"a push of up to {push:.4g} of its weight" if push > LEAST_PUSH else "no push"
+    return f"a push of up to {push:.4g} of its weight" if push > MIN_PUSH else "no push"

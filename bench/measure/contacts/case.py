@@ -83,6 +83,7 @@ class Case(LadderCase[MeasuredRound]):
         solver: SolverSpec,
         limits: Limits,
         ladder: Sequence[float],
+        *,
         problem_data: bytes,
         stored: CaseRecord | None,
         case_pass: CasePass,

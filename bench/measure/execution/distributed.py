@@ -28,7 +28,7 @@ class DistributedExecutor(RunExecutor):
     """Measure on workers only, not on the machine of this process."""
 
     def __init__(
-        self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, executor: Executor, mix: bool
+        self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, *, executor: Executor, mix: bool
     ) -> None:
         """Store the arguments; ``mix`` allows cases of several machines in one run."""
         super().__init__(solvers, store, record, on_event, mix)

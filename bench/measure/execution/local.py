@@ -90,7 +90,16 @@ class LocalExecutor(RunExecutor):
         is_warm = any(solver.starts_warm for solver in solvers)
         before = predecessors_of_run(self._store, record, problem) if is_warm else NO_PREDECESSORS
         return [
-            Case(problem, solver, plan.limits, plan.tolerances, data, known.get(solver.name), case_pass, before)
+            Case(
+                problem,
+                solver,
+                plan.limits,
+                plan.tolerances,
+                problem_data=data,
+                stored=known.get(solver.name),
+                case_pass=case_pass,
+                before=before,
+            )
             for solver in shuffled(solvers, plan.seed, case_pass.number, plan.problems.index(name))
         ]
 

@@ -80,6 +80,7 @@ def make_method(
     tolerance: float = 1e-12,
     max_iterations: int = ITERATIONS,
     given: SolverSpec | None = None,
+    *,
     start: str = DEFAULT_START,
 ) -> Method:
     """Return the method with a name.

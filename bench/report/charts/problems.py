@@ -127,7 +127,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
         panels = []
         for work in ("wall", "iterations"):
             legend = solver_legend(styles, points["solver"]) if work == "iterations" and not rows else None
-            panel = cost_panel(styles, own, f"{error}, relative", work, legend, floors.get(quantity))
+            panel = cost_panel(styles, own, f"{error}, relative", work, legend, floor=floors.get(quantity))
             panels.append(panel.properties(width=WIDTH, height=HEIGHT))
         rows.append(side_by_side(panels, spacing=40))
     notes = [*run_state(frames), _absent(frames, problem, points), motion_warning(trajectory)]
@@ -179,6 +179,7 @@ def cost_panel(
     residual: str,
     work: str,
     legend: alt.Legend | None = None,
+    *,
     floor: float | None = None,
 ) -> alt.LayerChart:
     """Return the cost over the residual, or error, of solves, more accurate to the right.

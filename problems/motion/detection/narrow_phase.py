@@ -80,7 +80,9 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     if is_general.any():
         parts.append(find_polyhedra(shapes, centres, rotations, pairs[is_general], margin))
     if is_round.any():
-        parts.append(find_round(numbers.round_shapes, numbers.packed, centres, rotations, pairs[is_round], margin))
+        parts.append(
+            find_round(numbers.round_shapes, numbers.packed, centres, rotations, pairs[is_round], margin=margin)
+        )
     if is_closed_form.any():
         parts.append(find_cylinders(numbers.round_shapes, centres, rotations, pairs[is_closed_form], margin))
     if (is_cylinder & ~is_closed_form).any():

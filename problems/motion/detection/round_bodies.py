@@ -53,6 +53,7 @@ def find_round(
     centres: FloatArray,
     rotations: FloatArray,
     pairs: IntArray,
+    *,
     margin: float,
 ) -> tuple[IntArray, FloatArray]:
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).

@@ -26,7 +26,7 @@ LENGTH = 1.0
 STEP_SIZE = 5e-4
 """Δt [s] of a fixed step."""
 
-LONGEST_STEP = 0.02
+MAX_STEP = 0.02
 """Δt_max [s] of a variable step for the motion of a few bodies."""
 
 
@@ -136,7 +136,7 @@ class Scene:
     potential_energy: Callable[[FloatArray], float] | None
     n_balls: int = 0
     depth: float | None = None
-    longest_step: float = LONGEST_STEP
+    longest_step: float = MAX_STEP
     coordinates: Mapping[str, int] = field(default_factory=dict)
     has_few_contacts: bool = False
     exact: Callable[[float], State] | None = None

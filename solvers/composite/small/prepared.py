@@ -15,9 +15,9 @@ from ....problems.arrays import FloatArray
 from ....problems.compilation import DeferredKernels
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
-from ....problems.contact.residual import LARGEST_SQUARED, LEAST_SQUARED
+from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
-from ..sweep_selection import FEW_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from ..sweep_selection import MAX_SMALL_SIZE, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
@@ -78,13 +78,13 @@ def prepare_small(
 ) -> PreparedSmall | None:
     """Return the prepared sweeps of a small problem, or None if ``Robust`` does not begin with these sweeps."""
     free = problem.free_velocity
-    if not 0 < len(free) <= FEW_ROWS or not _KERNELS.should_use():
+    if not 0 < len(free) <= MAX_SMALL_SIZE or not _KERNELS.should_use():
         return None
     laws = law_arguments(problem.laws)
     if laws is None:
         return None
     coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
-    if coupling == OTHER_SWEEPS or stuck >= 0 or not LEAST_SQUARED <= scale <= LARGEST_SQUARED:
+    if coupling == OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return None
     return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free, *laws.sweeps), prepare_by_parts)
 

@@ -19,7 +19,7 @@ from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
 from ...iteration.cores import thread_requirement, usable_cores
 from ..robust import Robust
-from ..sweep_selection import FEW_ROWS
+from ..sweep_selection import MAX_SMALL_SIZE
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
@@ -133,7 +133,7 @@ def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
     """Yield the small problems given by G, and those given by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
     for at, problem in enumerate(problems):
-        laws = law_arguments(problem.laws) if 0 < problem.n_rows <= FEW_ROWS else None
+        laws = law_arguments(problem.laws) if 0 < problem.n_rows <= MAX_SMALL_SIZE else None
         if laws is None:
             continue
         if problem.matrix is not None:

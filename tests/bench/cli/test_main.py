@@ -26,7 +26,7 @@ from proxbench.problems.motion.scenes.registry import SCENES
         ("run --solver __import__('os').getcwd()", "cannot read"),
         ("run --problem funel-30", "'funnel-30'"),
         ("run --tolerance 3", "between 0 and 1"),
-        ("run --solve-seconds -1", "solve_seconds"),
+        ("run --solve-seconds -1", "--solve-seconds must be positive"),
         ("list solvrs", "'solvers'"),
         ("list solvers SORprx", "'SORprox'"),
         ("report nowhere --residual locl", "'local'"),

@@ -45,7 +45,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --states 5", "--states is for a single simulation"),
         ("funnel --study --step-seconds 3", "--step-seconds is for a single simulation"),
         ("funnel --study --output a.json", "name a folder"),
-        ("funnel --study --case-seconds 0", "case_seconds must be positive"),
+        ("funnel --study --case-seconds 0", "--case-seconds must be positive and finite, got 0; leave it out"),
         ("funnel --study --solver SORprx", "'SORprox'"),
         ("funnel --study --start hot", "there is no start 'hot'"),
         ("funnel --solver SORprox --solver Jprox", "one solver"),

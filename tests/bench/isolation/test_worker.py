@@ -29,7 +29,15 @@ ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
 def carried_out(action: str) -> Case:
     problem = load("hard-sticking-box")
     limits = replace(LIMITS, case_seconds=ENDLESS.get(action, LIMITS.case_seconds))
-    case = Case(problem, solver_spec(Misbehaving(action)), limits, [1e-6], problem_bytes(problem), None, CasePass())
+    case = Case(
+        problem,
+        solver_spec(Misbehaving(action)),
+        limits,
+        [1e-6],
+        problem_data=problem_bytes(problem),
+        stored=None,
+        case_pass=CasePass(),
+    )
     try:
         case.begin()
         if case.is_open(0):

@@ -23,7 +23,15 @@ LADDER = (1e-2, 1e-4, 1e-6)
 def made_case(*points: Point, number: int = 0, limits: Limits | None = None, solver: str = "SORprox") -> Case:
     """Return a case without a process that has some points already."""
     stored = case_record(points=list(points)) if points else None
-    return Case(PROBLEM, solver_spec(solver), limits or Limits(), LADDER, b"", stored, CasePass(0, number))
+    return Case(
+        PROBLEM,
+        solver_spec(solver),
+        limits or Limits(),
+        LADDER,
+        problem_data=b"",
+        stored=stored,
+        case_pass=CasePass(0, number),
+    )
 
 
 def timed(seconds: float = 1e-3, count: int = 1, **changes: Any) -> TimedRound:

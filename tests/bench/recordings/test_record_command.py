@@ -76,7 +76,10 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Pa
         ("record funnel-30 --solver SORprox --output new.mp4", ".rrd"),
         ("record funnel-30 --solver SORprox --output old.rrd/new.rrd", "cannot write"),
         ("record funnel-30 --solver SORprox --output new.rrd --tolerance 0", "between 0 and 1"),
-        ("record funnel-30 --solver SORprox --output new.rrd --max-iterations -1", "max_iterations"),
+        (
+            "record funnel-30 --solver SORprox --output new.rrd --max-iterations -1",
+            "--max-iterations must not be negative, got -1",
+        ),
         ("record funnel-30 --solver SORprox --solver SORprox --output new.rrd", "more than once"),
     ],
 )

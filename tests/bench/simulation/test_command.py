@@ -41,7 +41,7 @@ LITTLE = "pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3)"
         ("pile --duration -1", "duration"),
         ("pile --solver SORprx", "'SORprox'"),
         ("pile --tolerance 2", "between 0 and 1"),
-        ("pile --max-iterations 0", "max_iterations"),
+        ("pile --max-iterations 0", "--max-iterations must be at least 1"),
         ("pile --start hot", "there is no start 'hot'; known are cold, scaled, warm, warm-then-cold"),
         ("--resume nowhere.npz", "there is no result file nowhere.npz"),
         ("--resume nowhere.npz --output there", "--output"),

@@ -18,8 +18,8 @@ Pour = Callable[..., SimulationPlan]
     [
         ({"stepper": "Moreau(step=0.0)"}, "step of Moreau must be positive"),
         ({"stepper": Moreau(float("nan"))}, "step of Moreau must be positive"),
-        ({"duration": -1.0}, "duration must be positive"),
-        ({"duration": float("inf")}, "duration must be positive and finite, got inf s"),
+        ({"duration": -1.0}, "`duration` must be positive"),
+        ({"duration": float("inf")}, "`duration` must be positive and finite, got inf"),
         ({"stepper": "Moreau(step=0.2)", "duration": 0.1}, "must not be longer than the duration"),
         ({"tolerance": 1.0}, "between 0 and 1"),
         ({"tolerance": float("nan")}, "between 0 and 1"),

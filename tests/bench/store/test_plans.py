@@ -66,8 +66,8 @@ def test_settings_may_reach_their_bounds(passes: int, seed: int) -> None:
         ({"passes": MAX_PASSES + 1}, "`passes` must be between 1 and 1000, got 1001"),
         ({"passes": 0}, "`passes` must be between"),
         ({"seed": 2**63}, "`seed` must be at least 0 and less than"),
-        ({"tolerances": [1e-2, 1.0]}, "tolerance 1.0 must be between 0 and 1"),
-        ({"tolerances": [0.0]}, "tolerance 0.0 must be between 0 and 1"),
+        ({"tolerances": [1e-2, 1.0]}, "`tolerances` must be between 0 and 1, got 1; choose"),
+        ({"tolerances": [0.0]}, "`tolerances` must be between 0 and 1, got 0; choose"),
     ],
 )
 def test_settings_beyond_their_bounds_are_refused(arguments: dict[str, Any], words: str) -> None:

@@ -48,7 +48,9 @@ def measured(solver: Honest, problem_name: str = "", ladder: Iterable[float] = L
     data, core = problem_bytes(problem.anonymous()), MeasuringCore.claim()
     record: CaseRecord | None = None
     for number in range(PASSES):
-        case = Case(problem, spec, solver.limits, tuple(ladder), data, record, CasePass(0, number))
+        case = Case(
+            problem, spec, solver.limits, tuple(ladder), problem_data=data, stored=record, case_pass=CasePass(0, number)
+        )
         measure_ladder([case], core=core)
         record = case.record()
         if record.outcome is not Outcome.MEASURED:

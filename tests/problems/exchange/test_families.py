@@ -107,5 +107,5 @@ def test_a_sample_of_a_grown_collection_keeps_most_of_its_members() -> None:
 
 
 def test_an_empty_sample_is_refused() -> None:
-    with pytest.raises(ProblemError, match="at least one problem, got 0"):
+    with pytest.raises(ProblemError, match="`sample` must be at least 1, got 0"):
         sampled(families_of({"a": 3}), 0, 1)

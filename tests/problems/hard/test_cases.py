@@ -14,7 +14,7 @@ from proxbench.solvers import Status, create, solve
 SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "Refined(ClarabelCoulomb)")
 """Pivoting, sweeps and cone programs: three ways to a solution that share nothing."""
 
-MOST_ROWS = 600 if os.environ.get("PROXBENCH_PROFILE") == "full" else 40
+MAX_ROWS = 600 if os.environ.get("PROXBENCH_PROFILE") == "full" else 40
 """Of cases to which solutions are sought."""
 
 IMMOVABLE = [name for name in HARD_CASES if name.startswith("hard-immovable")]
@@ -51,7 +51,7 @@ def last_bits(problem: ContactProblem, impulses: np.ndarray) -> float:
 def test_known_answers_are_met_by_solvers_that_know_nothing_of_them(group: str) -> None:
     sought, found = set(), set()
     for problem in map(hard_case, CASE_GROUPS[group]):
-        if problem.n_rows > MOST_ROWS:
+        if problem.n_rows > MAX_ROWS:
             continue
         sought.add(problem.name)
         tolerance = max(1e-9, *(last_bits(problem, impulses) for impulses in answer_of(problem).impulses), 0.0)

@@ -83,6 +83,7 @@ def compare_engines(
     rounds: int | None = None,
     on_run: Callable[[Measurement], None] = lambda run: None,
     measure: Measure | None = None,
+    *,
     earlier: Comparison | None = None,
 ) -> Comparison:
     """Measure each setting of the engines in each scene.

@@ -102,7 +102,7 @@ def end_walls(width: float) -> list[FixedBody]:
 
 
 def lattice(
-    count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], lowest: float
+    count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], *, lowest: float
 ) -> FloatArray:
     """Return poses of boxes on a lattice, filled from its lowest row and its middle, shape (count, 7).
 
@@ -231,7 +231,7 @@ class RotatingDrum(BoxContainer):
         def has_room(x: float, z: float) -> bool:
             return x * x + z * z < reach * reach
 
-        boxes = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, -reach)
+        boxes = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, lowest=-reach)
         angles = 2.0 * pi * np.arange(STAVES) / STAVES
         staves, twists = np.zeros((STAVES, 7)), np.zeros((STAVES, 6))
         distance = self.radius + 0.5 * self._stave.size[2]
@@ -326,7 +326,7 @@ class Hopper(BoxContainer):
         def has_room(x: float, z: float) -> bool:
             return abs(x) < half + min(z - sqrt(2.0) * room, self.height - room)
 
-        poses = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, self.edge)
+        poses = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, lowest=self.edge)
         return State(0.0, poses.ravel(), np.zeros(6 * self.n_boxes))
 
     def boxes_through(self, state: State) -> int:

@@ -97,7 +97,16 @@ def scaled(step: ContactProblem, factor: float) -> ContactProblem:
 
 def identity(steps: list[ContactProblem], solver: str) -> dict[str, object]:
     before = Predecessors(tuple(steps[:-1]))
-    return Case(steps[-1], solver_spec(solver), Limits(), [TOLERANCE], b"", None, CasePass(0, 0), before).identity()
+    return Case(
+        steps[-1],
+        solver_spec(solver),
+        Limits(),
+        [TOLERANCE],
+        problem_data=b"",
+        stored=None,
+        case_pass=CasePass(0, 0),
+        before=before,
+    ).identity()
 
 
 def test_a_finished_run_is_resumed_where_a_case_has_another_start(frames: object) -> None:

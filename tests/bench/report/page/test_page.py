@@ -302,6 +302,18 @@ def test_colours_follow_the_theme_and_paper_is_white(browser: Chromium, referenc
 
 
 @pytest.mark.slow
+def test_paper_keeps_a_heading_with_what_follows_it(browser: Chromium, reference: Path) -> None:
+    opened(browser, reference)
+    script = "[...new Set([...document.querySelectorAll('h2, h3, h4')].map(one => getComputedStyle(one).breakAfter))]"
+    browser.call("Emulation.setEmulatedMedia", media="print", features=[])
+    try:
+        assert browser.evaluate(script) == ["avoid"]
+    finally:
+        browser.call("Emulation.setEmulatedMedia", media="screen", features=[])
+    assert browser.evaluate(script) == ["auto"]
+
+
+@pytest.mark.slow
 def test_a_narrow_window_shows_a_cue_where_columns_are_out_of_sight(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     cut = "new Promise((done) => setTimeout(done, 300)).then(() => document.querySelectorAll('.frame.cut').length)"

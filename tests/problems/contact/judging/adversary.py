@@ -29,7 +29,7 @@ TOLERANCE = 1e-2
 IMPULSES = 50
 """Trials on one problem."""
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 """Rows of the problems of the library that take part."""
 
 
@@ -79,7 +79,7 @@ def small_problems() -> list[tuple[ContactProblem, np.ndarray]]:
     problems = []
     for name in suite_members("hard") + suite_members("woodpecker"):
         problem = load(name)
-        if 0 < problem.n_rows <= MOST_ROWS:
+        if 0 < problem.n_rows <= MAX_ROWS:
             known = () if problem.answer is None else problem.answer.impulses
             problems.append((problem, known[0] if known else np.zeros(problem.n_rows)))
     return problems
