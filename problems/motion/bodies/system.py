@@ -384,11 +384,7 @@ class MechanicalSystem:
 
 
 def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values`` if they have the required shape and no NaN.
-
-    Raises:
-        ProblemError: if they do not; ``why`` explains the shape.
-    """
+    """Return ``values``, or raise ``ProblemError`` if they have another shape or NaN; ``why`` explains the shape."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
     if np.isnan(values).any():
