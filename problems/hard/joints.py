@@ -45,26 +45,25 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     restrict the motion, so G loses a rank. With the velocities J per angular velocity ω of the cranks, at ``angle``
     [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
     """
-    end = np.array([np.cos(angle), np.sin(angle)])
-    turn = np.array([-end[1], end[0]])
+    tangent = np.array([-np.sin(angle), np.cos(angle)])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
     directions, motion = np.zeros((n_dofs, 4 * cranks)), np.tile([0.0, -WEIGHT, 0.0], cranks + 1)
     along = np.zeros(n_dofs)
-    places = np.linspace(-0.5, 0.5, cranks)  # pins on the coupler, relative to its centre of mass
+    pin_offsets = np.linspace(-0.5, 0.5, cranks)  # along the coupler from its centre of mass
     for crank in range(cranks):
         own, pins = 3 * crank, 4 * crank
         for axis in (0, 1):
             directions[own + axis, pins + axis] = 1.0
-            directions[own + 2, pins + axis] = -0.5 * turn[axis]
+            directions[own + 2, pins + axis] = -0.5 * tangent[axis]
             directions[own + axis, pins + 2 + axis] = 1.0
-            directions[own + 2, pins + 2 + axis] = 0.5 * turn[axis]
+            directions[own + 2, pins + 2 + axis] = 0.5 * tangent[axis]
             directions[coupler + axis, pins + 2 + axis] = -1.0
-        directions[coupler + 2, pins + 3] = -places[crank]
-        along[own : own + 3] = 0.5 * turn[0], 0.5 * turn[1], 1.0
-    along[coupler : coupler + 2] = turn
+        directions[coupler + 2, pins + 3] = -pin_offsets[crank]
+        along[own : own + 3] = 0.5 * tangent[0], 0.5 * tangent[1], 1.0
+    along[coupler : coupler + 2] = tangent
     mass = np.tile([1.0, 1.0, 1.0 / 12.0], cranks + 1)
-    moved = along * (along @ (mass * motion) / (along @ (mass * along)))
-    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (moved - motion)))
+    velocity = along * (along @ (mass * motion) / (along @ (mass * along)))
+    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (velocity - motion)))
 
 
 def pendulum(copies: int) -> ContactProblem:
@@ -74,8 +73,8 @@ def pendulum(copies: int) -> ContactProblem:
     """
     pin = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -0.5]])
     directions, mass = np.tile(pin, copies), np.array([1.0, 1.0, 1.0 / 12.0])
-    motion, moved = np.array([0.0, -WEIGHT, 0.0]), WEIGHT * np.array([0.0, -0.75, -1.5])
-    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (moved - motion)))
+    motion, velocity = np.array([0.0, -WEIGHT, 0.0]), WEIGHT * np.array([0.0, -0.75, -1.5])
+    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (velocity - motion)))
 
 
 def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: float = 0.02) -> ContactProblem:
@@ -93,13 +92,15 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     directions[n, n + 1], directions[n + 2, n + 1], directions[n + 2, n + 2] = 1.0, -radius, 1.0  # T, R
     motion = np.zeros(n + 3)
     motion[0], motion[n + 1] = pull / mass, -WEIGHT
-    towed = 2.0  # line and wheel move as one body of 2 kg
-    reduced = np.array([[1.0 / towed + radius**2 / inertia, -radius / inertia], [-radius / inertia, 1.0 / inertia]])
+    total_mass = 2.0  # line and wheel move as one body
+    delassus = np.array(
+        [[1.0 / total_mass + radius**2 / inertia, -radius / inertia], [-radius / inertia, 1.0 / inertia]]
+    )
     bounds = WEIGHT * np.array([friction, rolling_friction])
-    held = box_friction_impulses(reduced, np.array([pull / towed, 0.0]), bounds)
-    speed = (pull + held[0]) / towed
-    behind = 1.0 - mass * np.arange(1, n + 1) + 1.0  # mass behind each joint
-    impulses = np.concatenate([held[0] - behind * speed, [WEIGHT], held])
+    friction_impulses = box_friction_impulses(delassus, np.array([pull / total_mass, 0.0]), bounds)
+    speed = (pull + friction_impulses[0]) / total_mass
+    mass_behind = 1.0 - mass * np.arange(1, n + 1) + 1.0  # of each joint: the rest of the line, and the wheel
+    impulses = np.concatenate([friction_impulses[0] - mass_behind * speed, [WEIGHT], friction_impulses])
     laws = Laws.together([Laws.joints(n), Laws.contacts(np.array([friction]), 2, 1).with_rolling(rolling_friction, 1)])
     inverse_mass = np.append(np.full(n, 1.0 / mass), [1.0, 1.0, 1.0 / inertia])
     velocity = directions.T @ (inverse_mass * (directions @ impulses) + motion)

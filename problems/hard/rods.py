@@ -27,7 +27,8 @@ def _slip(c: FloatArray, friction: float, direction: float) -> FloatArray:
     return np.array([normal, direction * friction * normal])
 
 
-def _in_state(state: str, c: FloatArray, friction: float) -> FloatArray:
+def _impulses_in_state(state: str, c: FloatArray, friction: float) -> FloatArray:
+    """Return Λ of a rod of mass 1 in one of the states of ``rod``."""
     if state == "open":
         return np.zeros(2)
     if state == "stick":
@@ -44,9 +45,9 @@ def rod(c: tuple[float, float], friction: float, states: tuple[str, ...], mass: 
     """
     free = np.array(c)
     compliance = min(abs(ROD[0, 0] + sign * friction * ROD[0, 1]) for sign in (1.0, -1.0)) / ROD[0, 0]
-    unscaled = tuple(_in_state(state, free, friction) for state in states)
+    unscaled = tuple(_impulses_in_state(state, free, friction) for state in states)
     velocity = ROD @ unscaled[0] + free if len(unscaled) == 1 else None
-    sensitivity = 100.0 * (1.0 + friction) / max(compliance, 0.1) if "slip+" not in states else 100.0 / compliance
+    sensitivity = 100.0 / compliance if "slip+" in states else 100.0 * (1.0 + friction) / max(compliance, 0.1)
     impulses = tuple(mass * known for known in unscaled)
     answer = Answer(impulses=impulses, velocity=velocity, sensitivity=sensitivity)
     return ContactProblem.from_delassus(ROD / mass, free, friction, dim=2, answer=answer)
@@ -91,12 +92,12 @@ def opening_rods(n: int) -> ContactProblem:
 
 def undecided_rods(masses: tuple[float, ...]) -> ContactProblem:
     """Return uncoupled rods of ``masses``, each with three solutions at μ = 2; every combination is a solution."""
-    rods = [leaving_rod(2.0, mass) for mass in masses]
-    answers = [rod.answer for rod in rods if rod.answer is not None]
+    problems = [leaving_rod(2.0, mass) for mass in masses]
+    answers = [problem.answer for problem in problems if problem.answer is not None]
     answer = Answer(
         impulses=tuple(np.concatenate(chosen) for chosen in product(*(known.impulses for known in answers))),
         sensitivity=max(known.sensitivity for known in answers),
     )
-    matrix = sp.block_diag([rod.delassus() for rod in rods], format="csr")
-    c = np.concatenate([rod.free_velocity for rod in rods])
+    matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
+    c = np.concatenate([problem.free_velocity for problem in problems])
     return ContactProblem.from_delassus(matrix, c, 2.0, dim=2, answer=answer)

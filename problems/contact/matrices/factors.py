@@ -80,7 +80,11 @@ class InverseMass:
 
     @cached_property
     def root_diagonal(self) -> FloatArray:
-        """The diagonal of S, shape (n_dofs,), if M⁻¹ is diagonal."""
+        """The diagonal of S, shape (n_dofs,), if M⁻¹ is diagonal.
+
+        Raises:
+            ProblemError: if an entry of M⁻¹ is not positive.
+        """
         diagonal = self.matrix.data
         if (diagonal <= 0).any():
             dof = int(np.argmax(diagonal <= 0))
@@ -90,7 +94,11 @@ class InverseMass:
 
     @cached_property
     def root(self) -> sp.csr_array[Any]:
-        """S with M⁻¹ = S Sᵀ and the blocks of M⁻¹, shape (n_dofs, n_dofs)."""
+        """S with M⁻¹ = S Sᵀ and the blocks of M⁻¹, shape (n_dofs, n_dofs).
+
+        Raises:
+            ProblemError: if M⁻¹ is not positive definite.
+        """
         if not self.is_diagonal:
             return block_cholesky(self.matrix)
         return with_entries(self.matrix, self.root_diagonal, self.matrix.indices, self.matrix.indptr)
@@ -106,7 +114,7 @@ class InverseMass:
         return product
 
     def fresh(self) -> "InverseMass":
-        """Return a copy that shares no memory with this object; it has the root, as every object that was checked."""
+        """Return a copy that shares no memory with this object; it also copies the root, if there is one."""
         copy = InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
         copy.__dict__["is_diagonal"] = self.is_diagonal
         if self.is_diagonal:
@@ -116,7 +124,7 @@ class InverseMass:
         return copy
 
     def root_blocks(self, length: int) -> FloatArray | None:
-        """Return S in diagonal blocks of ``length``, as ``Pieces.scaled`` takes them; None if it has other entries."""
+        """Return S in diagonal blocks of ``length``, for ``Pieces.scaled``; None if it has other entries."""
         if length not in self._root_blocks:
             self._root_blocks[length] = self._cut_root(length)
         return self._root_blocks[length]
@@ -209,7 +217,7 @@ class Factors:
             values = directions.data * inverse.root_diagonal[directions.indices]
             return with_entries(directions, values, directions.indices, directions.indptr)
         root = inverse.root.indptr, inverse.root.indices, inverse.root.data
-        entries = _scale(*root, directions.indptr, directions.indices, directions.data)
+        entries = _multiply_by_root(*root, directions.indptr, directions.indices, directions.data)
         read_only(*entries)
         return with_entries(directions, *entries)
 
@@ -255,29 +263,29 @@ def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
 
 
 def _count_products(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
-    """Return the number of products that ``_scale`` sums."""
+    """Return the number of products that ``_multiply_by_root`` sums."""
     return int(np.diff(root_indptr)[indices].sum())
 
 
 @partial(interpretable, count=_count_products)
 @njit(cache=True)
-def _scale(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
+def _multiply_by_root(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
     """Return entries, ascending rows and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""
     n_dofs, n_columns = len(root_indptr) - 1, len(indptr) - 1
-    room = 0
+    capacity = 0
     for p in range(len(indices)):
-        room += root_indptr[indices[p] + 1] - root_indptr[indices[p]]
-    values, rows = np.empty(room), np.empty(room, dtype=np.int32)
+        capacity += root_indptr[indices[p] + 1] - root_indptr[indices[p]]
+    values, rows = np.empty(capacity), np.empty(capacity, dtype=np.int32)
     starts = np.zeros(n_columns + 1, dtype=np.int32)
-    sums, last, touched = np.zeros(n_dofs), np.full(n_dofs, -1, dtype=np.int64), np.empty(n_dofs, dtype=np.int64)
+    sums, last_column, touched = np.zeros(n_dofs), np.full(n_dofs, -1, dtype=np.int64), np.empty(n_dofs, dtype=np.int64)
     end = 0
     for column in range(n_columns):
         count = 0
         for p in range(indptr[column], indptr[column + 1]):
             for q in range(root_indptr[indices[p]], root_indptr[indices[p] + 1]):
                 row = root_indices[q]
-                if last[row] != column:
-                    last[row], sums[row], k = column, 0.0, count
+                if last_column[row] != column:
+                    last_column[row], sums[row], k = column, 0.0, count
                     while k > 0 and touched[k - 1] > row:
                         touched[k] = touched[k - 1]
                         k -= 1

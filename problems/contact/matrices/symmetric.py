@@ -27,20 +27,24 @@ NEGATIVE_TOLERANCE = 1e-9
 LANCZOS_STEPS = 16
 """Number of steps of Lanczos' method in the search for a negative eigenvalue."""
 
-DENSE_ROWS = 64
+MAX_DENSE_ROWS = 64
 """Largest number of rows for which all eigenvalues are computed instead."""
 
-EXHAUSTED = 1e-12
+BREAKDOWN_TOLERANCE = 1e-12
 """Lanczos' method ends if the norm of a new vector is below this fraction of the largest Ritz value."""
 
 
 def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
-    """Return G as a canonical read-only CSR array, or raise ``ProblemError``.
+    """Return G as a canonical read-only CSR array.
 
     Args:
         given: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
         n_rows: number of rows of the problem.
         allow_asymmetric: whether G may be any matrix without negative diagonal entries.
+
+    Raises:
+        IndefiniteError: if a diagonal entry, a 2×2 minor or an eigenvalue is negative beyond rounding.
+        ProblemError: if G has another shape, contains numbers that are not finite, or is not symmetric.
     """
     source = as_matrix(given, "G")
     is_single = source.dtype == np.float32
@@ -57,9 +61,10 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
         read_only(matrix.data, matrix.indices, matrix.indptr)
     tolerance = SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE
     dense = None
-    if n_rows <= DENSE_ROWS:
+    if n_rows <= MAX_DENSE_ROWS:
         dense = matrix.toarray() if is_single or sp.issparse(source) else source.astype(np.float64)
-    if not (_is_sound_sparse(matrix, tolerance) if dense is None else _is_sound(dense, tolerance)):
+    is_sound = _is_sound_sparse(matrix, tolerance) if dense is None else _is_sound_dense(dense, tolerance)
+    if not is_sound:  # the checks of each property find the entry to report
         _check_diagonal(matrix)
         _check_symmetry(matrix, SYMMETRY_TOLERANCE)
         _check_minors(matrix, tolerance)
@@ -73,8 +78,10 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
 def _is_sound_sparse(matrix: sp.csr_array[Any], tolerance: float) -> bool:
     """Whether no diagonal entry is negative, G is symmetric, and no 2×2 minor is negative, within tolerances."""
     diagonal = diagonal_of(matrix)
-    if not len(diagonal) or diagonal.min() < 0.0:
-        return not len(diagonal)
+    if not len(diagonal):
+        return True
+    if diagonal.min() < 0.0:
+        return False
     arrays = matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal), diagonal.max()
     return bool(_has_sound_pairs(*arrays, SYMMETRY_TOLERANCE, tolerance))
 
@@ -96,7 +103,7 @@ def _check_symmetry(matrix: sp.csr_array[Any], tolerance: float) -> None:
 
 
 def _check_minors(matrix: sp.csr_array[Any], tolerance: float) -> None:
-    """Raise ``ProblemError`` if a 2×2 minor g_ii g_jj − g_ij² shows that a symmetric G is indefinite."""
+    """Raise ``IndefiniteError`` if a 2×2 minor g_ii g_jj − g_ij² shows that a symmetric G is indefinite."""
     diagonal = diagonal_of(matrix)
     excess, row, column = _largest_excess(matrix.indptr, matrix.indices, matrix.data, np.sqrt(diagonal))
     if excess > tolerance * diagonal.max(initial=0.0):
@@ -108,7 +115,7 @@ def _check_minors(matrix: sp.csr_array[Any], tolerance: float) -> None:
 
 
 def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
-    """Raise ``ProblemError`` if ascending eigenvalues or Ritz values of G are negative beyond rounding.
+    """Raise ``IndefiniteError`` if ascending eigenvalues or Ritz values of G are negative beyond rounding.
 
     A Ritz value bounds the smallest eigenvalue from above, so an indefinite matrix may pass.
     """
@@ -125,21 +132,21 @@ def _ritz_values(matrix: sp.csr_array[Any]) -> FloatArray:
     Without reorthogonalisation, Ritz values still lie within the range of the eigenvalues (Paige 1976).
     """
     vector, projected = np.random.default_rng(0).normal(size=matrix.shape[0]), np.zeros((LANCZOS_STEPS, LANCZOS_STEPS))
-    steps = _project(matrix.indptr, matrix.indices, matrix.data, vector, projected)
+    steps = _tridiagonalise(matrix.indptr, matrix.indices, matrix.data, vector, projected)
     return np.asarray(np.linalg.eigvalsh(projected[:steps, :steps]), dtype=np.float64)
 
 
-def _is_sound(matrix: FloatArray, negative: float) -> bool:
+def _is_sound_dense(matrix: FloatArray, tolerance: float) -> bool:
     """Whether a dense G is symmetric, without negative diagonal entries or 2×2 minors, within tolerances."""
     diagonal = matrix.diagonal()
     if (diagonal < 0.0).any():
         return False
-    size, root = np.abs(matrix), np.sqrt(diagonal)
-    excess = size - root[:, None] * root
-    if (excess > negative * diagonal.max(initial=0.0)).any():
+    sizes, root = np.abs(matrix), np.sqrt(diagonal)
+    excess = sizes - root[:, None] * root
+    if (excess > tolerance * diagonal.max(initial=0.0)).any():
         return False
     difference = matrix - matrix.T
-    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * size.max())
+    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * sizes.max())
 
 
 def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:
@@ -157,15 +164,15 @@ def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyped-def]
+def _tridiagonalise(indptr, indices, data, vector, projected):  # type: ignore[no-untyped-def]
     """Write the tridiagonal Qᵀ G Q for the Lanczos basis Q from ``vector``; return the number of steps.
 
     ``vector`` is overwritten.
     """
-    before, product = np.zeros_like(vector), np.empty_like(vector)
+    previous, product = np.zeros_like(vector), np.empty_like(vector)
     length, coupling, largest = np.sqrt((vector * vector).sum()), 0.0, 0.0
     for step in range(len(projected)):
-        if length <= EXHAUSTED * largest:
+        if length <= BREAKDOWN_TOLERANCE * largest:
             return step
         if step > 0:
             projected[step, step - 1] = projected[step - 1, step] = coupling = length
@@ -181,21 +188,21 @@ def _project(indptr, indices, data, vector, projected):  # type: ignore[no-untyp
         largest = max(largest, max(abs(ritz), coupling))
         squared = 0.0
         for k in range(len(vector)):
-            after = product[k] - ritz * vector[k] - coupling * before[k]
-            before[k], vector[k] = vector[k], after
-            squared += after * after
+            following = product[k] - ritz * vector[k] - coupling * previous[k]
+            previous[k], vector[k] = vector[k], following
+            squared += following * following
         length = np.sqrt(squared)
     return len(projected)
 
 
 @njit(cache=True)
-def _has_sound_pairs(indptr, indices, data, root, most, symmetry, negative):  # type: ignore[no-untyped-def]
+def _has_sound_pairs(indptr, indices, data, root, largest_diagonal, symmetry_tolerance, negative_tolerance):  # type: ignore[no-untyped-def]
     """Whether each entry below the diagonal has an equal one above it, and neither exceeds √g_ii √g_jj.
 
     ``ahead`` is the next entry of each row to the right of the diagonal. A false result may be due to stored zeros; the
     caller must check it.
     """
-    n_below, n_above, largest, difference, excess = 0, 0, most, 0.0, 0.0
+    n_below, n_above, largest, difference, excess = 0, 0, largest_diagonal, 0.0, 0.0
     ahead = indptr[:-1].copy()
     for row in range(len(root)):
         p, end = indptr[row], indptr[row + 1]
@@ -213,10 +220,12 @@ def _has_sound_pairs(indptr, indices, data, root, most, symmetry, negative):  # 
             excess = max(excess, size - root[row] * root[column])
             p += 1
         n_below += p - first
-        p += p < end and indices[p] == row
+        if p < end and indices[p] == row:
+            p += 1
         ahead[row] = p
         n_above += end - p
-    return n_below == n_above and difference <= symmetry * largest and excess <= negative * most
+    is_symmetric = n_below == n_above and difference <= symmetry_tolerance * largest
+    return is_symmetric and excess <= negative_tolerance * largest_diagonal
 
 
 @njit(cache=True)

@@ -96,7 +96,8 @@ class Group:
         Raises:
             ContainerError: in the same cases as ``floats``.
         """
-        types, expected = self._h5py.h5t, "integers of 32 or 64 bits"
+        types = self._h5py.h5t
+        expected = "integers of 32 or 64 bits"
         if self._dataset(name).get_type().get_size() == 4:
             return self._read_vector(name, (types.STD_I32LE, types.STD_I32BE), np.dtype(np.int32), expected)
         return self._read_vector(name, (types.STD_I64LE, types.STD_I64BE), np.dtype(np.int64), expected)
@@ -135,21 +136,27 @@ class Group:
         return "".join(character for character in " ".join(words)[:MAX_TEXT_LENGTH] if character.isprintable())
 
     def is_set(self, name: str) -> bool:
-        """Return whether an attribute or a data set of this name has a nonzero value; False if there is neither."""
-        attributes = self._h5py.h5a
-        if attributes.exists(self._id, name.encode()):
-            value = self._h5py.Group(self._id).attrs[name]
-            return bool(np.any(value))
+        """Whether an attribute or a data set of this name has a nonzero value; False if there is neither.
+
+        Raises:
+            ContainerError: if the data set is not a single integer.
+        """
+        if self._h5py.h5a.exists(self._id, name.encode()):
+            return bool(np.any(self._h5py.Group(self._id).attrs[name]))
         return name in self and self.integer(name) != 0
 
     def is_written(self, name: str) -> bool:
-        """Return whether the data set exists and has data; libraries may reserve data sets that they never write."""
+        """Whether the data set exists and has data; libraries may reserve data sets that they never write.
+
+        Raises:
+            ContainerError: if the data set is a link, or keeps its data outside the file, in chunks or compressed.
+        """
         return name in self and self._has_data(self._dataset(name), name)
 
     def _member(self, name: str) -> Any:
-        label = name.encode()
         if name not in self:
             raise ContainerError(f"{self.path}/{name} is missing")
+        label = name.encode()
         if self._id.links.get_info(label).type != self._h5py.h5l.TYPE_HARD:
             raise ContainerError(f"{self.path}/{name} is a link, and links are not followed; copy its target")
         return self._h5py.h5o.open(self._id, label)
@@ -179,25 +186,27 @@ class Group:
         return array
 
     def _has_data(self, data: Any, name: str) -> bool:
-        """Return whether a data set was written, so that all its bytes are in the file.
+        """Whether a data set was written, so that all its bytes are in the file.
 
         Raises:
             ContainerError: if its data are in other files, chunked or compressed, or smaller than their declared size.
         """
-        layouts, plist = self._h5py.h5d, data.get_create_plist()
+        layouts, properties = self._h5py.h5d, data.get_create_plist()
+        layout = properties.get_layout()
         where = f"{self.path}/{name}"
-        if plist.get_layout() == layouts.VIRTUAL or plist.get_external_count():
+        if layout == layouts.VIRTUAL or properties.get_external_count():
             raise ContainerError(f"{where} keeps its data in other files, which are not read; copy them into this one")
-        if plist.get_layout() not in (layouts.CONTIGUOUS, layouts.COMPACT) or plist.get_nfilters():
+        if layout not in (layouts.CONTIGUOUS, layouts.COMPACT) or properties.get_nfilters():
             raise ContainerError(f"{where} is chunked or compressed, and FCLIB files are not; {REPACK_REMEDY}")
-        if plist.get_layout() == layouts.COMPACT:
+        if layout == layouts.COMPACT:
             return True
         offset, stored_size, data_type = data.get_offset(), data.get_storage_size(), data.get_type()
         if offset is None:
             return False
-        is_reference = isinstance(data_type, self._h5py.h5t.TypeStringID) and data_type.is_variable_str()
         n_entries = data.get_space().get_simple_extent_npoints()
-        declared_size = stored_size if is_reference else n_entries * data_type.get_size()
+        declared_size = n_entries * data_type.get_size()
+        if isinstance(data_type, self._h5py.h5t.TypeStringID) and data_type.is_variable_str():
+            declared_size = stored_size  # the data set holds references to the heap, whose size differs from the type's
         if declared_size != stored_size or offset + stored_size > self._file_size:
             raise ContainerError(f"{where} is larger than the file; the file is truncated or damaged")
         return True

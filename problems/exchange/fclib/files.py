@@ -89,10 +89,11 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise ProblemError(f"FCLIB files end in {SUFFIXES[0]}, and {path} does not; name it {path.stem}{SUFFIXES[0]}.")
-    known = None if problem.answer is None else problem.answer.witness
+    if impulses is None and problem.answer is not None:
+        impulses = problem.answer.witness
     contents = contents_of(problem)
-    solution = _solution(problem, contents, known if impulses is None else impulses)
-    write_whole(path, _packed(stored_contents(contents) | solution))
+    solution = _solution(problem, contents, impulses)
+    write_whole(path, _hdf5_content(stored_contents(contents) | solution))
 
 
 def _solution(
@@ -113,7 +114,7 @@ def _solution(
     return solution
 
 
-def _packed(data: dict[str, NDArray[np.generic] | bytes]) -> bytes:
+def _hdf5_content(data: dict[str, NDArray[np.generic] | bytes]) -> bytes:
     """Return the content of an HDF5 file that all versions of the library read; texts are null-terminated."""
     import h5py
 

@@ -44,14 +44,13 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
         values, rows, columns = parts
         _check_range(rows, shape[0], group, "i")
         _check_range(columns, shape[1], group, "p")
-        matrix = sp.csc_array(sp.coo_array((values, (_short(rows), _short(columns))), shape=shape))
+        matrix = sp.csc_array(sp.coo_array((values, (_in_32_bits(rows), _in_32_bits(columns))), shape=shape))
     elif kind in (COLUMNS, ROWS):
-        across, along = shape if kind == COLUMNS else shape[::-1]
-        _check_pointers(pointers, along, min(len(indices), len(values)), group)
+        n_minor, n_major = shape if kind == COLUMNS else shape[::-1]
+        _check_pointers(pointers, n_major, min(len(indices), len(values)), group)
         indices, values = indices[: pointers[-1]], values[: pointers[-1]]
-        _check_range(indices, across, group, "i")
-        make: Any = sp.csc_array if kind == COLUMNS else sp.csr_array
-        matrix = make((values, _short(indices), _short(pointers)), shape=shape)
+        _check_range(indices, n_minor, group, "i")
+        matrix = _compressed_class(kind)((values, _in_32_bits(indices), _in_32_bits(pointers)), shape=shape)
         matrix.sum_duplicates()
     else:
         raise ContainerError(f"{group.path}/nz = {kind} is not a storage format; it must be -2, -1, or 0 or more")
@@ -64,11 +63,15 @@ def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> d
         entries = sp.csc_array(matrix).tocoo()
         indices, pointers, values, nz = entries.row, entries.col, entries.data, entries.nnz
     else:
-        compressed: Any = (sp.csc_array if kind == COLUMNS else sp.csr_array)(matrix)
+        compressed = _compressed_class(kind)(matrix)
         indices, pointers, values, nz = compressed.indices, compressed.indptr, compressed.data, kind
     numbers = {"nzmax": len(values), "m": matrix.shape[0], "n": matrix.shape[1], "nz": nz}
     scalars = {name: np.array([number], dtype=np.int32) for name, number in numbers.items()}
     return {**scalars, "p": pointers.astype(np.int32), "i": indices.astype(np.int32), "x": values}
+
+
+def _compressed_class(kind: int) -> Any:
+    return sp.csc_array if kind == COLUMNS else sp.csr_array
 
 
 def _first(array: NDArray[Any], count: int, group: Group, name: str) -> NDArray[Any]:
@@ -78,19 +81,19 @@ def _first(array: NDArray[Any], count: int, group: Group, name: str) -> NDArray[
 
 
 def _check_range(indices: Integers, size: int, group: Group, name: str) -> None:
-    if len(indices) and not (indices.min() >= 0 and indices.max() < size):
-        wrong = indices[(indices < 0) | (indices >= size)][0]
-        raise ContainerError(f"{group.path}/{name} has the index {wrong}, which must be from 0 to {size - 1}")
+    if len(indices) and (indices.min() < 0 or indices.max() >= size):
+        invalid = indices[(indices < 0) | (indices >= size)][0]
+        raise ContainerError(f"{group.path}/{name} has the index {invalid}, which must be from 0 to {size - 1}")
 
 
-def _check_pointers(pointers: Integers, along: int, entries: int, group: Group) -> None:
-    if len(pointers) != along + 1:
-        raise ContainerError(f"{group.path}/p must have {along + 1} entries, got {len(pointers)}")
-    if pointers[0] != 0 or (np.diff(pointers) < 0).any() or pointers[-1] > entries:
-        raise ContainerError(f"{group.path}/p must rise from 0 to at most the {entries} entries of i and x")
+def _check_pointers(pointers: Integers, n_major: int, n_entries: int, group: Group) -> None:
+    if len(pointers) != n_major + 1:
+        raise ContainerError(f"{group.path}/p must have {n_major + 1} entries, got {len(pointers)}")
+    if pointers[0] != 0 or (np.diff(pointers) < 0).any() or pointers[-1] > n_entries:
+        raise ContainerError(f"{group.path}/p must rise from 0 to at most the {n_entries} entries of i and x")
 
 
-def _short(indices: Integers) -> NDArray[np.int32]:
+def _in_32_bits(indices: Integers) -> NDArray[np.int32]:
     return indices.astype(np.int32, copy=False)
 
 

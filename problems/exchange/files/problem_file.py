@@ -41,7 +41,7 @@ SUFFIXES = (SUFFIX, JSON_SUFFIX)
 REWRITE_REMEDY = "create it again with proxbench generate, save_problem, or numpy.savez of G, c and mu"
 """Remedy for a file that is not a problem."""
 
-_OF_LAWS = [field.name for field in fields(Laws)]
+_LAW_FIELDS = [field.name for field in fields(Laws)]
 
 
 def save_problem(problem: ContactProblem, path: Path | str) -> None:
@@ -157,7 +157,7 @@ def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArr
     }
     arrays: dict[str, Any] = {
         "c": problem.free_velocity,
-        **{key: _short(getattr(problem.laws, key)) for key in _OF_LAWS},
+        **{key: _with_short_indices(getattr(problem.laws, key)) for key in _LAW_FIELDS},
     }
     if problem.factors is not None:
         arrays |= _compressed("W", problem.factors.force_directions)
@@ -169,10 +169,13 @@ def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArr
     else:
         arrays |= _compressed("G", problem.delassus())
     if problem.engine is not None:
-        arrays |= {label: _short(array) for label, array in problem.engine.numbers().items()}
+        arrays |= {label: _with_short_indices(array) for label, array in problem.engine.numbers().items()}
     known = {} if problem.answer is None else vars(problem.answer)
-    is_known = {key: value is not None and (key != "impulses" or value) for key, value in known.items()}
-    return about, arrays | {f"answer.{key}": np.array(value) for key, value in known.items() if is_known[key]}
+    for key, value in known.items():
+        if value is None or (key == "impulses" and not value):
+            continue
+        arrays[f"answer.{key}"] = np.array(value)
+    return about, arrays
 
 
 def _format_of(problem: ContactProblem) -> int:
@@ -182,47 +185,49 @@ def _format_of(problem: ContactProblem) -> int:
     return CONTACTS_ONLY if problem.layout.has_contacts_only else ALL_LAWS
 
 
-def _short(array: NDArray[Any]) -> NDArray[Any]:
+def _with_short_indices(array: NDArray[Any]) -> NDArray[Any]:
     """Return indices in 32 bits, and any other numbers as they are."""
     return array.astype(np.int32) if array.dtype == np.int64 else array
 
 
 def _compressed(label: str, matrix: Any) -> dict[str, Any]:
     """Return the arrays of a CSR or CSC matrix, with 32-bit indices; the digest does not depend on their type."""
-    return {name: _short(array) for name, array in compressed_arrays(label, matrix).items()}
+    return {name: _with_short_indices(array) for name, array in compressed_arrays(label, matrix).items()}
 
 
-def _problem(about: dict[str, Any], content: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
+def _problem(about: dict[str, Any], arrays: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
+    """Return the problem with a description and arrays, and the digest that the description states."""
     if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
         raise ValueError("'about' has no name or no provenance")
     if about["format"] not in (CONTACTS_ONLY, ALL_LAWS, FORMAT):
         raise ProblemError(f"{name} has format {about['format']}, but this version reads formats up to {FORMAT}.")
-    laws = Laws(*(content[key] for key in _OF_LAWS))
+    laws = Laws(*(arrays[key] for key in _LAW_FIELDS))
     attributes = {
         "name": about["name"],
         "provenance": about["provenance"],
-        "answer": _answer(content),
+        "answer": _answer(arrays),
         "allow_asymmetric": about["allow_asymmetric"],
         "keys": tuple(map(str, about.get("keys", ()))),
-        "engine": EngineModel.of_numbers(str(about["engine"]), content) if "engine" in about else None,
+        "engine": EngineModel.of_numbers(str(about["engine"]), arrays) if "engine" in about else None,
     }
-    if "G.data" in content:
-        matrix = compressed_matrix(sp.csr_array, content, "G")
-        return ContactProblem(content["c"], laws, matrix=matrix, **attributes), about["digest"]
-    directions = compressed_matrix(sp.csc_array, content, "W")
-    inverse = InverseMass.create(compressed_matrix(sp.csr_array, content, "Minv"))
-    if "M.data" in content:
-        mass = compressed_matrix(sp.csr_array, content, "M")
+    if "G.data" in arrays:
+        matrix = compressed_matrix(sp.csr_array, arrays, "G")
+        return ContactProblem(arrays["c"], laws, matrix=matrix, **attributes), about["digest"]
+    directions = compressed_matrix(sp.csc_array, arrays, "W")
+    inverse = InverseMass.create(compressed_matrix(sp.csr_array, arrays, "Minv"))
+    if "M.data" in arrays:
+        mass = compressed_matrix(sp.csr_array, arrays, "M")
         if mass.shape != inverse.matrix.shape:
             raise ValueError("M and M⁻¹ are not of one shape")
         check_finite(mass, "M")
         inverse = InverseMass(inverse.matrix, mass)
-    factors = Factors.create(directions, inverse, content.get("free_motion"))
-    return ContactProblem(content["c"], laws, factors=factors, **attributes), about["digest"]
+    factors = Factors.create(directions, inverse, arrays.get("free_motion"))
+    return ContactProblem(arrays["c"], laws, factors=factors, **attributes), about["digest"]
 
 
-def _answer(content: dict[str, Any]) -> Answer | None:
-    known = {key.removeprefix("answer."): value for key, value in content.items() if key.startswith("answer.")}
+def _answer(arrays: dict[str, Any]) -> Answer | None:
+    """Return the known answer among the arrays of a file, or None."""
+    known = {key.removeprefix("answer."): value for key, value in arrays.items() if key.startswith("answer.")}
     if "solvable" not in known:
         return None
     known |= {"solvable": bool(known["solvable"]), "impulses": tuple(known.get("impulses", ()))}

@@ -43,11 +43,11 @@ class PluginFile:
         """Read a plugin file without running it.
 
         Raises:
-            PluginError: if there is no such file.
+            PluginError: if the file does not exist or cannot be read.
         """
-        place = Path(path).expanduser().resolve()
+        absolute = Path(path).expanduser().resolve()
         try:
-            return PluginFile(place, place.read_bytes())
+            return PluginFile(absolute, absolute.read_bytes())
         except FileNotFoundError:
             raise PluginError(f"there is no plugin file {path}; name a Python file.") from None
         except OSError as error:
@@ -96,9 +96,9 @@ class PluginFile:
 
     def _solvers(self) -> dict[str, Callable[..., Any]]:
         offered = getattr(self.module(), "SOLVERS", [])
-        if not isinstance(offered, list | tuple) or not all(callable(one) for one in offered):
+        if not isinstance(offered, list | tuple) or not all(callable(entry) for entry in offered):
             raise PluginError(f"{self.source}: SOLVERS must be a list of solver classes, SOLVERS = [MySolver].")
-        names = [getattr(one, "__name__", repr(one)) for one in offered]
+        names = [getattr(entry, "__name__", repr(entry)) for entry in offered]
         duplicate = next((name for name in names if names.count(name) > 1), None)
         if duplicate is not None:
             raise PluginError(
@@ -109,14 +109,15 @@ class PluginFile:
     def _functions(self, variable: str, example: str) -> dict[str, Callable[..., Any]]:
         offered = getattr(self.module(), variable, {})
         if not isinstance(offered, dict) or not all(
-            isinstance(name, str) and callable(make) for name, make in offered.items()
+            isinstance(name, str) and callable(function) for name, function in offered.items()
         ):
             raise PluginError(f"{self.source}: {variable} must map names to functions, {variable} = {example}.")
         return dict(offered)
 
     def check_offers(self) -> None:
-        """Raise ``PluginError`` with a suggestion if the file offers nothing."""
-        if any([self.offered(kind) for kind in get_args(Kind)]):
+        """Raise ``PluginError`` with a suggestion if the file offers nothing, or as ``offered`` does."""
+        offers = [self.offered(kind) for kind in get_args(Kind)]  # every kind, so that each is checked
+        if any(offers):
             return
         candidates = [
             name
@@ -133,24 +134,24 @@ class _Importer(MetaPathFinder, Loader):
     """Find plugin files by their module names, also when pickle imports one in another process."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
-        return ModuleSpec(name, self, origin=str(_known[name].path)) if name in _known else None
+        return ModuleSpec(name, self, origin=str(_IMPORTABLE[name].path)) if name in _IMPORTABLE else None
 
     def exec_module(self, module: ModuleType) -> None:
-        file = _known[module.__name__]
+        file = _IMPORTABLE[module.__name__]
         module.__file__ = str(file.path)
         exec(compile(file.content, str(file.path), "exec"), module.__dict__)
 
 
 _IMPORTER = _Importer()
 
-_known: dict[str, PluginFile] = {}
+_IMPORTABLE: dict[str, PluginFile] = {}
 """Files that can be imported, by module name."""
 
 
 def make_importable(file: PluginFile) -> None:
     """Make the module of ``file`` importable in this process, also for pickles; it runs at its first import."""
     sys.modules.pop(file.module_name, None)
-    _known[file.module_name] = file
+    _IMPORTABLE[file.module_name] = file
     if _IMPORTER not in sys.meta_path:
         sys.meta_path.append(_IMPORTER)
 

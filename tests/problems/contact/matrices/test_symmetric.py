@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.contact.matrices.symmetric import DENSE_ROWS, NEGATIVE_TOLERANCE
+from proxbench.problems.contact.matrices.symmetric import MAX_DENSE_ROWS, NEGATIVE_TOLERANCE
 
 
 def with_least_eigenvalue(n: int, least: float) -> np.ndarray:
@@ -14,7 +14,7 @@ def with_least_eigenvalue(n: int, least: float) -> np.ndarray:
     return np.asarray(0.5 * (matrix + matrix.T))
 
 
-@pytest.mark.parametrize("n", [3, 12, DENSE_ROWS - 1])
+@pytest.mark.parametrize("n", [3, 12, MAX_DENSE_ROWS - 1])
 @pytest.mark.parametrize("part", [0.4, 0.8])
 def test_few_rows_are_decided_at_the_tolerance(n: int, part: float) -> None:
     ContactProblem.from_delassus(with_least_eigenvalue(n, -part * NEGATIVE_TOLERANCE), -np.ones(n), dim=1)
@@ -24,7 +24,7 @@ def test_few_rows_are_decided_at_the_tolerance(n: int, part: float) -> None:
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_many_rows_are_refused_where_an_eigenvalue_stands_apart(dim: int) -> None:
-    n = 2 * DENSE_ROWS - 2 * DENSE_ROWS % 6 + 6
+    n = 2 * MAX_DENSE_ROWS - 2 * MAX_DENSE_ROWS % 6 + 6
     ContactProblem.from_delassus(with_least_eigenvalue(n, 0.0), -np.ones(n), dim=dim)
     with pytest.raises(ProblemError, match="eigenvalue of"):
         ContactProblem.from_delassus(with_least_eigenvalue(n, -0.5), -np.ones(n), dim=dim)
