@@ -66,7 +66,12 @@ def listing_rows(what: str = "", suite: str = "", name: str = "", has_sizes: boo
         if what != "problems":
             raise BenchError(f"--suite lists problems only; write: proxbench list problems --suite {suite}")
         return {"problems": [_standard_problem(name) for name in suite_members(suite)]}
-    makers = {"solvers": _solvers, "suites": _suites, "problems": partial(_problems, has_sizes), "scenes": _scenes}
+    makers: dict[str, Callable[[], list[Row]]] = {
+        "solvers": _solvers,
+        "suites": _suites,
+        "problems": partial(_problems, has_sizes),
+        "scenes": _scenes,
+    }
     return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
 
 
