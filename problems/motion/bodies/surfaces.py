@@ -85,7 +85,7 @@ class Rim:
 
 
 @njit(cache=True)
-def _distance(centres, i, side):  # type: ignore[no-untyped-def]
+def _axis_distance(centres, i, side):  # type: ignore[no-untyped-def]
     """Return ρ of a centre: from the vertical (last) axis for side 0, to the right (+1) or left (−1) in the plane."""
     if side != 0:
         return side * centres[i, 0]
@@ -93,7 +93,7 @@ def _distance(centres, i, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_normal(centres, i, side, distance, across, up, normal):  # type: ignore[no-untyped-def]
+def _write_normal(centres, i, side, rho, across, up, normal):  # type: ignore[no-untyped-def]
     """Write the normal whose components in the (ρ, z) half-plane are ``across`` and ``up``.
 
     On the axis, the first direction is outward.
@@ -102,32 +102,34 @@ def _write_normal(centres, i, side, distance, across, up, normal):  # type: igno
     normal[1] = 0.0
     if side != 0:
         normal[0] = across * side
-    elif distance == 0.0:
+    elif rho == 0.0:
         normal[0] = across
     else:
-        normal[0], normal[1] = across * (centres[i, 0] / distance), across * (centres[i, 1] / distance)
+        normal[0], normal[1] = across * (centres[i, 0] / rho), across * (centres[i, 1] / rho)
     normal[dim - 1] = up
 
 
 @njit(cache=True)
 def _touching_segment(centres, radii, lower, along, length, side):  # type: ignore[no-untyped-def]
+    """Return what ``Segment.touching`` returns; ``along`` is the unit direction of the segment."""
     n, dim = centres.shape
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0
     for i in range(n):
-        radius = _distance(centres, i, side)
-        across, up = radius - lower[0], centres[i, dim - 1] - lower[1]
+        rho = _axis_distance(centres, i, side)
+        across, up = rho - lower[0], centres[i, dim - 1] - lower[1]
         position = along[0] * across + along[1] * up
         distance = along[0] * up - along[1] * across
         if 0.0 <= position <= length and abs(distance) < radii[i]:
             balls[count], gaps[count] = i, distance - radii[i]
-            _write_normal(centres, i, side, radius, -along[1], along[0], normals[count])
+            _write_normal(centres, i, side, rho, -along[1], along[0], normals[count])
             count += 1
     return balls[:count], gaps[:count], normals[:count]
 
 
 @njit(cache=True)
 def _touching_rim(centres, radii, point, along, side):  # type: ignore[no-untyped-def]
+    """Return what ``Rim.touching`` returns."""
     n, dim = centres.shape
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0
@@ -135,12 +137,12 @@ def _touching_rim(centres, radii, point, along, side):  # type: ignore[no-untype
         up = centres[i, dim - 1] - point[1]
         if not abs(up) < radii[i]:
             continue
-        radius = _distance(centres, i, side)
-        across = radius - point[0]
+        rho = _axis_distance(centres, i, side)
+        across = rho - point[0]
         squared = across**2 + up**2
         if along[0] * across + along[1] * up < 0.0 and 0.0 < squared < radii[i] ** 2:
             distance = np.sqrt(squared)
             balls[count], gaps[count] = i, distance - radii[i]
-            _write_normal(centres, i, side, radius, across / distance, up / distance, normals[count])
+            _write_normal(centres, i, side, rho, across / distance, up / distance, normals[count])
             count += 1
     return balls[:count], gaps[:count], normals[:count]

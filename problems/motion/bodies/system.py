@@ -22,24 +22,28 @@ from ...errors import ProblemError
 MAX_PATTERNS = 64
 """Number of sets of active contacts that a general system caches; the oldest is dropped."""
 
+MAX_JOINT_ERROR = 1e-11
+"""Residual [m or rad] below which a joint counts as closed."""
+
 
 @dataclass(frozen=True, eq=False)
 class ActiveContacts:
     """The contacts of one step, those with g(q_M) < 0, and the joints, which are always active.
 
-    Rows are ordered by contact, including joints. A vector over rows can be padded to ``width`` lanes per contact;
-    states store it so from step to step.
+    Rows are ordered by key. A vector over rows can be padded to ``width`` lanes per key; states store it so from step
+    to step.
 
     Attributes:
-        keys: identity of each contact, ascending and distinct, shape (n_contacts,). A contact keeps its key from step
-            to step; two bodies that touch at several features have a key for each; see ``detection.contact_keys``.
-        gap: g(q_M) [m], 0 for joints, shape (n_contacts,).
+        keys: identity of each contact and joint, ascending and distinct, shape (n_keys,). A contact keeps its key from
+            step to step; two bodies that touch at several features have a key for each; see
+            ``detection.contact_keys``.
+        gap: g(q_M) [m], 0 for joints, shape (n_keys,).
         laws: their force laws.
         directions: W at the midpoint, shape (n_dofs, n_rows): in pieces, one block per contact, if all contacts have
-            ``width`` rows, else scipy CSC.
+            ``width`` rows and there are no joints, else scipy CSC.
         restitution: ε of each row, shape (n_rows,).
-        width: largest number of rows of a contact of the system.
-        row_counts: rows of each contact, shape (n_contacts,); None if all have ``width``.
+        width: largest number of rows of a contact or joint of the system.
+        row_counts: rows of each contact and joint, shape (n_keys,); None if all have ``width``.
         drive: χ of each row [m/s], the relative velocity that counts as rest, shape (n_rows,): the target
             speeds of motors; None if all are 0.
     """
@@ -55,14 +59,14 @@ class ActiveContacts:
 
     @cached_property
     def first_rows(self) -> IntArray:
-        """First row of each contact, shape (n_contacts,)."""
+        """First row of each contact and joint, shape (n_keys,)."""
         if self.row_counts is None:
             return np.arange(len(self.keys)) * self.width
         return np.cumsum(self.row_counts) - self.row_counts
 
     @cached_property
     def is_contact(self) -> NDArray[np.bool_]:
-        """Whether each is a contact or the limit of a joint, not a joint, shape (n_contacts,)."""
+        """Whether each key is that of a contact or of the limit of a joint, not of a joint, shape (n_keys,)."""
         if self.row_counts is None:
             return np.ones(len(self.keys), dtype=np.bool_)
         first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
@@ -78,7 +82,7 @@ class ActiveContacts:
         return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
 
     def lanes(self, rows: FloatArray) -> FloatArray:
-        """Return a vector over rows padded with zeros, shape (n_contacts, width)."""
+        """Return a vector over rows padded with zeros, shape (n_keys, width)."""
         if self.row_counts is None:
             return rows.reshape(len(self.keys), self.width)
         padded = np.zeros((len(self.keys), self.width))
@@ -90,7 +94,7 @@ class ActiveContacts:
         return lanes.ravel() if self.row_counts is None else lanes[self._is_lane]
 
     def for_rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values per row, shape (n_rows,), from values per contact."""
+        """Return values per row, shape (n_rows,), from values per key, shape (n_keys,)."""
         return np.repeat(values, self.width if self.row_counts is None else self.row_counts)
 
     def times(self, impulses: FloatArray) -> FloatArray:
@@ -127,10 +131,6 @@ class StepAssembly:
     inverse_mass: InverseMass
     contacts: ActiveContacts | None
     free_motion_with: Callable[[FloatArray], FloatArray] | None = None
-
-
-MAX_JOINT_ERROR = 1e-11
-"""Residual [m or rad] below which a joint counts as closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,14 +243,15 @@ class MechanicalSystem:
                 raise ProblemError(f"{name} must be {len(self.friction)} numbers between 0 and 1, got {values}.")
             setattr(self, name, values)
         n_contacts = len(self.friction)
-        contacts, joints = np.array(self.rows_per_contact, dtype=np.int64), np.array(self.joint_rows, dtype=np.int64)
-        if contacts.shape not in ((), (n_contacts,)) or not np.isin(contacts, (1, 2, 3)).all():
+        contact_rows = np.array(self.rows_per_contact, dtype=np.int64)
+        joint_rows = np.array(self.joint_rows, dtype=np.int64)
+        if contact_rows.shape not in ((), (n_contacts,)) or not np.isin(contact_rows, (1, 2, 3)).all():
             raise ProblemError(f"rows_per_contact must be 1, 2 or 3, for all or each of {n_contacts} contacts.")
-        if joints.ndim != 1 or (joints < 1).any():
+        if joint_rows.ndim != 1 or (joint_rows < 1).any():
             raise ProblemError(f"joint_rows must be positive whole numbers, one per joint, got {self.joint_rows}.")
-        self._contact_rows, self._n_joints = np.broadcast_to(contacts, (n_contacts,)), len(joints)
-        self._row_counts = np.concatenate([self._contact_rows, joints])
-        self._starts = np.append(0, np.cumsum(self._row_counts))
+        self._contact_rows, self._n_joints = np.broadcast_to(contact_rows, (n_contacts,)), len(joint_rows)
+        self._row_counts = np.concatenate([self._contact_rows, joint_rows])
+        self._first_rows = np.append(0, np.cumsum(self._row_counts))
         self.width = int(self._row_counts.max(initial=1))
 
     @cached_property
@@ -279,11 +280,11 @@ class MechanicalSystem:
         active = gap < 0.0
         if not active.any() and not self._n_joints:
             return StepAssembly(free_motion, sparse_inverse, None)
-        rows, known = self._active_contacts(active)
+        rows, contacts = self._active_contacts(active)
         columns = self._directions(midpoint)[:, rows]
         directions = _one_chunk(columns, self.width) if self.has_equal_rows else sp.csc_array(columns)
         gaps = np.append(gap[active], np.zeros(self._n_joints))
-        return StepAssembly(free_motion, sparse_inverse, replace(known, gap=gaps, directions=directions))
+        return StepAssembly(free_motion, sparse_inverse, replace(contacts, gap=gaps, directions=directions))
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``."""
@@ -300,7 +301,7 @@ class MechanicalSystem:
         gap = self._gaps(position)
         if not (gap < -tolerated).any():
             return None
-        columns = self._directions(position)[:, self._starts[: len(gap)]]
+        columns = self._directions(position)[:, self._first_rows[: len(gap)]]
         closed = gap < 0.0
         return Overlaps(gap[closed], _one_chunk(columns[:, closed], 1), self._inverse_mass(position)[1])
 
@@ -317,22 +318,24 @@ class MechanicalSystem:
         self._directions(position)
 
     def _force(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
-        return _of_shape("forces h(q, u)", self.force(position, velocity), velocity.shape, "one for each velocity")
+        return _checked_values(
+            "forces h(q, u)", self.force(position, velocity), velocity.shape, "one for each velocity"
+        )
 
     def _gaps(self, position: FloatArray) -> FloatArray:
         shape = np.asarray(self.friction).shape
-        return _of_shape("gaps g(q)", self.gap(position), shape, "one for each contact")
+        return _checked_values("gaps g(q)", self.gap(position), shape, "one for each contact")
 
     def _directions(self, position: FloatArray) -> FloatArray:
-        shape = (len(position), int(self._starts[-1]))
+        shape = (len(position), int(self._first_rows[-1]))
         why = "one row for each velocity, and one column for each row of contacts and joints"
-        return _of_shape("directions W(q)", self.directions(position), shape, why)
+        return _checked_values("directions W(q)", self.directions(position), shape, why)
 
     def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, InverseMass]:
         mass = self.mass(position)
         if self._inverse is None or self._inverse[0] is not mass:
             n_dofs = len(position)
-            _of_shape("mass matrix M(q)", mass, (n_dofs, n_dofs), "one row and column for each velocity")
+            _checked_values("mass matrix M(q)", mass, (n_dofs, n_dofs), "one row and column for each velocity")
             try:
                 root = np.linalg.inv(np.linalg.cholesky(mass))
             except np.linalg.LinAlgError:
@@ -348,15 +351,15 @@ class MechanicalSystem:
             contacts = np.flatnonzero(active).astype(np.int64)
             keys = np.append(contacts, len(active) + np.arange(self._n_joints))
             counts = self._row_counts[keys]
-            is_row = np.zeros(int(self._starts[-1]), dtype=np.bool_)
+            is_row = np.zeros(int(self._first_rows[-1]), dtype=np.bool_)
             restitution = np.zeros(len(is_row))
             for key in keys.tolist():
-                part = slice(self._starts[key], self._starts[key + 1])
-                is_row[part] = True
+                rows = slice(self._first_rows[key], self._first_rows[key + 1])
+                is_row[rows] = True
                 if key < len(active):
-                    restitution[part] = np.asarray(self.restitution_tangential)[key]
-                    restitution[part.start] = np.asarray(self.restitution_normal)[key]
-            found = ActiveContacts(
+                    restitution[rows] = np.asarray(self.restitution_tangential)[key]
+                    restitution[rows.start] = np.asarray(self.restitution_normal)[key]
+            active_contacts = ActiveContacts(
                 keys,
                 np.zeros(len(keys)),
                 self._laws(contacts),
@@ -367,7 +370,7 @@ class MechanicalSystem:
             )
             if len(self._active) == MAX_PATTERNS:
                 del self._active[next(iter(self._active))]
-            self._active[pattern] = (np.flatnonzero(is_row), found)
+            self._active[pattern] = (np.flatnonzero(is_row), active_contacts)
         return self._active[pattern]
 
     def _laws(self, contacts: IntArray) -> Laws:
@@ -380,8 +383,8 @@ class MechanicalSystem:
         return Laws.together([*parts, Laws.joints(int(self._row_counts[len(self._contact_rows) :].sum()))])
 
 
-def _of_shape(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values`` if they have the required shape and no NaN."""
+def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
+    """Return ``values``, or raise ``ProblemError`` if they have another shape or NaN; ``why`` explains the shape."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
     if np.isnan(values).any():

@@ -17,13 +17,16 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 Y_AXIS, Z_AXIS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 """Unit vectors of the world: the axis of all plane motions of the scenes, and the vertical direction."""
 
-UNIT = 1e-6
+UNIT_TOLERANCE = 1e-6
 """Tolerated deviation of the length of a quaternion from 1."""
+
+MAX_NEWTON_STEPS = 20
+"""Largest number of Newton steps per free rotation; a rotation by less than a radian takes four."""
 
 
 def check_orientation(what: str, quaternion: Sequence[float]) -> None:
-    """Raise ``ProblemError``, which names ``what``, unless the quaternion has unit length to 1e-6."""
-    if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT:
+    """Raise ``ProblemError``, which names ``what``, unless the quaternion has unit length to ``UNIT_TOLERANCE``."""
+    if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT_TOLERANCE:
         raise ProblemError(
             f"{what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its length."
         )
@@ -98,13 +101,13 @@ def free_spins(
     Returns:
         ω_F in body axes [rad/s], shape (n, 3).
     """
-    given = np.zeros_like(spins) if impulses is None else np.ascontiguousarray(impulses)
-    after: FloatArray = _free_spins(spins, inertias, seconds, given)
-    return after
+    impulses = np.zeros_like(spins) if impulses is None else np.ascontiguousarray(impulses)
+    free: FloatArray = _free_spins(spins, inertias, seconds, impulses)
+    return free
 
 
 @njit(cache=True)
-def _half_turn(x, y, z, scale):  # type: ignore[no-untyped-def]
+def _rotation_quaternion(x, y, z, scale):  # type: ignore[no-untyped-def]
     """Return the quaternion of a rotation by the vector (x, y, z) times ``scale``."""
     x, y, z = 0.5 * scale * x, 0.5 * scale * y, 0.5 * scale * z
     squared = x * x + y * y + z * z
@@ -120,7 +123,7 @@ def _half_turn(x, y, z, scale):  # type: ignore[no-untyped-def]
 def _exponential(vectors):  # type: ignore[no-untyped-def]
     rotations = np.empty((len(vectors), 4))
     for i in range(len(vectors)):
-        w, x, y, z = _half_turn(vectors[i, 0], vectors[i, 1], vectors[i, 2], 1.0)
+        w, x, y, z = _rotation_quaternion(vectors[i, 0], vectors[i, 1], vectors[i, 2], 1.0)
         rotations[i, 0], rotations[i, 1], rotations[i, 2], rotations[i, 3] = w, x, y, z
     return rotations
 
@@ -145,12 +148,13 @@ def _rotation_matrices(quaternions):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _moved(position, velocity, seconds):  # type: ignore[no-untyped-def]
+    """Return x + s v and q ⊗ exp(s ω/2) of each body, with unit quaternions."""
     after = np.empty_like(position)
     for i in range(len(position) // 7):
         p, u = 7 * i, 6 * i
         for axis in range(3):
             after[p + axis] = position[p + axis] + seconds * velocity[u + axis]
-        a, b, c, d = _half_turn(velocity[u + 3], velocity[u + 4], velocity[u + 5], seconds)
+        a, b, c, d = _rotation_quaternion(velocity[u + 3], velocity[u + 4], velocity[u + 5], seconds)
         w, x, y, z = position[p + 3], position[p + 4], position[p + 5], position[p + 6]
         turned_w = w * a - x * b - y * c - z * d
         turned_x = w * b + x * a + y * d - z * c
@@ -162,12 +166,9 @@ def _moved(position, velocity, seconds):  # type: ignore[no-untyped-def]
     return after
 
 
-MAX_NEWTON_STEPS = 20
-"""Largest number of Newton steps per free rotation; a rotation by less than a radian takes four."""
-
-
 @njit(cache=True)
 def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-def]
+    """Return ω_F of ``free_spins``: Newton's method for ω_E with the residual r, the Jacobian a and its cofactors c."""
     after = spins.copy()
     for i in range(len(spins)):
         j, begin, end, p = inertias[i], spins[i], after[i], impulses[i]
