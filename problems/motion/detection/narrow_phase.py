@@ -23,8 +23,14 @@ from .shape_arrays import ShapeArrays, shape_arrays
 MAX_FEATURES = 1 << 26
 """Number of features of a pair."""
 
+FACE_FEATURES = 12 * 6 * 8 * 8
+"""Number of features of a face on a face of two boxes; those of edges on edges follow."""
+
 SLACK = 1e-6
 """Length over the size of a box within which faces and points count as equal, so that features persist."""
+
+PARALLEL = 1e-6
+"""Sine of the angle between two edges below which they count as parallel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,39 +69,41 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     if not len(pairs):
         return _contact_set([(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))])
     shapes = tuple(shapes)
-    numbers = shape_arrays(shapes)
-    kind, second_kind = numbers.round_shapes.kind[pairs].T
-    if (kind == PLANE).any():
+    arrays = shape_arrays(shapes)
+    first_kind, second_kind = arrays.round_shapes.kind[pairs].T
+    if (first_kind == PLANE).any():
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
-    is_box = numbers.is_box[pairs[:, 0]] & (numbers.is_box[pairs[:, 1]] | (second_kind == PLANE))
-    is_cylinder = (kind == CYLINDER) | (second_kind == CYLINDER)
-    is_round = ~is_cylinder & ((kind == SEGMENT) | (second_kind == SEGMENT))
-    is_ball = numbers.is_ball[pairs].any(axis=1)
+    is_box = arrays.is_box[pairs[:, 0]] & (arrays.is_box[pairs[:, 1]] | (second_kind == PLANE))
+    is_cylinder = (first_kind == CYLINDER) | (second_kind == CYLINDER)
+    is_round = ~is_cylinder & ((first_kind == SEGMENT) | (second_kind == SEGMENT))
+    is_ball = arrays.is_ball[pairs].any(axis=1)
     is_closed_form = is_cylinder & ((second_kind == PLANE) | is_ball)
+    needs_coal = is_cylinder & ~is_closed_form
     is_general = ~(is_box | is_cylinder | is_round)
     centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
     parts = []
     if is_box.any():
-        parts.append(_find_boxes(numbers, centres, rotations, pairs[is_box], margin))
+        parts.append(_find_boxes(arrays, centres, rotations, pairs[is_box], margin))
     if is_general.any():
         parts.append(find_polyhedra(shapes, centres, rotations, pairs[is_general], margin))
     if is_round.any():
-        parts.append(find_round(numbers.round_shapes, numbers.packed, centres, rotations, pairs[is_round], margin))
+        parts.append(find_round(arrays.round_shapes, arrays.packed, centres, rotations, pairs[is_round], margin))
     if is_closed_form.any():
-        parts.append(find_cylinders(numbers.round_shapes, centres, rotations, pairs[is_closed_form], margin))
-    if (is_cylinder & ~is_closed_form).any():
-        parts.append(find_with_coal(shapes, centres, rotations, pairs[is_cylinder & ~is_closed_form], margin))
+        parts.append(find_cylinders(arrays.round_shapes, centres, rotations, pairs[is_closed_form], margin))
+    if needs_coal.any():
+        parts.append(find_with_coal(shapes, centres, rotations, pairs[needs_coal], margin))
     return _contact_set(parts)
 
 
 def _find_boxes(
-    numbers: ShapeArrays, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
+    arrays: ShapeArrays, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
 ) -> tuple[IntArray, FloatArray]:
-    room = (np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7)))
+    """Return contacts of boxes with boxes and half-spaces; see ``find_polyhedra``."""
+    keys, numbers = np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7))
     axes = np.ascontiguousarray(rotations.transpose(0, 2, 1))
-    is_plane = numbers.round_shapes.kind == PLANE
-    count = _find(pairs, centres, axes, numbers.half_sizes, is_plane, margin, *room)
-    return room[0][:count], room[1][:count]
+    is_plane = arrays.round_shapes.kind == PLANE
+    count = _write_box_contacts(pairs, centres, axes, arrays.half_sizes, is_plane, margin, keys, numbers)
+    return keys[:count], numbers[:count]
 
 
 def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
@@ -108,7 +116,8 @@ def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
 
 
 @njit(cache=True)
-def _find(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
+    """Write the contacts of all pairs; return their number."""
     count = 0
     for k in range(len(pairs)):
         i, j = pairs[k]
@@ -135,8 +144,9 @@ def _write(keys, numbers, count, feature, point, normal, sign, gap):  # type: ig
 
 
 @njit(cache=True)
-def _box_on_plane(centre, axes, half, origin, plane, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    normal, corner = plane[2], np.empty(3)
+def _box_on_plane(centre, axes, half, origin, plane_axes, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of the corners of a box with a plane."""
+    normal, corner = plane_axes[2], np.empty(3)
     for number in range(8):
         for axis in range(3):
             corner[axis] = centre[axis]
@@ -167,39 +177,42 @@ def _reach(direction, axes, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Write the contacts of two boxes in the direction in which they overlap least, faces before edges."""
-    way, slack = c_b - c_a, SLACK * (h_a.max() + h_b.max())
-    best, kind = -np.inf, -1
+    """Write the contacts of two boxes in the direction in which they overlap least, faces before edges.
+
+    A box has its centre c, its axes in the rows of r, and its half edge lengths h.
+    """
+    offset, slack = c_b - c_a, SLACK * (h_a.max() + h_b.max())
+    best, feature_axis = -np.inf, -1
     for number in range(6):
         axis = r_a[number] if number < 3 else r_b[number - 3]
-        apart = abs(dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
+        apart = abs(dot(offset, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
         if apart >= margin:
             return count
-        if apart > best + (0.0 if kind < 0 else slack):
-            best, kind = apart, number
+        if apart > best + (0.0 if feature_axis < 0 else slack):
+            best, feature_axis = apart, number
     for number in range(9):
         axis = np.cross(r_a[number // 3], r_b[number % 3])
         length = np.sqrt(dot(axis, axis))
-        if length < 1e-6:
+        if length < PARALLEL:
             continue
         axis /= length
-        apart = abs(dot(way, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
+        apart = abs(dot(offset, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
         if apart >= margin:
             return count
         if apart > best + slack:
-            best, kind = apart, 6 + number
-    if kind < 3:
-        return _faces(c_a, r_a, h_a, c_b, r_b, h_b, kind, -1.0, margin, keys, numbers, count)
-    if kind < 6:
-        return _faces(c_b, r_b, h_b, c_a, r_a, h_a, kind - 3, 1.0, margin, keys, numbers, count)
-    return _edges(c_a, r_a, h_a, c_b, r_b, h_b, (kind - 6) // 3, (kind - 6) % 3, best, keys, numbers, count)
+            best, feature_axis = apart, 6 + number
+    if feature_axis < 3:
+        return _faces(c_a, r_a, h_a, c_b, r_b, h_b, feature_axis, -1.0, margin, keys, numbers, count)
+    if feature_axis < 6:
+        return _faces(c_b, r_b, h_b, c_a, r_a, h_a, feature_axis - 3, 1.0, margin, keys, numbers, count)
+    edges = feature_axis - 6
+    return _edges(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, best, keys, numbers, count)
 
 
 @njit(cache=True)
 def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Clip the face of the other box that faces the reference face by the sides of the latter."""
-    way = c_o - c_r
-    out = 1.0 if dot(way, r_r[axis]) >= 0.0 else -1.0
+    out = 1.0 if dot(c_o - c_r, r_r[axis]) >= 0.0 else -1.0
     normal = out * r_r[axis]
     facing, most = 0, -1.0
     for k in range(3):
@@ -251,4 +264,4 @@ def _edges(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # ty
     way_a = (toward_a - cosine * toward_b) / (1.0 - cosine * cosine)
     way_b = (cosine * toward_a - toward_b) / (1.0 - cosine * cosine)
     middle = 0.5 * (on_a + way_a * along_a + on_b + way_b * along_b)
-    return _write(keys, numbers, count, 4608 + feature, middle, normal, -1.0, gap)
+    return _write(keys, numbers, count, FACE_FEATURES + feature, middle, normal, -1.0, gap)

@@ -27,7 +27,7 @@ EDGE_NUMBERS = 2 * MAX_CORNERS
 FACE_FEATURES = 2 * MAX_FACES * MAX_FACES * EDGE_NUMBERS * EDGE_NUMBERS
 """Number of features of faces on faces; those of edges on edges follow."""
 
-ROOM = 2 * MAX_CORNERS
+MAX_CONTACTS = 2 * MAX_CORNERS
 """Largest number of contacts of a pair."""
 
 _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
@@ -45,8 +45,8 @@ class PackedPolyhedra(NamedTuple):
         loops: corners of faces, numbered within their shape.
         loop_start: first corner of each face.
         edges: two corners of each edge, numbered within their shape.
-        directions: one edge per distinct edge direction of a shape, numbered as ``edges``.
         edge_start: first edge of each shape.
+        directions: one edge per distinct edge direction of a shape, numbered as ``edges``.
         direction_start: first direction of each shape.
     """
 
@@ -79,23 +79,23 @@ def pack_polyhedra(shapes: tuple[object, ...]) -> PackedPolyhedra:
             normals.append(_normal(corners, face))
             loops += face
             loop_start.append(len(loops))
-        own = sorted({(min(pair), max(pair)) for face in faces for pair in pairwise((*face, face[0]))})
-        directions += [len(edges) + number for number in _distinct_directions(corners, own)]
-        edges += own
-        for name, found in (("vertex", vertices), ("face", normals), ("edge", edges), ("direction", directions)):
-            starts[name].append(len(found))
-    whole = {name: np.array(found, dtype=np.int64) for name, found in starts.items()}
+        shape_edges = sorted({(min(pair), max(pair)) for face in faces for pair in pairwise((*face, face[0]))})
+        directions += [len(edges) + number for number in _distinct_directions(corners, shape_edges)]
+        edges += shape_edges
+        for name, items in (("vertex", vertices), ("face", normals), ("edge", edges), ("direction", directions)):
+            starts[name].append(len(items))
+    start = {name: np.array(numbers, dtype=np.int64) for name, numbers in starts.items()}
     return PackedPolyhedra(
         np.array(vertices, dtype=np.float64).reshape(-1, 3),
-        whole["vertex"],
+        start["vertex"],
         np.array(normals, dtype=np.float64).reshape(-1, 3),
-        whole["face"],
+        start["face"],
         np.array(loops, dtype=np.int64),
         np.array(loop_start, dtype=np.int64),
         np.array(edges, dtype=np.int64).reshape(-1, 2),
-        whole["edge"],
+        start["edge"],
         np.array(directions, dtype=np.int64),
-        whole["direction"],
+        start["direction"],
     )
 
 
@@ -114,12 +114,12 @@ def _normal(corners: FloatArray, face: Sequence[int]) -> list[float]:
 
 def _distinct_directions(corners: FloatArray, edges: Sequence[tuple[int, int]]) -> list[int]:
     """Return the number of one edge of each direction."""
-    found: list[int] = []
+    distinct: list[int] = []
     units = [(corners[b] - corners[a]) / np.linalg.norm(corners[b] - corners[a]) for a, b in edges]
     for number, unit in enumerate(units):
-        if all(np.linalg.norm(np.cross(unit, units[other])) > ALIKE**0.5 for other in found):
-            found.append(number)
-    return found
+        if all(np.linalg.norm(np.cross(unit, units[other])) > ALIKE**0.5 for other in distinct):
+            distinct.append(number)
+    return distinct
 
 
 def find_polyhedra(
@@ -134,8 +134,8 @@ def find_polyhedra(
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
-    keys, numbers = np.empty((ROOM * len(pairs), 3), dtype=np.int64), np.empty((ROOM * len(pairs), 7))
-    count = _find(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, numbers)
+    keys, numbers = np.empty((MAX_CONTACTS * len(pairs), 3), dtype=np.int64), np.empty((MAX_CONTACTS * len(pairs), 7))
+    count = _write_contacts(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, numbers)
     return keys[:count], numbers[:count]
 
 
@@ -153,28 +153,32 @@ def _placed(points, starts, shape, centre, rotation):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def _least(points, direction):  # type: ignore[no-untyped-def]
-    least = np.inf
+def _lowest(points, direction):  # type: ignore[no-untyped-def]
+    """Return the smallest component of points along a direction."""
+    lowest = np.inf
     for k in range(len(points)):
-        least = min(least, dot(points[k], direction))
-    return least
+        lowest = min(lowest, dot(points[k], direction))
+    return lowest
 
 
 @njit(cache=True)
-def _find(pairs, centres, rotations, packed, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  # type: ignore[no-untyped-def]
+    """Write the contacts of all pairs; return their number."""
     count, origin = 0, np.zeros(3)
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count
         corners_i = _placed(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
         if packed.face_start[j] == packed.face_start[j + 1]:
-            count = _on_plane(corners_i, centres[j], rotations[j], margin, keys, numbers, count)
+            count = _polyhedron_on_plane(corners_i, centres[j], rotations[j], margin, keys, numbers, count)
         else:
             corners_j = _placed(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
             normals_i = _placed(packed.normals, packed.face_start, i, origin, rotations[i])
             normals_j = _placed(packed.normals, packed.face_start, j, origin, rotations[j])
             bodies = corners_i, normals_i, corners_j, normals_j
-            count = _touching(packed, i, j, *bodies, centres[j] - centres[i], margin, keys, numbers, count)
+            count = _polyhedron_on_polyhedron(
+                packed, i, j, *bodies, centres[j] - centres[i], margin, keys, numbers, count
+            )
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
     return count
@@ -191,7 +195,7 @@ def _write(keys, numbers, count, feature, point, normal, gap):  # type: ignore[n
 
 
 @njit(cache=True)
-def _on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _polyhedron_on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     normal = np.ascontiguousarray(rotation[:, 2])
     for k in range(len(corners)):
         gap = dot(corners[k] - centre, normal)
@@ -201,22 +205,24 @@ def _on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type:
 
 
 @njit(cache=True)
-def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
+    packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, numbers, count
+):
     """Write the contacts of two polyhedra; faces precede edges, and faces of the first body those of the second."""
-    size = np.sqrt(dot(way, way))
-    best, kind, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
+    size = np.sqrt(dot(offset, offset))
+    best, best_face, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
     for face in range(n_i + n_j):
         if face < n_i:
             corner = corners_i[packed.loops[packed.loop_start[first_loop_i + face]]]
-            apart = _least(corners_j, normals_i[face]) - dot(corner, normals_i[face])
+            apart = _lowest(corners_j, normals_i[face]) - dot(corner, normals_i[face])
         else:
             corner = corners_j[packed.loops[packed.loop_start[first_loop_j + face - n_i]]]
-            apart = _least(corners_i, normals_j[face - n_i]) - dot(corner, normals_j[face - n_i])
+            apart = _lowest(corners_i, normals_j[face - n_i]) - dot(corner, normals_j[face - n_i])
         if apart >= margin:
             return count
-        if kind < 0 or apart > best + SLACK * size:
-            best, kind = apart, face
+        if best_face < 0 or apart > best + SLACK * size:
+            best, best_face = apart, face
     edge, best_axis = -1, np.zeros(3)
     for a in range(packed.direction_start[i], packed.direction_start[i + 1]):
         along_i = _along(packed, i, corners_i, packed.directions[a])
@@ -225,8 +231,8 @@ def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, mar
             length = np.sqrt(dot(axis, axis))
             if length < SLACK:
                 continue
-            axis /= length if dot(axis, way) >= 0.0 else -length
-            apart = _least(corners_j, axis) + _least(corners_i, -axis)
+            axis /= length if dot(axis, offset) >= 0.0 else -length
+            apart = _lowest(corners_j, axis) + _lowest(corners_i, -axis)
             if apart >= margin:
                 return count
             if apart > best + SLACK * size:
@@ -235,9 +241,9 @@ def _touching(packed, i, j, corners_i, normals_i, corners_j, normals_j, way, mar
     if edge >= 0:
         return _edges(packed, i, j, corners_i, corners_j, best_axis, best, keys, numbers, count)
     first, second = (corners_i, normals_i), (corners_j, normals_j)
-    if kind < n_i:
-        return _faces(packed, i, j, *first, *second, kind, -1.0, margin, keys, numbers, count)
-    return _faces(packed, j, i, *second, *first, kind - n_i, 1.0, margin, keys, numbers, count)
+    if best_face < n_i:
+        return _faces(packed, i, j, *first, *second, best_face, -1.0, margin, keys, numbers, count)
+    return _faces(packed, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, numbers, count)
 
 
 @njit(cache=True)
@@ -256,7 +262,7 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
         if along < most - SLACK:
             facing, most = k, along
     begin, end = packed.loop_start[packed.face_start[o] + facing], packed.loop_start[packed.face_start[o] + facing + 1]
-    polygon, edges, n = np.empty((ROOM, 3)), np.empty(ROOM, dtype=np.int64), end - begin
+    polygon, edges, n = np.empty((MAX_CONTACTS, 3)), np.empty(MAX_CONTACTS, dtype=np.int64), end - begin
     for k in range(n):
         polygon[k], edges[k] = corners_o[packed.loops[begin + k]], k
     begin, end = packed.loop_start[packed.face_start[r] + face], packed.loop_start[packed.face_start[r] + face + 1]
@@ -285,8 +291,8 @@ def _edges(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):
     on_i, on_j = corners_i[packed.edges[a, 0]], corners_j[packed.edges[b, 0]]
     along_i, along_j, between = _along(packed, i, corners_i, a), _along(packed, j, corners_j, b), on_j - on_i
     cosine, toward_i, toward_j = dot(along_i, along_j), dot(between, along_i), dot(between, along_j)
-    sine = max(1.0 - cosine * cosine, SLACK * SLACK)
-    way_i, way_j = (toward_i - cosine * toward_j) / sine, (cosine * toward_i - toward_j) / sine
+    squared_sine = max(1.0 - cosine * cosine, SLACK * SLACK)
+    way_i, way_j = (toward_i - cosine * toward_j) / squared_sine, (cosine * toward_i - toward_j) / squared_sine
     middle = 0.5 * (on_i + way_i * along_i + on_j + way_j * along_j)
     n_edges = packed.edge_start[j + 1] - packed.edge_start[j]
     feature = FACE_FEATURES + (a - packed.edge_start[i]) * n_edges + (b - packed.edge_start[j])

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from .polyhedra import ROOM, PackedPolyhedra
+from .polyhedra import MAX_CONTACTS, PackedPolyhedra
 
 PLANE, POLYHEDRON, SEGMENT, CYLINDER = range(4)
 """Kinds of shapes."""
@@ -65,7 +65,7 @@ def find_round(
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
-    capacity = ROOM * max(len(pairs), 1)
+    capacity = MAX_CONTACTS * max(len(pairs), 1)
     while True:
         keys, numbers = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
         count = _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers)
