@@ -175,12 +175,12 @@ class BlockOnIncline(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
-        first = min(time, self.stop_time)
+        before_stop = min(time, self.stop_time)
         rate = self.acceleration(float(np.sign(self.speed)))
-        x, velocity = self.speed * first + 0.5 * rate * first**2, self.speed + rate * first
+        x, velocity = self.speed * before_stop + 0.5 * rate * before_stop**2, self.speed + rate * before_stop
         if time >= self.stop_time:
-            second, rate = time - first, 0.0 if self.holds else self.acceleration(1.0)
-            x, velocity = x + 0.5 * rate * second**2, rate * second
+            after_stop, rate = time - before_stop, 0.0 if self.holds else self.acceleration(1.0)
+            x, velocity = x + 0.5 * rate * after_stop**2, rate * after_stop
         return State(time, np.array([x, -OVERLAP]), np.array([velocity, 0.0]))
 
 
@@ -229,8 +229,8 @@ class SlidingSphere(ClosedFormScene):
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: uniform deceleration while it slides, uniform motion when it rolls."""
         sliding = min(time, self.rolling_time)
-        slowing = self.friction * self.gravity
-        x = self.speed * sliding - 0.5 * slowing * sliding**2 + self.rolling_speed * (time - sliding)
-        spin = slowing * sliding / (SPHERE_INERTIA * self.radius)
-        velocity = np.array([self.speed - slowing * sliding, 0.0, 0.0, 0.0, spin, 0.0])
+        deceleration = self.friction * self.gravity
+        x = self.speed * sliding - 0.5 * deceleration * sliding**2 + self.rolling_speed * (time - sliding)
+        spin = deceleration * sliding / (SPHERE_INERTIA * self.radius)
+        velocity = np.array([self.speed - deceleration * sliding, 0.0, 0.0, 0.0, spin, 0.0])
         return State(time, np.array([x, 0.0, self.radius - OVERLAP]), velocity)

@@ -46,7 +46,7 @@ def upright_poses(centres: FloatArray) -> FloatArray:
 
 def _check_box(size: Size, slope: float, overlap: float) -> None:
     """Raise ``ProblemError`` if a size [m], a slope [rad] or an initial penetration [m] is out of range."""
-    Box(size)
+    Box(size)  # raises if an edge is not positive
     if not 0.0 <= overlap < size[2]:
         raise ProblemError(f"overlap must be at least 0 and less than the height of a box, got {overlap}.")
     if not 0.0 <= slope < 0.5 * np.pi:
@@ -74,8 +74,8 @@ class SlidingBox(ClosedFormScene):
     def reach(self) -> float:
         """Distance from the centre of the base to its edge in the direction of motion [m]."""
         along, across = abs(cos(self.turn)), abs(sin(self.turn))
-        edges_with_cosines = zip(self.size, (along, across), strict=False)
-        return min(0.5 * edge / cosine for edge, cosine in edges_with_cosines if cosine > 0.0)
+        length, width, _ = self.size
+        return min(0.5 * edge / cosine for edge, cosine in ((length, along), (width, across)) if cosine > 0.0)
 
     def check(self) -> None:
         """Raise ``ProblemError`` if a number is out of range, or the box would tip.
@@ -236,7 +236,8 @@ class TippingBox:
 
         It is (g sin θ − α h/2)/(g cos θ + α w/2) with the initial angular acceleration α, width w and height h.
         """
-        alpha, (width, _, height) = self.angular_acceleration, self.size
+        alpha = self.angular_acceleration
+        width, _, height = self.size
         tangential = self.gravity * sin(self.slope) - 0.5 * alpha * height
         return tangential / (self.gravity * cos(self.slope) + 0.5 * alpha * width)
 

@@ -1,7 +1,7 @@
 """Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
 
-The staves of the drum are bodies, ``HEAVY`` times heavier than a box, on circles about the axis: they move as a ring
-at constant speed. The walls at the ends of both containers are planes without friction.
+The staves of the drum are bodies on circles about the axis, ``STAVE_MASS_RATIO`` times heavier than a box, so that they
+move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
 
 Both reference results are empirical bands, which are wide. The angle of repose of most dry grains is between 25 and
 45°, and larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle
@@ -46,7 +46,7 @@ PITCH = 1.3
 TILT = 0.15
 """Largest initial rotation of a box about each axis [rad]."""
 
-HEAVY = 1e9
+STAVE_MASS_RATIO = 1e9
 """Mass of a stave divided by that of a box."""
 
 STAVES = 24
@@ -58,11 +58,14 @@ GAP = 1e-3
 JAM_SECONDS = 0.5
 """Time without a passing box after which a hopper counts as jammed [s]."""
 
-BEVERLOO = (1.03, 1.4)
+BEVERLOO_COEFFICIENT, BEVERLOO_NARROWING = 1.03, 1.4
 """C and k of a slot."""
 
 PACKING = 0.6
 """Volume fraction of a random pile of boxes."""
+
+MAX_COLUMNS, MAX_LATTICE_ROWS = 100, 10_000
+"""Largest numbers of columns of a lattice to either side of its middle, and of its rows."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Direction of gravity."""
@@ -119,12 +122,14 @@ def lattice(
     Raises:
         ProblemError: if the boxes do not fit.
     """
-    pitch, sites = PITCH * edge, []
-    columns = pitch * np.array(sorted(range(-100, 101), key=abs))
-    for row in range(10_000):
+    pitch = PITCH * edge
+    columns = (pitch * np.array(sorted(range(-MAX_COLUMNS, MAX_COLUMNS + 1), key=abs))).tolist()
+    sites: list[tuple[float, float]] = []
+    for row in range(MAX_LATTICE_ROWS):
         z = lowest + pitch * row
-        sites += [(x, z) for x in columns.tolist() if has_room(x, z)]
-        if layers * len(sites) >= count or (sites and not any(has_room(x, z) for x in columns.tolist())):
+        row_sites = [(x, z) for x in columns if has_room(x, z)]
+        sites += row_sites
+        if layers * len(sites) >= count or (sites and not row_sites):
             break
     if layers * len(sites) < count:
         raise ProblemError(f"{count} boxes do not fit, only {layers * len(sites)}.")
@@ -216,7 +221,7 @@ class RotatingDrum(BoxContainer):
     def system(self) -> RigidBodies:
         """Return the boxes, the staves, and the end walls."""
         mass = self.density * self.box.volume
-        masses = np.array([mass] * self.n_boxes + [HEAVY * mass] * STAVES)
+        masses = np.array([mass] * self.n_boxes + [STAVE_MASS_RATIO * mass] * STAVES)
         effects: list[BodyEffect] = [
             DrivenRing(self.n_boxes, self.gravity, self.speed),
             self.box_friction(STAVES, n_fixed=2),
@@ -297,23 +302,22 @@ class Hopper(BoxContainer):
     @cached_property
     def flow_rate(self) -> float:
         """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if they jam."""
-        coefficient, offset = BEVERLOO
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
-        free = max(self.outlet * self.edge - offset * diameter, 0.0)
-        return float(coefficient * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free**1.5)
+        free_width = max(self.outlet * self.edge - BEVERLOO_NARROWING * diameter, 0.0)
+        return float(BEVERLOO_COEFFICIENT * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free_width**1.5)
 
     def system(self) -> RigidBodies:
         """Return the boxes, the wedge, the walls above it, and the end walls."""
-        half, height, thick = 0.5 * self.outlet * self.edge, self.height, 2.0 * self.edge
+        half, height, thickness = 0.5 * self.outlet * self.edge, self.height, 2.0 * self.edge
         fixed = []
         for side in (-1.0, 1.0):
             along = np.array([side, 0.0, 1.0]) / sqrt(2.0)
             out = np.array([side, 0.0, -1.0]) / sqrt(2.0)
-            centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thick * out
-            plate = Box((sqrt(2.0) * height, self.width, thick))
+            centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thickness * out
+            plate = Box((sqrt(2.0) * height, self.width, thickness))
             fixed.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(Y_AXIS, -0.25 * side * pi))))
-            wall = tuple(about(Y_AXIS, -0.5 * side * pi))
-            fixed.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall))
+            wall_orientation = tuple(about(Y_AXIS, -0.5 * side * pi))
+            fixed.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall_orientation))
         fixed += end_walls(self.width)
         masses = np.full(self.n_boxes, self.density * self.box.volume)
         effects: list[BodyEffect] = [Gravity(self.gravity), self.box_friction(4, n_fixed=6)]
@@ -346,10 +350,10 @@ class Hopper(BoxContainer):
 
     def _find_ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
         last = steps[-1]
-        left, seconds = self.n_boxes - int(last["boxes_through"]), float(last["time"])
-        if not left:
+        n_left, seconds = self.n_boxes - int(last["boxes_through"]), float(last["time"])
+        if not n_left:
             return SceneEnding("emptied", f"emptied: all {self.n_boxes} boxes are through after {seconds:.4g} s", True)
         if steps["time"][0] > seconds - JAM_SECONDS or steps["boxes_through"][0] != last["boxes_through"]:
             return None
-        sentence = f"jammed at {seconds:.4g} s: none of {left} boxes has passed the outlet for {JAM_SECONDS:g} s"
+        sentence = f"jammed at {seconds:.4g} s: none of {n_left} boxes has passed the outlet for {JAM_SECONDS:g} s"
         return SceneEnding("jammed", sentence, False)

@@ -69,9 +69,9 @@ class SpinningTop(ClosedFormScene):
         check_positive(self, "a spinning top", "spin", "tilt", "radius", "height", "mass", "gravity")
         if self.tilt >= 0.5 * pi or self.radius * sin(self.tilt) >= self.height * cos(self.tilt):
             raise ProblemError(f"the upper face of a top that tilts by {self.tilt} reaches the ground; tilt it less.")
-        if self.spin < self.least_spin:
+        if self.spin < self.min_spin:
             raise ProblemError(
-                f"spin of a top must be at least {self.least_spin:.4g} to precess steadily, got {self.spin}; raise it."
+                f"spin of a top must be at least {self.min_spin:.4g} to precess steadily, got {self.spin}; raise it."
             )
         if self.friction is not None and self.holding_friction > self.friction:
             raise ProblemError(
@@ -81,12 +81,10 @@ class SpinningTop(ClosedFormScene):
 
     @cached_property
     def _pyramid(self) -> tuple[Polyhedron, FloatArray]:
-        """The top upright with its tip at the origin, and its pose."""
+        """The top upright with its tip at the origin, and its pose (centre, quaternion), shape (7,)."""
         angles = 2.0 * pi * np.arange(SIDES) / SIDES
-        edge = np.column_stack(
-            [self.radius * np.cos(angles), self.radius * np.sin(angles), np.full(SIDES, self.height)]
-        )
-        return convex_polyhedron(np.vstack([np.zeros(3), edge]))
+        rim = np.column_stack([self.radius * np.cos(angles), self.radius * np.sin(angles), np.full(SIDES, self.height)])
+        return convex_polyhedron(np.vstack([np.zeros(3), rim]))
 
     @cached_property
     def _moments(self) -> tuple[float, float]:
@@ -99,10 +97,11 @@ class SpinningTop(ClosedFormScene):
     @property
     def lever(self) -> float:
         """Distance l of the centre of mass from the tip [m]."""
-        return float(self._pyramid[1][2])
+        _, pose = self._pyramid
+        return float(pose[2])
 
     @property
-    def least_spin(self) -> float:
+    def min_spin(self) -> float:
         """Smallest spin with a steady precession [rad/s]."""
         across, along = self._moments
         return sqrt(4.0 * across * self.mass * self.gravity * self.lever * cos(self.tilt)) / along
@@ -112,8 +111,8 @@ class SpinningTop(ClosedFormScene):
         """Angular velocity Ω of the precession [rad/s]."""
         across, along = self._moments
         a, b, c = across * cos(self.tilt), along * self.spin, self.mass * self.gravity * self.lever
-        root = b + sqrt(b * b - 4.0 * a * c)
-        return root / (2.0 * a) if self.fast else 2.0 * c / root
+        numerator = b + sqrt(b * b - 4.0 * a * c)
+        return numerator / (2.0 * a) if self.fast else 2.0 * c / numerator  # without cancellation
 
     @property
     def holding_friction(self) -> float:
@@ -133,16 +132,12 @@ class SpinningTop(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s], turned by Ω t about the vertical and (n − Ω cos θ) t about the axis."""
-        own = self.spin - self.precession * cos(self.tilt)
-        turns = [
-            about(Z_AXIS, self.precession * time),
-            about(Y_AXIS, self.tilt),
-            about(Z_AXIS, own * time),
-            self._pyramid[1][3:],
-        ]
-        turned = turns[0][None]
-        for turn in turns[1:]:
-            turned = product(turned, turn[None])
+        own_spin = self.spin - self.precession * cos(self.tilt)
+        _, pose = self._pyramid
+        rotations = [about(Y_AXIS, self.tilt), about(Z_AXIS, own_spin * time), pose[3:]]
+        orientation = about(Z_AXIS, self.precession * time)[None]
+        for rotation in rotations:
+            orientation = product(orientation, rotation[None])
         axis = np.array(
             [
                 sin(self.tilt) * cos(self.precession * time),
@@ -150,14 +145,15 @@ class SpinningTop(ClosedFormScene):
                 cos(self.tilt),
             ]
         )
-        centre, rate = self.lever * axis, self.precession * np.array(Z_AXIS) + own * axis
-        velocity = np.concatenate([np.cross(rate, centre), rotation_matrices(turned)[0].T @ rate])
+        centre, rate = self.lever * axis, self.precession * np.array(Z_AXIS) + own_spin * axis
+        velocity = np.concatenate([np.cross(rate, centre), rotation_matrices(orientation)[0].T @ rate])
         depth = 0.0 if self.friction is None else OVERLAP
-        return State(time, np.concatenate([centre - depth * np.array(Z_AXIS), turned[0]]), velocity)
+        return State(time, np.concatenate([centre - depth * np.array(Z_AXIS), orientation[0]]), velocity)
 
     def axis_of(self, state: State) -> FloatArray:
         """Return the axis of the top, a unit vector, shape (3,)."""
-        upright = rotation_matrices(self._pyramid[1][None, 3:])[0]
+        _, pose = self._pyramid
+        upright = rotation_matrices(pose[None, 3:])[0]
         axis: FloatArray = rotation_matrices(state.position[None, 3:7])[0] @ upright[2]
         return axis
 
@@ -170,8 +166,8 @@ class SpinningTop(ClosedFormScene):
         """Return the angular momentum about the vertical through the tip [kg m²/s]."""
         shape, _ = self._pyramid
         moments = self.mass / shape.volume * shape.inertia
-        own = rotation_matrices(state.position[None, 3:7])[0] @ (moments * state.velocity[3:])
-        return float(own[2] + self.mass * np.cross(state.position[:3], state.velocity[:3])[2])
+        about_centre = rotation_matrices(state.position[None, 3:7])[0] @ (moments * state.velocity[3:])
+        return float(about_centre[2] + self.mass * np.cross(state.position[:3], state.velocity[:3])[2])
 
     @property
     def observables(self) -> Sequence[Observable]:

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.scenes.registry import make_scene
-from proxbench.problems.motion.scenes.rigid.containers import BEVERLOO, STAVES, DrivenRing, Hopper, RotatingDrum
+from proxbench.problems.motion.scenes.rigid.containers import (
+    BEVERLOO_COEFFICIENT,
+    BEVERLOO_NARROWING,
+    STAVES,
+    DrivenRing,
+    Hopper,
+    RotatingDrum,
+)
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
@@ -86,9 +93,8 @@ def test_beverloo_gives_the_order_of_the_flow_through_a_hopper() -> None:
 
 
 def test_the_constant_of_a_slot_is_that_of_a_round_outlet_with_the_same_hydraulic_diameter() -> None:
-    slot, narrowing = BEVERLOO
-    assert slot == pytest.approx(0.58 * 4.0 / np.pi * np.sqrt(2.0), rel=0.02)
-    assert narrowing == 1.4
+    assert pytest.approx(0.58 * 4.0 / np.pi * np.sqrt(2.0), rel=0.02) == BEVERLOO_COEFFICIENT
+    assert BEVERLOO_NARROWING == 1.4
 
 
 def test_the_flow_by_beverloo_grows_with_the_slot_and_stops_below_it() -> None:

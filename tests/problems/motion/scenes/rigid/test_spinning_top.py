@@ -53,10 +53,10 @@ def test_the_closed_form_has_the_angular_acceleration_of_its_weight(fast: bool) 
     assert scene.precession * level == pytest.approx(moment, rel=1e-12)
 
 
-def test_a_cone_has_its_centre_of_mass_at_three_quarters_and_both_roots_meet_at_the_least_spin() -> None:
+def test_a_cone_has_its_centre_of_mass_at_three_quarters_and_both_roots_meet_at_the_smallest_spin() -> None:
     scene = SpinningTop()
     assert scene.lever == pytest.approx(0.75 * scene.height, rel=1e-12)
-    slow, fast = (SpinningTop(spin=scene.least_spin * (1.0 + 1e-12), fast=fast).precession for fast in (False, True))
+    slow, fast = (SpinningTop(spin=scene.min_spin * (1.0 + 1e-12), fast=fast).precession for fast in (False, True))
     assert slow == pytest.approx(fast, rel=1e-5)
     quick = SpinningTop(spin=1e4)
     across, along = quick._moments
