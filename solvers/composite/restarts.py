@@ -75,11 +75,11 @@ class Restarts:
         Every iterate is counted and shown, including those of predictors; the monitor keeps the best.
         """
         work, stop = self._newton.work, self._driver.monitor.stop
-        until = work.seconds + max(WORK_SHARE * work.seconds, min(MIN_WORK, LIMIT_SHARE * stop.max_seconds))
+        work_until = work.seconds + max(WORK_SHARE * work.seconds, min(MIN_WORK, LIMIT_SHARE * stop.max_seconds))
         predictors, outcome = self._predictors(), None
-        while predictors and outcome is None and work.seconds < until:
+        while predictors and outcome is None and work.seconds < work_until:
             predictor = predictors.pop(0)
-            outcome = self._advance(predictor, until)
+            outcome = self._advance(predictor, work_until)
             if predictor.attempted < predictor.done <= MAX_SWEEPS:
                 predictors.append(predictor)
         self._due = 2.0 * work.seconds
@@ -91,9 +91,12 @@ class Restarts:
         if np.array_equal(starts[0], starts[1]):
             starts.pop()
         blocks = BlockSweep.over(self._newton.equations.problem, 1.0)
-        block_wise = [Predictor(SafeguardedIterates(BlockIterates(blocks, start))) for start in starts]
-        plain = [Predictor(SafeguardedIterates(DelassusIterates(self._sweep, start)), attempted=0) for start in starts]
-        return [*block_wise, *plain]
+        over_blocks = [Predictor(SafeguardedIterates(BlockIterates(blocks, start))) for start in starts]
+        # the starts themselves are attempted by the predictors over blocks
+        over_rows = [
+            Predictor(SafeguardedIterates(DelassusIterates(self._sweep, start)), attempted=0) for start in starts
+        ]
+        return [*over_blocks, *over_rows]
 
     def _advance(self, predictor: Predictor, work_until: float) -> Outcome | None:
         """Try Newton's method from the next iterate of a predictor, then sweep to the one after; see ``run``.
@@ -112,7 +115,7 @@ class Restarts:
         self._keep_best(impulses, residual)
         for settings in THOROUGH:
             if monitor.best_residual <= monitor.stop.tolerance:
-                return Outcome(Status.SOLVED, "")
+                break
             self._keep_best(*self._newton.run(settings, impulses, residual, work_until))
         if monitor.best_residual <= monitor.stop.tolerance:
             return Outcome(Status.SOLVED, "")

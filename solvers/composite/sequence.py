@@ -77,7 +77,7 @@ class SolverSequence:
     def prepare(self, solver: Solver) -> Prepared:
         """Return the prepared solver, the same one for every run.
 
-        If the memory does not suffice for it, its runs end immediately, and the sequence continues with the others.
+        If it needs more memory than is available, its runs end at once, and the sequence continues with the others.
         """
         if solver.name not in self.prepared:
             try:
@@ -105,8 +105,8 @@ class SolverSequence:
             self.status = Status.TIME_LIMIT if Status.TIME_LIMIT in (self.status, last.status) else last.status
             self.latest = last.impulses
         if last.status in (Status.SOLVED, Status.INFEASIBLE):
-            reasons = [last.message] if last.message else []
-            return Solution(last.impulses, last.status, self.iterations, "; ".join([*self.history, *reasons]))
+            message = "; ".join([*self.history, last.message] if last.message else self.history)
+            return Solution(last.impulses, last.status, self.iterations, message)
         self.keep_best(last.impulses, self.residual.judged(self.problem, last.impulses))
         limit = self.clock.reached_limit(self.stop, self.iterations)
         return self.finish(limit) if limit else None
@@ -119,8 +119,8 @@ class SolverSequence:
     def finish(self, status: Status, reason: str | None = None) -> Solution:
         """Return the best Λ with the status and reason of the whole sequence; the reason defaults to the residual."""
         assert self.best_impulses is not None
-        reasons = [f"residual {self.best_residual:.1e}" if reason is None else reason]
-        message = "; ".join([*self.history, *filter(None, reasons)])
+        reason = f"residual {self.best_residual:.1e}" if reason is None else reason
+        message = "; ".join([*self.history, reason] if reason else self.history)
         return Solution(self.best_impulses, status, self.iterations, message)
 
     def _run_observer(self) -> Observer | None:

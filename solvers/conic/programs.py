@@ -132,8 +132,8 @@ class Scaling:
         self.block_impulse: FloatArray = np.sqrt(self.energy / alpha)
         self.block_moment = self.block_impulse
         if layout.rolling:
-            of_lanes = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 where nothing rolls
-            self.block_moment = self.block_impulse * np.where(of_lanes > 0.0, of_lanes, 1.0)
+            rolling_lengths = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 where nothing rolls
+            self.block_moment = self.block_impulse * np.where(rolling_lengths > 0.0, rolling_lengths, 1.0)
         self.impulse: FloatArray = lengths * layout.unpad(np.repeat(self.block_impulse, width))
         row_of_slot = np.full(layout.n_blocks * width, -1)
         row_of_slot[layout.slot] = np.arange(problem.n_rows)
@@ -171,7 +171,7 @@ def _over_impulses(problem: ContactProblem, scaling: Scaling, weight: FloatArray
     """Return the solver of the Delassus form, and all rows with the factor 1."""
     n_rows, units = problem.n_rows, sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
     delassus = problem.delassus() if weight is None else problem.delassus() + sp.diags_array(weight)
-    solver = _solver(units @ delassus @ units, np.zeros(n_rows), *_cones(problem, scaling))
+    solver = _make_solver(units @ delassus @ units, np.zeros(n_rows), *_cones(problem, scaling))
     return solver, np.arange(n_rows), np.ones(n_rows)
 
 
@@ -187,7 +187,7 @@ def _over_velocities(
     scaled = scaled @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
     constraints = -sp.diags_array(factor) @ scaled.T.tocsr()[rows]
     n_dofs = scaled.shape[0]
-    solver = _solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(rows)), cones)
+    solver = _make_solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(rows)), cones)
     return solver, rows, factor
 
 
@@ -219,7 +219,7 @@ def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool
     return settings
 
 
-def _solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatArray, cones: list[Any]) -> Any:
+def _make_solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatArray, cones: list[Any]) -> Any:
     upper = sp.csc_matrix(sp.triu(quadratic, format="csc"))
     settings = _settings(1e-8, MAX_ITERATIONS, 60.0)
     return clarabel.DefaultSolver(upper, linear, sp.csc_matrix(constraints), bounds, cones, settings)
@@ -253,16 +253,16 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
         if normal >= 0 and not implies_normal:
             add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
         for lanes, coefficients, bounds_of_blocks in parts:
-            held = [int(row) for row in lanes[block] if row >= 0]
+            tangents = [int(row) for row in lanes[block] if row >= 0]
             mu, fixed = float(coefficients[block]), float(bounds_of_blocks[block])
-            if held and mu == 0.0 and fixed == 0.0:
-                for row in held:
+            if tangents and mu == 0.0 and fixed == 0.0:
+                for row in tangents:
                     add(clarabel.ZeroConeT(1), [(row, 1.0)], 0.0)
-            elif held:
+            elif tangents:
                 add(None, [(normal, -mu)] if mu > 0.0 else [], fixed)
-                for row in held:
+                for row in tangents:
                     add(None, [(row, -1.0)], 0.0)
-                cones.append(clarabel.SecondOrderConeT(1 + len(held)))
+                cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
     constraints = sp.csc_matrix((values, (rows, columns)), shape=(len(bounds), problem.n_rows))
     return constraints, np.array(bounds), cones
 
@@ -291,11 +291,13 @@ def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatAr
     cones: list[Any] = []
     for block in range(layout.n_blocks):
         normal, mu = int(scaling.lanes[block, 0]), float(layout.friction_coefficient[block])
-        tangents = [int(row) for row in scaling.lanes[block, 1:] if row >= 0] if mu > 0.0 else []
         if normal < 0:
             continue
+        tangents = [int(row) for row in scaling.lanes[block, 1:] if row >= 0] if mu > 0.0 else []
         rows += [normal, *tangents]
         factors += [1.0 / mu if tangents else 1.0, *[1.0] * len(tangents)]
-        alone = clarabel.ZeroConeT(1) if layout.is_bilateral[block] else clarabel.NonnegativeConeT(1)
-        cones.append(clarabel.SecondOrderConeT(1 + len(tangents)) if tangents else alone)
+        if tangents:
+            cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
+        else:
+            cones.append(clarabel.ZeroConeT(1) if layout.is_bilateral[block] else clarabel.NonnegativeConeT(1))
     return np.array(rows, dtype=np.int64), np.array(factors), cones

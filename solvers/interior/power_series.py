@@ -73,8 +73,10 @@ def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: i
                 heads[i, width] -= r[j, i, 0] * u[k, i, 0]
             if kind[i] < CONE:
                 continue
-            p, q = (r[j, i, 0], u[k, i, 0]) if kind[i] == CONE else (friction[i] * r[j, i, 0], s[k, i])
-            p_other, q_other = (r[k, i, 0], u[j, i, 0]) if kind[i] == CONE else (friction[i] * r[k, i, 0], s[j, i])
+            if kind[i] == CONE:
+                p, q, p_other, q_other = r[j, i, 0], u[k, i, 0], r[k, i, 0], u[j, i, 0]
+            else:
+                p, q, p_other, q_other = friction[i] * r[j, i, 0], s[k, i], friction[i] * r[k, i, 0], s[j, i]
             heads[i, 0] -= p * q + dot_tangential(r[j, i], u[k, i])
             for lane in range(1, width):
                 heads[i, lane] -= p_other * u[j, i, lane] + q_other * r[k, i, lane]

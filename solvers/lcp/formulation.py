@@ -80,9 +80,9 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
         sides: number of sides of a pyramid, k; planar friction is exact for any k.
     """
     laws, scale, speed = problem.laws, _scales(problem, residual), residual.scale or 1.0
-    of_law = scale[laws.first_row]
-    friction = laws.friction_coefficient * np.where(laws.partner >= 0, of_law[laws.partner], 0.0) / of_law
-    conditions = _Conditions(laws, friction, laws.fixed_bound / of_law / speed, sides)
+    law_scale = scale[laws.first_row]
+    friction = laws.friction_coefficient * np.where(laws.partner >= 0, law_scale[laws.partner], 0.0) / law_scale
+    conditions = _Conditions(laws, friction, laws.fixed_bound / law_scale / speed, sides)
     conditions.add_unilateral()
     conditions.add_planar()
     conditions.add_spatial()
@@ -126,24 +126,24 @@ class _Conditions:
 
     def add_spatial(self) -> None:
         law, row, first = self._unknowns(self._laws.is_friction & (self._laws.row_count == 2))
-        corner, speed = first[:, None] + np.arange(self._sides), first + self._sides
-        for axis, of_corner in enumerate(corners(self._sides)):
-            self.impulse.append((row[:, None] + axis, corner, of_corner))
-            self.velocity.append((corner, row[:, None] + axis, of_corner))
-        column = speed[:, None]
-        self.direct += [(corner, column, 1.0), (column, corner, -1.0), self._bounds(law, speed, 1.0)]
-        self.constant[speed] = self._bound[law]
+        beta, multiplier = first[:, None] + np.arange(self._sides), first + self._sides
+        for axis, coordinates in enumerate(corners(self._sides)):
+            self.impulse.append((row[:, None] + axis, beta, coordinates))
+            self.velocity.append((beta, row[:, None] + axis, coordinates))
+        column = multiplier[:, None]
+        self.direct += [(beta, column, 1.0), (column, beta, -1.0), self._bounds(law, multiplier, 1.0)]
+        self.constant[multiplier] = self._bound[law]
 
-    def _unknowns(self, is_meant: NDArray[np.bool_]) -> tuple[IntArray, IntArray, IntArray]:
+    def _unknowns(self, is_selected: NDArray[np.bool_]) -> tuple[IntArray, IntArray, IntArray]:
         """Return the selected laws, their first rows and their first unknowns."""
-        law = np.flatnonzero(is_meant)
+        law = np.flatnonzero(is_selected)
         return law, self._laws.first_row[law], self._first[law]
 
     def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:
         """Return entries of ``factor`` times μ in the columns of the normal impulses, for each law with μ > 0."""
-        slides = self._friction[law] > 0.0
-        normal = self._first[self._laws.partner[law[slides]]]
-        return row[slides], normal, factor * self._friction[law[slides]]
+        has_friction = self._friction[law] > 0.0
+        law, row = law[has_friction], row[has_friction]
+        return row, self._first[self._laws.partner[law]], factor * self._friction[law]
 
 
 def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:
@@ -155,8 +155,8 @@ def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:
 def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:
     """Return s = 1/√α of each row, with α of its contact, or the largest α if a contact has α = 0."""
     layout = problem.layout
-    with_none = np.append(residual.alpha, 0.0)
-    alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
+    law_alpha = np.append(residual.alpha, 0.0)  # a block without such a law has the index -1
+    alpha = np.maximum(law_alpha[layout.normal_law], law_alpha[layout.friction_law])
     alpha = np.where(alpha > 0.0, alpha, max(float(alpha.max(initial=0.0)), np.finfo(float).tiny))
     scale: FloatArray = layout.unpad(np.repeat(1.0 / np.sqrt(alpha), layout.width))
     return scale

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...problems.contact.matrices.memory import to_dense
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from .structures import ARRAYS, BLOCKS, DENSE, FACTORS, SCALES, SPARSE, Problem, addressed
+from .structures import ARRAYS, BLOCKS, DENSE, FACTORS, SCALES, SPARSE, Problem, sized
 
 ALIGNMENT = 64
 """Alignment of the address of each array in bytes."""
@@ -35,7 +35,7 @@ class ProblemArrays:
     @staticmethod
     def of(problem: ContactProblem, forms: int) -> "ProblemArrays":
         """Copy the arrays of the requested forms, without ``FACTORS`` if the problem has G only."""
-        structure: Problem = addressed(Problem)
+        structure: Problem = sized(Problem)
         if problem.factors is None:
             forms &= ~FACTORS
         arrays = _always(problem, structure)

@@ -28,7 +28,7 @@ from .native_solver import (
     status_of,
 )
 from .problem_arrays import ProblemArrays
-from .structures import FUNCTIONS, OBSERVER, STATUSES, Description, Problem, Request, Result, addressed, text_of
+from .structures import FUNCTIONS, OBSERVER, STATUSES, Description, Problem, Request, Result, sized, text_of
 
 GUARD = 64
 """Number of guard entries before and after the impulses, which a solver must not change."""
@@ -123,8 +123,8 @@ class PreparedLibrary:
         self._memory[:GUARD] = self._memory[GUARD + self._n_rows :] = np.frombuffer(_GUARD_BYTES)
         self._impulses, self._start = self._memory[GUARD : GUARD + self._n_rows], np.zeros(self._n_rows)
         self._guard_before, self._guard_after = self._memory[:GUARD], self._memory[GUARD + self._n_rows :]
-        self._request: Request = addressed(Request)
-        self._result: Result = addressed(Result)
+        self._request: Request = sized(Request)
+        self._result: Result = sized(Result)
         self._request.threads, self._request.start = granted_threads(), self._start.ctypes.data
         self._result.impulses = self._impulses.ctypes.data
         self._addresses = byref(self._request), byref(self._result)

@@ -132,11 +132,11 @@ def include_folder() -> Path:
     return Path(__file__).parent
 
 
-def text_of(given: bytes | None, length: int = 200) -> str:
-    """Return text of a solver, truncated to ``length`` characters."""
-    return (given or b"").decode(errors="replace")[:length]
+def text_of(content: bytes | None, length: int = 200) -> str:
+    """Return the text of a C string of a solver, truncated to ``length`` characters; empty for NULL."""
+    return (content or b"").decode(errors="replace")[:length]
 
 
-def addressed(kind: Any) -> Any:
-    """Return a structure of a kind with its size set, as required by solvers."""
+def sized(kind: Any) -> Any:
+    """Return an empty structure of a kind with its ``size`` set, as solvers require."""
     return kind(size=ctypes.sizeof(kind))

@@ -67,10 +67,10 @@ class Equations:
         self._delassus, self._free = problem.delassus(), problem.free_velocity
         self.entries = int(self._delassus.nnz)
         self._dense = self._delassus.toarray() if problem.n_rows <= MAX_DENSE_ROWS else None
-        rows = laws.row_count
-        self.row_alpha: FloatArray = np.repeat(residual.alpha, rows)
+        self.row_alpha: FloatArray = np.repeat(residual.alpha, laws.row_count)
         partner_row = np.where(laws.partner >= 0, laws.first_row[laws.partner], -1)
-        self._laws = (laws.sets, laws.first_row, rows, laws.friction_coefficient, laws.fixed_bound, partner_row)
+        friction = laws.friction_coefficient, laws.fixed_bound
+        self._laws = (laws.sets, laws.first_row, laws.row_count, *friction, partner_row)
         self._alpha = residual.alpha
 
     def regularised(self, weight: float, centre: FloatArray) -> "Equations":
@@ -106,7 +106,9 @@ class Equations:
         matrix = sp.csr_array(self._delassus[active][:, active])
         if count > 0:
             rows, columns = places
-            of_velocity, of_impulse = (sp.csr_array((one, (rows, columns)), shape=matrix.shape) for one in weights)
+            of_velocity, of_impulse = (
+                sp.csr_array((values, (rows, columns)), shape=matrix.shape) for values in weights
+            )
             kept = sp.diags_array(np.where(slips[active], 0.0, 1.0))
             matrix = sp.csr_array((of_velocity + kept) @ matrix + of_impulse)
         return LinearSystem(base, active, matrix, right)

@@ -10,6 +10,7 @@ that takes few Newton steps divides it; one that does not converge multiplies it
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from ..iteration.method import Method
 from ..iteration.stopping import Clock
 from .linear_solver import LinearSolver
 from .linearised import Equations
-from .steps import MIN_STEP, SUFFICIENT_DECREASE
+from .steps import MIN_STEP, full_step, search_line
 from .work import Work
 
 FIRST_WEIGHT, MIN_WEIGHT, MAX_WEIGHT = 1e-2, 1e-12, 1e4
@@ -75,7 +76,8 @@ class PreparedProximalPoint:
             limit = clock.reached_limit(stop, count)
             newest = next(steps, None) if limit is None else None
             if newest is None:
-                return Solution(best, *self._outcome(limit, inner, best, lowest, count))
+                status, message = self._failure(limit, inner, best, lowest, count)
+                return Solution(best, status, count, message)
             count += 1
             clock.show(observe, count, newest)
             present = inner.residual(newest)
@@ -83,15 +85,15 @@ class PreparedProximalPoint:
                 best, lowest = newest, present
         return Solution(best, Status.SOLVED, count)
 
-    def _outcome(
+    def _failure(
         self, limit: Status | None, inner: "_InnerProblems", best: FloatArray, lowest: float, count: int
-    ) -> tuple[Status, int, str]:
-        reached = f"residual {lowest:.1e} after {count} Newton steps"
+    ) -> tuple[Status, str]:
+        """Return the status and message of a solve that has not reached the tolerance."""
         if limit is not None or inner.solver.lacks_time:
-            return limit or Status.TIME_LIMIT, count, reached
+            return limit or Status.TIME_LIMIT, f"residual {lowest:.1e} after {count} Newton steps"
         if lowest <= self.residual.rounding(best):
-            return Status.STALLED, count, f"rounding limits the residual to {lowest:.1e}"
-        return Status.STALLED, count, f"no regularisation reduces the residual below {lowest:.1e}"
+            return Status.STALLED, f"rounding limits the residual to {lowest:.1e}"
+        return Status.STALLED, f"no regularisation reduces the residual below {lowest:.1e}"
 
 
 class _InnerProblems:
@@ -110,15 +112,17 @@ class _InnerProblems:
         centre, weight = first, FIRST_WEIGHT
         while weight <= MAX_WEIGHT:
             inner = self._equations.regularised(weight, centre)
-            newest, count, is_solved = centre, 0, False
-            goal = INNER_TOLERANCE * self._inner_residual(inner, centre)
+            residual = partial(self._inner_residual, inner)
+            newest, present, count, is_solved = centre, residual(centre), 0, False
+            tolerance = INNER_TOLERANCE * present
             while count < MAX_STEPS and not is_solved:
-                following = self._step(inner, newest)
-                if following is None:
+                goal = full_step(inner, self.solver, newest, DAMPING)
+                if goal is None:
                     break
-                newest, count = following, count + 1
+                newest, present = search_line(residual, newest, present, goal, MIN_STEP)
+                count += 1
                 yield newest
-                is_solved = self._inner_residual(inner, newest) <= goal
+                is_solved = present <= tolerance
             if self.solver.lacks_time:
                 return
             if not is_solved:
@@ -132,18 +136,3 @@ class _InnerProblems:
 
     def _inner_residual(self, inner: Equations, impulses: FloatArray) -> float:
         return self._residual(impulses, inner.velocity(impulses))
-
-    def _step(self, inner: Equations, origin: FloatArray) -> FloatArray | None:
-        """Return Λ after one Newton step with a line search, None if the system cannot be solved."""
-        system = inner.linearise(origin)
-        goal = system.base
-        if len(system.active):
-            step = self.solver.solve(system, 1.0 / np.sqrt(inner.row_alpha[system.active]), DAMPING)
-            if step is None or not np.isfinite(step).all():
-                return None
-            goal[system.active] += step
-        before, part, point = self._inner_residual(inner, origin), 1.0, goal
-        while part > MIN_STEP and not self._inner_residual(inner, point) < (1.0 - SUFFICIENT_DECREASE * part) * before:
-            part *= 0.5
-            point = origin + part * (goal - origin)
-        return point

@@ -76,6 +76,38 @@ LINE_SEARCH = THOROUGH[1]
 """The most successful settings of ``THOROUGH``."""
 
 
+def full_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, damping: float) -> FloatArray | None:
+    """Return Λ after a full Newton step, shape (n_rows,), or None if the system is singular or would take too long."""
+    system = equations.linearise(impulses)
+    after = system.base
+    if len(system.active):
+        step = solver.solve(system, 1.0 / np.sqrt(equations.row_alpha[system.active]), damping)
+        if step is None or not np.isfinite(step).all():
+            return None
+        after[system.active] += step
+    return after
+
+
+def search_line(
+    residual: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, min_step: float
+) -> tuple[FloatArray, float]:
+    """Return the first point back from ``goal`` that reduces the residual enough, or the last one, and its residual.
+
+    Args:
+        residual: Λ ↦ its residual.
+        origin: Λ before the step [N s], shape (n_rows,).
+        before: the residual of ``origin``.
+        goal: Λ after the full step, shape (n_rows,).
+        min_step: shortest fraction of the step; 1 accepts the full step.
+    """
+    fraction, point, present = 1.0, goal, residual(goal)
+    while fraction > min_step and not present < (1.0 - SUFFICIENT_DECREASE * fraction) * before:
+        fraction *= 0.5
+        point = origin + fraction * (goal - origin)
+        present = residual(point)
+    return point, present
+
+
 class NewtonMethod:
     """Newton's method on the equations of one problem, within the limits of one solve.
 
@@ -100,41 +132,22 @@ class NewtonMethod:
         """
         best, lowest, present, waited = impulses, first, first, 0
         for _ in range(settings.max_steps):
-            goal = self._full_step(impulses, settings.damping)
+            goal = full_step(self._equations, self.solver, impulses, settings.damping)
             if goal is None:
                 break
             before = present
-            impulses, present = self._search(impulses, before, goal, settings.min_step)
+            impulses, present = search_line(self.residual, impulses, before, goal, settings.min_step)
             is_over = not may_continue(impulses)
             waited += 1
             is_new = present < lowest
             if is_new:
                 best, lowest, waited = impulses, present, 0
-            converged = lowest <= self._tolerance or (is_new and present > settings.gain * before)
-            if is_over or converged or waited >= settings.patience or not present <= DIVERGENCE * first:
+            gains_little = is_new and present > settings.gain * before
+            if is_over or lowest <= self._tolerance or gains_little:
+                break
+            if waited >= settings.patience or not present <= DIVERGENCE * first:
                 break
         return best, lowest
-
-    def _search(self, origin: FloatArray, before: float, goal: FloatArray, min_step: float) -> tuple[FloatArray, float]:
-        """Return the first point back from ``goal`` with a smaller residual, or the last one, and its residual."""
-        part, point, present = 1.0, goal, self.residual(goal)
-        while part > min_step and not present < (1.0 - SUFFICIENT_DECREASE * part) * before:
-            part *= 0.5
-            point = origin + part * (goal - origin)
-            present = self.residual(point)
-        return point, present
-
-    def _full_step(self, impulses: FloatArray, damping: float) -> FloatArray | None:
-        """Return Λ after a full step, or None if the system is singular or would take too long."""
-        system = self._equations.linearise(impulses)
-        if len(system.active) == 0:
-            return system.base
-        step = self.solver.solve(system, 1.0 / np.sqrt(self._equations.row_alpha[system.active]), damping)
-        if step is None or not np.isfinite(step).all():
-            return None
-        moved = system.base
-        moved[system.active] += step
-        return moved
 
 
 class NewtonRunner:

@@ -71,9 +71,9 @@ def lanczos_steps(wanted: int, n_rows: int, max_seconds: float) -> int:
         n_rows: rows of G.
         max_seconds: time limit of the solve [s].
     """
-    allowed = LANCZOS_SHARE * max_seconds / (STEP_SECONDS * max(n_rows, 1))
+    max_squared_steps = LANCZOS_SHARE * max_seconds / (STEP_SECONDS * max(n_rows, 1))
     steps = min(wanted or n_rows, n_rows)
-    return steps if steps**2 <= allowed else max(2, int(allowed**0.5))
+    return steps if steps**2 <= max_squared_steps else max(2, int(max_squared_steps**0.5))
 
 
 class PreparedADMM(PreparedRounds):
@@ -104,7 +104,7 @@ class PreparedADMM(PreparedRounds):
             result.setConstraintImpulseGuess(contacts.to_pinocchio(impulses))
             arguments = operator, contacts.velocity, contacts.models, contacts.datas, settings, result
             is_converged = on_deep_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
-            found = contacts.from_pinocchio(result.retrieveConstraintImpulses())
-            return Round(found, min(result.iterations, iterations), bool(is_converged))
+            solution = contacts.from_pinocchio(result.retrieveConstraintImpulses())
+            return Round(solution, min(result.iterations, iterations), bool(is_converged))
 
         return call

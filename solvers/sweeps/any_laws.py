@@ -94,7 +94,7 @@ def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def sweep_delassus(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses
+    count, starts, lanes, values, free, sizes, friction, fixed, partner, lower, mu_r, a_r, axes, sliding, impulses
 ):
     """Do ``count`` Gauss–Seidel sweeps over G in block rows."""
     width = len(axes)
@@ -104,7 +104,7 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
             velocity_of_block(i, 0, axes, starts, lanes, values, free, impulses, xi)
-            new = max(impulses[k] - sizes[3 * i] * xi[0], lowest[i])
+            new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             if sliding > 0:
                 for lane in range(1, first_rolling):
@@ -121,14 +121,14 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def project_all(  # type: ignore[no-untyped-def]
-    sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, velocity, impulses
+    sizes, friction, fixed, partner, lower, mu_r, a_r, axes, sliding, velocity, impulses
 ):
     """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
     width = len(axes)
     change = np.empty(width)
     first_rolling = 1 + sliding
     for i in range(len(friction)):
-        impulses[width * i] = max(impulses[width * i] - sizes[3 * i] * velocity[width * i], lowest[i])
+        impulses[width * i] = max(impulses[width * i] - sizes[3 * i] * velocity[width * i], lower[i])
     for i in range(len(friction)):
         k = width * i
         xi = velocity[k : k + width]
@@ -164,7 +164,7 @@ def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ign
 
 @njit(cache=True)
 def sweep_factors(  # type: ignore[no-untyped-def]
-    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses, v
+    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lower, mu_r, a_r, axes, sliding, impulses, v
 ):
     """Do ``count`` Gauss–Seidel sweeps over the pieces of W̃, and update v = W̃ Λ after each law."""
     width = len(axes)
@@ -175,7 +175,7 @@ def sweep_factors(  # type: ignore[no-untyped-def]
             k, begin, end = width * i, np.int64(starts[i]), np.int64(starts[i + 1])
             own = free[k : k + width]
             _velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, own, xi)
-            new = max(impulses[k] - sizes[3 * i] * xi[0], lowest[i])
+            new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             _push(0, 1, begin, end, chunks, pieces, change, v)
             if sliding > 0:

@@ -117,8 +117,8 @@ class MidpointRule:
             try:
                 step = self.step(state)
             except (Exception, SystemExit) as failure:
-                what = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {error_text(failure)}."
-                raise StepError(what, state) from failure
+                message = f"a step of {self.time_step:.3g} s from t = {state.time:.9g} s failed: {error_text(failure)}."
+                raise StepError(message, state) from failure
             check_finite(state, step.state)
             state = step.state
             yield step
@@ -126,19 +126,20 @@ class MidpointRule:
 
 def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: FloatArray) -> ContactProblem:
     """Return the contact problem of one step in factor form, c = Wᵀ(u_B + M⁻¹hΔt) + ε Wᵀu_B − χ."""
-    given = contacts.directions
-    if isinstance(given, Pieces):
-        free_velocity = given.free_velocity(assembly.free_motion, velocity, contacts.restitution)
+    directions = contacts.directions
+    if isinstance(directions, Pieces):
+        free_velocity = directions.free_velocity(assembly.free_motion, velocity, contacts.restitution)
     else:
-        free_velocity = given.T @ assembly.free_motion
-        free_velocity += contacts.restitution * (given.T @ velocity)
+        free_velocity = directions.T @ assembly.free_motion
+        free_velocity += contacts.restitution * (directions.T @ velocity)
     if contacts.drive is not None:
         free_velocity -= contacts.drive
-    factors = Factors(contacts.directions, assembly.inverse_mass, assembly.free_motion)
+    factors = Factors(directions, assembly.inverse_mass, assembly.free_motion)
     return ContactProblem(free_velocity, contacts.laws, factors=factors)
 
 
 def _without_rebound(contacts: ActiveContacts, held: tuple[int, ...]) -> ActiveContacts:
+    """Return the contacts with ε = 0 for the keys ``held``."""
     is_held = contacts.for_rows(np.isin(contacts.keys, held))
     return replace(contacts, restitution=np.where(is_held, 0.0, contacts.restitution))
 

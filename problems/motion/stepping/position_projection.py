@@ -43,7 +43,7 @@ MAX_OPENING = 1e-6
 """Largest residual of a joint after the last pass [m or rad]; a larger one shows that passes do not converge, because
 the directions at the midpoint differ too much from those at the end of the step."""
 
-REDUNDANT = 1e-12
+REDUNDANCY_TOLERANCE = 1e-12
 """Eigenvalues of the scaled matrix of the joints below this fraction of the largest one belong to redundant rows."""
 
 
@@ -70,7 +70,7 @@ def projected(
     tolerated = (1.0 + ACCURACY) * depth
     overlaps = system.overlaps(position, tolerated)
     if overlaps is not None and overlaps.joints is not None:
-        return _closed(system, position, velocity, overlaps, depth)
+        return _close_joints(system, position, velocity, overlaps, depth)
     best, best_gap = position, -np.inf
     for _ in range(MAX_PASSES):
         if overlaps is None:
@@ -82,19 +82,19 @@ def projected(
     return position if overlaps is None or overlaps.gap.min(initial=0.0) > best_gap else best, velocity
 
 
-def _closed(
+def _close_joints(
     system: System, position: FloatArray, velocity: FloatArray, overlaps: Overlaps, depth: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return q with closed joints and separated contacts, and u without the part that opens joints."""
+    """Return q with closed joints and separated contacts, and u without the part that opens them; see ``projected``."""
     joints = overlaps.joints
     for _ in range(MAX_PASSES):
         assert joints is not None
         if joints.are_closed and overlaps.gap.min(initial=0.0) >= -(1.0 + ACCURACY) * depth:
             break
         position = system.move(position, _joint_displacement(overlaps, joints, depth), 1.0)
-        found = system.overlaps(position, depth)
-        assert found is not None  # there are joints
-        overlaps, joints = found, found.joints
+        remaining = system.overlaps(position, depth)
+        assert remaining is not None  # there are joints
+        overlaps, joints = remaining, remaining.joints
     assert joints is not None
     opening = np.abs(joints.residual).max(initial=0.0)
     if opening > MAX_OPENING:
@@ -122,8 +122,8 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
     free -= spread @ (inverse @ (spread.T @ normals))
     pushes = np.zeros(len(overlaps.gap))
     _push_apart(np.ascontiguousarray(normals.T @ free), overlaps.gap + depth + normals.T @ closing, depth, pushes)
-    moved_apart: FloatArray = closing + free @ pushes
-    return moved_apart
+    displacement: FloatArray = closing + free @ pushes
+    return displacement
 
 
 def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[FloatArray, FloatArray]:
@@ -138,18 +138,18 @@ def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[Floa
     spread = (inverse_mass.matrix @ joints.directions).toarray()
     gram = joints.directions.T @ spread
     scale = 1.0 / np.sqrt(gram.diagonal())
-    scaled = np.linalg.pinv(scale[:, None] * gram * scale, rcond=REDUNDANT, hermitian=True)
+    scaled = np.linalg.pinv(scale[:, None] * gram * scale, rcond=REDUNDANCY_TOLERANCE, hermitian=True)
     return spread, scale[:, None] * scaled * scale
 
 
 @njit(cache=True)
 def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
     """Gauss–Seidel for 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0; contacts that joints hold are left out."""
-    least = 1e-12 * matrix.max()
+    held_diagonal = REDUNDANCY_TOLERANCE * matrix.max()
     for _ in range(MAX_SWEEPS):
         deepest = 0.0
         for i in range(len(pushes)):
-            if matrix[i, i] <= least:
+            if matrix[i, i] <= held_diagonal:
                 continue
             now = space[i] + matrix[i] @ pushes
             deepest = max(deepest, -now)
@@ -171,14 +171,14 @@ def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
     root = overlaps.inverse_mass.root_blocks(normals.length)
     assert root is not None
     scaled = normals.scaled(root)
-    moved = np.zeros((scaled.n_chunks + 1) * scaled.length)  # the last chunk is the idle one
-    _project(scaled.starts, scaled.chunks, scaled.values, overlaps.gap, depth, moved)
-    return overlaps.inverse_mass.root_times(moved[: -scaled.length])
+    scaled_displacement = np.zeros((scaled.n_chunks + 1) * scaled.length)  # the last chunk is the idle one
+    _move_bodies_apart(scaled.starts, scaled.chunks, scaled.values, overlaps.gap, depth, scaled_displacement)
+    return overlaps.inverse_mass.root_times(scaled_displacement[: -scaled.length])
 
 
 @njit(cache=True)
-def _project(starts, chunks, values, gap, depth, moved):  # type: ignore[no-untyped-def]
-    """Gauss–Seidel on the normal lanes; contacts without impulse that stay open cost one product each."""
+def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # type: ignore[no-untyped-def]
+    """Gauss–Seidel on the normal lanes, over δ; contacts without impulse that stay open cost one product each."""
     n_contacts, length = len(gap), values.shape[2]
     pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
     for i in range(n_contacts):
@@ -191,7 +191,7 @@ def _project(starts, chunks, values, gap, depth, moved):  # type: ignore[no-unty
             space = gap[i] + depth
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
-                    space += values[p, 0, k] * moved[length * chunks[p] + k]
+                    space += values[p, 0, k] * displacement[length * chunks[p] + k]
             deepest = max(deepest, -space)
             if (space >= 0.0 and pushed[i] == 0.0) or diagonal[i] == 0.0:
                 continue
@@ -200,14 +200,17 @@ def _project(starts, chunks, values, gap, depth, moved):  # type: ignore[no-unty
             pushed[i] = push
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
-                    moved[length * chunks[p] + k] += values[p, 0, k] * change
+                    displacement[length * chunks[p] + k] += values[p, 0, k] * change
         if deepest <= ACCURACY * depth:
             break
 
 
 @njit(cache=True)
 def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement):  # type: ignore[no-untyped-def]
-    """Project as ``_project`` does, over δq of balls: a push p moves the first by M⁻¹ n p, the second by −M⁻¹ n p."""
+    """Sweep as ``_move_bodies_apart`` does, over δq of balls.
+
+    A push p moves the first ball by M⁻¹ n p and the second by −M⁻¹ n p.
+    """
     n_contacts, dim = normals.shape
     idle = len(inverse) // length
     pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)

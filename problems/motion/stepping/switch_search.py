@@ -83,7 +83,7 @@ class Search(ABC):
         """Return the next length after an accepted step, if the error alone would allow ``wanted``."""
         return wanted
 
-    def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:  # noqa: B027
+    def note_step(self, substeps: Substeps, states: LawStates) -> None:  # noqa: B027
         """Record an accepted step."""
 
     @abstractmethod
@@ -112,7 +112,7 @@ class NestedIntervals(Search):
         return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
 
     def note_switch(self, state: State) -> None:
-        """Note that the switch is located."""
+        """Record that the switch is located."""
         self._seen_before = float("inf")
 
 
@@ -136,11 +136,11 @@ class Anticipating(Search):
         if not due < now + 1.2 * length:
             self._waited = 0
             return length
-        way = due - now - max(2.0 * doubt, 0.5 * self._min_step)
-        if way < 0.3 * (due - now):
-            way = 0.5 * (due - now)
-        if way > self._min_step:
-            return min(length, way)
+        approach = due - now - max(2.0 * doubt, 0.5 * self._min_step)
+        if approach < 0.3 * (due - now):
+            approach = 0.5 * (due - now)
+        if approach > self._min_step:
+            return min(length, approach)
         self._waited += 1
         # a wrong margin must not slow the motion indefinitely
         return min(length, self._min_step * 2.0 ** min(max(0, self._waited - 4), 60))
@@ -157,8 +157,8 @@ class Anticipating(Search):
         """Whether a gap has closed within the step, or a force has vanished after its last evaluation."""
         return self._margins.penetrates(begin, end) or self._margins.has_ended_force(attempt.substeps, attempt.states)
 
-    def note_step(self, substeps: tuple[tuple[Step, float], ...], states: LawStates) -> None:
-        """Note the margins of all laws."""
+    def note_step(self, substeps: Substeps, states: LawStates) -> None:
+        """Record the margins of all laws."""
         for step, length in substeps:
             self._margins.note(step, length, states)
 
@@ -187,13 +187,13 @@ class Margins:
         self._values.clear()
 
     def note(self, step: Step, length: float, states: LawStates) -> None:
-        """Note the margins in one step of ``length`` [s] with the laws in ``states``."""
+        """Record the margins in one step of ``length`` [s] with the laws in ``states``."""
         for key, time, value in _law_margins(step, length, states):
             self._add(key, time, value)
         self.note_gaps(step.state)
 
     def note_gaps(self, state: State) -> None:
-        """Note the gaps of open contacts in a state."""
+        """Record the gaps of open contacts in a state."""
         reach = REACH * self._horizon * self._speed(state)
         keys, gaps = self._system.gaps_below(state.position, reach)
         for contact, gap in zip(keys.tolist(), gaps.tolist(), strict=True):
@@ -213,14 +213,14 @@ class Margins:
         """
         middles = (np.arange(len(substeps)) + 0.5) / len(substeps)
         weights = np.linalg.solve(np.vander(middles, increasing=True).T, np.ones(len(substeps)))
-        left: dict[MarginKey, float] = defaultdict(float)
+        at_end: dict[MarginKey, float] = defaultdict(float)
         largest = 0.0
         for weight, (step, length) in zip(weights.tolist(), substeps, strict=True):
             for key, _, value in _law_margins(step, length, states):
                 if key[0] in FORCES:
-                    left[key] += weight * value
+                    at_end[key] += weight * value
                     largest = max(largest, value)
-        return min(left.values(), default=0.0) < -ROUNDING * largest
+        return min(at_end.values(), default=0.0) < -ROUNDING * largest
 
     def next_switch(self, now: float) -> tuple[float, float]:
         """Return the time of the next switching point [s], inf if none is in sight, and its uncertainty [s]."""
@@ -282,15 +282,15 @@ def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
     n_points = x.shape[1]
     if n_points < 2:
         return np.full(len(x), np.inf)
-    rising = np.linalg.solve(x[:, :, None] ** np.arange(n_points), y[:, :, None])[:, :, 0]
-    largest = np.abs(rising).max(axis=1, initial=0.0)
+    coefficients = np.linalg.solve(x[:, :, None] ** np.arange(n_points), y[:, :, None])[:, :, 0]
+    largest = np.abs(coefficients).max(axis=1, initial=0.0)
     degree = n_points - 1
-    leading = rising[:, degree]
+    leading = coefficients[:, degree]
     # a leading coefficient within rounding gives a root at infinity, which the eigenvalues tolerate
     leading = np.where(np.abs(leading) < 1e-300 + 1e-14 * largest, 1e-14 * np.maximum(largest, 1e-300), leading)
     companion = np.zeros((len(x), degree, degree))
     companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-    companion[:, :, -1] = -rising[:, :degree] / leading[:, None]
+    companion[:, :, -1] = -coefficients[:, :degree] / leading[:, None]
     roots = np.linalg.eigvals(companion)
     is_real = np.abs(roots.imag) <= 1e-9 * np.maximum(1.0, np.abs(roots))
     candidates = np.where(is_real & (roots.real >= after[:, None] - 1e-3), roots.real, np.inf)

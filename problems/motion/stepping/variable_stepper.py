@@ -96,7 +96,11 @@ class VariableStepper(Stepper):
         return scene.longest_step if self.max_step is None else self.max_step
 
     def check(self, scene: Scene, begin: float, until: float) -> None:
-        """Check the options and times, and that Δt_min separates floating-point times."""
+        """Check the options and times, and that Δt_min separates floating-point times.
+
+        Raises:
+            ProblemError: if an option or a time is out of range, or Δt_min is too short.
+        """
         longest = self.longest_step(scene)
         if not 0.0 < self.tolerance < 1.0:
             raise ProblemError(f"tolerance must be between 0 and 1, got {self.tolerance}.")
@@ -125,8 +129,8 @@ class VariableStepper(Stepper):
         try:
             control = _StepControl(self, setup)
         except Exception as failure:
-            what = error_text(failure)
-            raise StepError(f"the motion cannot start at t = {start.time:.9g} s: {what}.", start) from failure
+            reason = error_text(failure)
+            raise StepError(f"the motion cannot start at t = {start.time:.9g} s: {reason}.", start) from failure
         return _with_own_costs(control.steps())
 
     def attempt(
@@ -148,6 +152,9 @@ class VariableStepper(Stepper):
             states: states of the laws in the step before; any if None.
             relative_error: difference of (q, u) ↦ relative error.
             levels: largest number of sequences.
+
+        Raises:
+            UnsolvedStepError: if the solver does not solve the inclusion of a step.
         """
         row: list[FloatArray] = []
         errors: list[float] = []
@@ -187,12 +194,12 @@ class _StepControl:
         held: AcceptedStep | None = None  # accepted, but a search may still withdraw it
         while self._until - self._state.time > 1e-3 * self._min_step:
             try:
-                taken = self._try_timed()
+                accepted = self._try_timed()
             except StepError:
                 if held is not None:
                     yield held
                 raise
-            if taken is None:
+            if accepted is None:
                 if held is not None and self._saw_switch and self._search.withdraws_last_step:
                     # the switch may lie in the step before the rejected one, too
                     self._state, self._states, held = held.begin, self._states_before, None
@@ -200,8 +207,8 @@ class _StepControl:
                 continue
             if held is not None:
                 yield held
-            held = taken
-            if taken.switches:
+            held = accepted
+            if accepted.switches:
                 yield held
                 held = None
         if held is not None:
@@ -215,9 +222,9 @@ class _StepControl:
         except StepError:
             raise
         except (Exception, SystemExit) as failure:
-            what, time = error_text(failure), self._state.time
+            reason, time = error_text(failure), self._state.time
             raise StepError(
-                f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {what}.", self._state
+                f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {reason}.", self._state
             ) from failure
         finally:
             self._spent += perf_counter() - self._began
@@ -240,57 +247,57 @@ class _StepControl:
                 levels=self._levels + 1,
             )
         except UnsolvedStepError as failure:
-            self._unsolved(length, is_minimal, str(failure))
+            self._reject_unsolved(length, is_minimal, str(failure))
             return None
         if attempt.end is None:
             if is_minimal:
-                return self._switched(length)
-            self._search_on(length, attempt)
+                return self._take_switching_step(length)
+            self._search_switch(length, attempt)
             return None
         check_finite(state, attempt.end)
         error = attempt.errors[-1]
         if error > stepper.tolerance and not is_minimal:
             self._rejected += 1
-            factor = SAFETY * (stepper.tolerance / error) ** (
-                1.0 / stepper.error_order(attempt.levels, self._counter.system)
-            )
+            order = stepper.error_order(attempt.levels, self._counter.system)
+            factor = SAFETY * (stepper.tolerance / error) ** (1.0 / order)
             self._length = max(self._min_step, length * max(MIN_SHRINKING, factor))
             self._levels = min(self._levels, attempt.levels)
             return None
         if not is_minimal and self._search.has_passed_switch(state, attempt.end, attempt):
-            self._search_on(length, attempt)
+            self._search_switch(length, attempt)
             return None
         self._choose_next(length, attempt)
-        return self._accepted(attempt.end, error, attempt.states, tuple(attempt.substeps), ())
+        return self._accept(attempt.end, error, attempt.states, tuple(attempt.substeps), ())
 
-    def _search_on(self, length: float, attempt: Attempt) -> None:
+    def _search_switch(self, length: float, attempt: Attempt) -> None:
         """Reject an attempt of ``length`` because a law switches in it."""
         self._saw_switch = True
         self._rejected += 1
         self._length = self._search.length_after_switch(self._state.time, length, attempt)
 
-    def _switched(self, length: float) -> AcceptedStep | None:
+    def _take_switching_step(self, length: float) -> AcceptedStep | None:
         """Take the minimal step that contains a switching point, without an error estimate."""
         begin = self._state
         try:
             step = self._counter.take(begin, length)
         except UnsolvedStepError as failure:
-            self._unsolved(length, True, str(failure))
+            self._reject_unsolved(length, True, str(failure))
             return None
         check_finite(begin, step.state)
-        found = law_states(step)
-        known = self._states if self._states is not None else found
-        switches = found.switches_since(known, begin.time, step.state.time)
+        states = law_states(step)
+        states_before = states if self._states is None else self._states
+        switches = states.switches_since(states_before, begin.time, step.state.time)
         self._levels = 2
         # after a switch, the last impulses are a poor start for the next solve
         end = State(step.state.time, step.state.position, step.state.velocity) if switches else step.state
-        taken = self._accepted(end, 0.0, found, ((step, length),), switches)
+        accepted = self._accept(end, 0.0, states, ((step, length),), switches)
         if switches:
             self._length = 4.0 * length
             self._search.note_switch(end)
-        return taken
+        return accepted
 
-    def _unsolved(self, length: float, is_minimal: bool, status: str) -> None:
+    def _reject_unsolved(self, length: float, is_minimal: bool, status: str) -> None:
+        """Shorten the next trial after an unsolved inclusion, or raise ``StepError`` if the step was minimal."""
         if is_minimal:
             raise StepError(
                 f"the inclusion of the shortest step, {length:.3g} s from t = {self._state.time:.9g} s, is not solved: "
@@ -300,7 +307,7 @@ class _StepControl:
         self._rejected += 1
         self._length = max(self._min_step, MIN_SHRINKING * length)
 
-    def _accepted(
+    def _accept(
         self,
         end: State,
         error: float,
@@ -308,6 +315,7 @@ class _StepControl:
         substeps: tuple[tuple[Step, float], ...],
         switches: tuple[SwitchingPoint, ...],
     ) -> AcceptedStep:
+        """Advance to ``end``, and return the step with the costs since the start."""
         begin = self._state
         self._search.note_step(substeps, states)
         self._states_before = self._states
@@ -321,7 +329,7 @@ class _StepControl:
     def _choose_next(self, length: float, attempt: Attempt) -> None:
         """Choose the length and number of sequences with the least expected work per unit of time (Deuflhard 1983)."""
         n, errors = attempt.levels, attempt.errors
-        lengths = {k: self._promising(length, errors[k - 2], k) for k in range(2, n + 1)}
+        lengths = {k: self._promising_length(length, errors[k - 2], k) for k in range(2, n + 1)}
         work = {k: 0.5 * k * (k + 1) / lengths[k] for k in lengths}
         chosen, next_length = n, lengths[n]
         if n > 2 and work[n - 1] < 0.8 * work[n]:
@@ -331,10 +339,11 @@ class _StepControl:
         self._levels = chosen
         self._length = max(self._min_step, self._search.length_after_step(self._state.time, length, next_length))
 
-    def _promising(self, length: float, error: float, levels: int) -> float:
+    def _promising_length(self, length: float, error: float, levels: int) -> float:
+        """Return the next length of ``levels`` sequences after a step of ``length`` with their ``error``."""
         order = self._stepper.error_order(levels, self._counter.system)
-        wanted: float = SAFETY * (self._stepper.tolerance / max(error, 1e-300)) ** (1.0 / order)
-        return length * min(MAX_GROWTH, max(MIN_SHRINKING, wanted))
+        factor: float = SAFETY * (self._stepper.tolerance / max(error, 1e-300)) ** (1.0 / order)
+        return length * min(MAX_GROWTH, max(MIN_SHRINKING, factor))
 
 
 def _with_own_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:

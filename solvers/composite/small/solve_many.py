@@ -67,22 +67,27 @@ def solve_many(
     if isinstance(problems, ContactProblem | str | Path):
         raise SolverError("problems must be a list of problems; for one problem, use solve.")
     loaded = [load(problem) if isinstance(problem, str | Path) else problem for problem in problems]
-    for at, one in enumerate(loaded):
-        _check_problem(at, one)
-    found: list[Solution | None] = [None] * len(loaded)
+    for index, problem in enumerate(loaded):
+        _check_problem(index, problem)
+    by_sweeps: list[Solution | None] = [None] * len(loaded)
     residuals = np.full(len(loaded), np.inf)
-    for batch in _batches(loaded) if stop.max_seconds >= MIN_SECONDS else ():
-        for at, solution, residual in batch.solve(stop, threads):
-            found[at], residuals[at] = solution, residual
-    solutions = [one or solver.prepare(problem).solve(stop) for one, problem in zip(found, loaded, strict=True)]
-    for at in np.flatnonzero(~np.isfinite(residuals)).tolist():
-        residuals[at] = judge(loaded[at], solutions[at].impulses).residual
+    if stop.max_seconds >= MIN_SECONDS:
+        for batch in _batches(loaded):
+            for index, solution, residual in batch.solve(stop, threads):
+                by_sweeps[index], residuals[index] = solution, residual
+    solutions = [
+        solver.prepare(problem).solve(stop) if solution is None else solution
+        for solution, problem in zip(by_sweeps, loaded, strict=True)
+    ]
+    for index in np.flatnonzero(~np.isfinite(residuals)).tolist():
+        residuals[index] = judge(loaded[index], solutions[index].impulses).residual
     return SolvedProblems(solutions, residuals)
 
 
-def _check_problem(at: int, one: object) -> None:
-    if not isinstance(one, ContactProblem):
-        raise SolverError(f"problems[{at}] must be a ContactProblem, a name or a path, not {type(one).__name__}.")
+def _check_problem(index: int, problem: object) -> None:
+    if not isinstance(problem, ContactProblem):
+        kind = type(problem).__name__
+        raise SolverError(f"problems[{index}] must be a ContactProblem, a name or a path, not {kind}.")
 
 
 def _check_threads(threads: int) -> None:
@@ -96,19 +101,19 @@ class Batch(NamedTuple):
 
     Attributes:
         kernel: the function of ``batch`` for this form.
-        places: the place of each problem among all.
+        indices: the index of each problem among all.
         rows: the first row of each problem, and the number of all rows.
         arguments: the arguments of the kernel between the range of problems and the tolerance.
     """
 
     kernel: Callable[..., None]
-    places: list[int]
+    indices: list[int]
     rows: list[int]
     arguments: tuple[Any, ...]
 
     def solve(self, stop: Stop, threads: int) -> Iterator[tuple[int, Solution, float]]:
-        """Yield the place, solution and residual of each problem that sweeps solve."""
-        n_problems = len(self.places)
+        """Yield the index, solution and residual of each problem that sweeps solve."""
+        n_problems = len(self.indices)
         impulses, residuals = np.empty(self.rows[-1]), np.empty(n_problems)
         outcomes, iterations = np.empty((2, n_problems), dtype=np.int64)
         limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS)
@@ -122,70 +127,73 @@ class Batch(NamedTuple):
             parts = np.linspace(0, n_problems, PARTS_PER_THREAD * threads + 1).astype(int).tolist()
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(solve_range, pairwise(parts)))
-        numbers = zip(self.places, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
-        for (at, outcome, count, residual), (begin, end) in zip(numbers, pairwise(self.rows), strict=True):
+        numbers = zip(self.indices, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
+        for (index, outcome, count, residual), (begin, end) in zip(numbers, pairwise(self.rows), strict=True):
             if outcome != NOT_SOLVED:
                 message = COUPLED_MESSAGE if outcome == COUPLED else UNCOUPLED_MESSAGE
-                yield at, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
+                yield index, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
 
 
 def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
     """Yield the small problems given by G, and those given by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
-    for at, problem in enumerate(problems):
+    for index, problem in enumerate(problems):
         laws = law_arguments(problem.laws) if 0 < problem.n_rows <= MAX_SMALL_SIZE else None
         if laws is None:
             continue
         if problem.matrix is not None:
-            over_matrices.add(at, problem, laws)
+            over_matrices.add(index, problem, laws)
         elif problem.factors is not None and problem.factors.has_plain_columns:
-            over_columns.add(at, problem, laws)
-    if over_matrices.places:
+            over_columns.add(index, problem, laws)
+    if over_matrices.problems:
         matrices = [problem.matrix for problem in over_matrices.problems]
         yield over_matrices.batch(solve_over_matrices, matrices, ())
-    if over_columns.places:
+    if over_columns.problems:
         factors: list[Any] = [problem.factors for problem in over_columns.problems]
-        masses = [one.inverse_mass.matrix for one in factors]
-        dofs = np.array([0, *accumulate(len(one.data) for one in masses)])
-        roots = _joined([one.inverse_mass.root_diagonal for one in factors])
-        mass = (dofs, *_joined_matrices(masses), roots)
-        yield over_columns.batch(solve_over_columns, [one.directions for one in factors], mass)
+        inverse_masses = [each.inverse_mass for each in factors]
+        inverses = [inverse.matrix for inverse in inverse_masses]
+        dofs = np.array([0, *accumulate(len(inverse.data) for inverse in inverses)])
+        roots = _joined([inverse.root_diagonal for inverse in inverse_masses])
+        mass = (dofs, *_joined_matrices(inverses), roots)
+        yield over_columns.batch(solve_over_columns, [each.directions for each in factors], mass)
 
 
 class _Members:
     """The small problems of one batch, and their distinct laws."""
 
     def __init__(self) -> None:
-        self.places: list[int] = []
+        self.indices: list[int] = []
         self.problems: list[ContactProblem] = []
         self._laws: dict[int, LawArguments] = {}
         self._law_of_problem: list[int] = []
         self._numbers: dict[int, int] = {}
 
-    def add(self, at: int, problem: ContactProblem, laws: LawArguments) -> None:
-        """Add the problem at this place."""
+    def add(self, index: int, problem: ContactProblem, laws: LawArguments) -> None:
+        """Add the problem with this index among all."""
         number = self._numbers.setdefault(id(laws), len(self._numbers))
         self._laws[number] = laws
-        self.places.append(at)
+        self.indices.append(index)
         self.problems.append(problem)
         self._law_of_problem.append(number)
 
-    def batch(self, kernel: Callable[..., None], matrices: list[Any], more: tuple[Any, ...]) -> Batch:
-        """Return the batch; ``matrices`` give the problems, and the kernel takes ``more`` arguments after them."""
+    def batch(self, kernel: Callable[..., None], matrices: list[Any], extra: tuple[Any, ...]) -> Batch:
+        """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
         entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
         free = _joined([problem.free_velocity for problem in self.problems])
         joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries
-        return Batch(kernel, self.places, rows, (*joined, *_joined_matrices(matrices), *more, free))
+        return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free))
 
     def _joined_laws(self) -> tuple[Any, ...]:
         """Return the laws as kernels of ``batch`` take them."""
         laws = list(self._laws.values())
-        columns = [*zip(*(one.preparation for one in laws), strict=True)]
-        bounds = [*zip(*(one.sweeps for one in laws), strict=True)]
-        starts = [np.array([0, *map(int, accumulate(map(len, columns[k])))]) for k in (0, 5, 7)]
-        joined = [_joined(column) for column in (*columns, *bounds[:3], bounds[6], bounds[7])]
-        return (*starts, *joined)
+        preparation = list(zip(*(each.preparation for each in laws), strict=True))
+        sets, _, _, _, _, slot, _, partner = preparation  # arrays over laws, rows and contacts
+        starts = [np.array([0, *map(int, accumulate(map(len, arrays)))]) for arrays in (sets, slot, partner)]
+        sweeps = zip(*(each.sweeps for each in laws), strict=True)
+        friction, fixed, partner_lanes, _, _, _, law_friction, law_fixed, _ = sweeps
+        further = friction, fixed, partner_lanes, law_friction, law_fixed
+        return (*starts, *map(_joined, [*preparation, *further]))
 
 
 def _joined(arrays: Sequence[Any]) -> Any:
@@ -197,4 +205,4 @@ def _joined(arrays: Sequence[Any]) -> Any:
 
 def _joined_matrices(matrices: list[Any]) -> tuple[Any, Any, Any]:
     """Return the concatenated starts, indices and entries of compressed matrices."""
-    return tuple(_joined([getattr(one, name) for one in matrices]) for name in ("indptr", "indices", "data"))
+    return tuple(_joined([getattr(matrix, name) for matrix in matrices]) for name in ("indptr", "indices", "data"))

@@ -64,19 +64,19 @@ class Team:
     def run(self, threads: int, kernel: Callable[..., Any], *arguments: Any) -> Any:
         """Run ``kernel(number, threads, *arguments)`` in each thread, and return the result of thread 0.
 
-        Wait for all threads, and raise the first error of any of them.
+        Wait for all threads, and raise the error of the calling thread, or else the first one of the other threads.
         """
         while len(self._members) < threads - 1:
             self._members.append(_Member())
-        called = self._members[: threads - 1]
-        for number, member in enumerate(called, start=1):
+        helpers = self._members[: threads - 1]
+        for number, member in enumerate(helpers, start=1):
             member.begin(partial(kernel, number, threads, *arguments))
         try:
             result = kernel(0, threads, *arguments)
         finally:
-            for member in called:
+            for member in helpers:
                 member.wait()
-        for member in called:
+        for member in helpers:
             if member.error is not None:
                 raise member.error
         return result

@@ -30,7 +30,7 @@ from .pieces import LANES, MIN_FILL, assign_batches
 NUMBERS = 11
 """Numbers of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
 
-EQUAL = 1e-12
+EQUALITY_TOLERANCE = 1e-12
 """Relative difference up to which the κ of two balls, or two entries of M⁻¹, are equal."""
 
 
@@ -135,10 +135,10 @@ class BallIterates(MomentumState, SinglePassIterates):
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        own = self._sweep
+        data = self._sweep
         arrays = (self._held, self._moved, self._change, self._before)
         momentum = self._momentum, self._delay, self._sweeps, self._present
-        self._present = sweep_balls(count, own.bodies, own.records, own.balls.spin_share, *arrays, *momentum)
+        self._present = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
         self._sweeps += count
 
     def impulses(self) -> FloatArray:
@@ -147,8 +147,9 @@ class BallIterates(MomentumState, SinglePassIterates):
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        own, contacts = self._sweep, self._sweep.balls.contacts
-        _write_relative(contacts.chunks, contacts.normals, own.balls.spin_share, own.free, self._moved, self._relative)
+        data, contacts = self._sweep, self._sweep.balls.contacts
+        share = data.balls.spin_share
+        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._moved, self._relative)
         return self._relative
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
@@ -156,10 +157,11 @@ class BallIterates(MomentumState, SinglePassIterates):
         if type(residual) is not Residual or residual.unit != 1.0 or residual.infeasible:
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
-        own, contacts, impulses = self._sweep, self._sweep.balls.contacts, np.empty(len(self._sweep.slots))
-        motion = contacts.chunks, contacts.normals, own.balls.spin_share, own.free, self._moved
-        laws = own.layout.friction_coefficient, residual.alpha, residual.ratios
-        return impulses, ratio(_measure(*motion, *laws, own.slots, self._held, impulses), residual.scale)
+        data, contacts, impulses = self._sweep, self._sweep.balls.contacts, np.empty(len(self._sweep.slots))
+        motion = contacts.chunks, contacts.normals, data.balls.spin_share, data.free, self._moved
+        laws = data.layout.friction_coefficient, residual.alpha, residual.ratios
+        violation = _write_impulses_and_measure(*motion, *laws, data.slots, self._held, impulses)
+        return impulses, ratio(violation, residual.scale)
 
 
 @njit(cache=True)
@@ -169,15 +171,15 @@ def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-un
     for ball in range(len(radii)):
         linear, angular = inverse[6 * ball], inverse[6 * ball + 3]
         for axis in range(1, 3):
-            if abs(inverse[6 * ball + axis] - linear) > EQUAL * linear:
+            if abs(inverse[6 * ball + axis] - linear) > EQUALITY_TOLERANCE * linear:
                 return 0.0
-            if abs(inverse[6 * ball + 3 + axis] - angular) > EQUAL * angular:
+            if abs(inverse[6 * ball + 3 + axis] - angular) > EQUALITY_TOLERANCE * angular:
                 return 0.0
         inverse_masses[ball] = linear
         own = radii[ball] * radii[ball] * angular / linear
         if ball == 0:
             share = own
-        if abs(own - share) > EQUAL * share:
+        if abs(own - share) > EQUALITY_TOLERANCE * share:
             return 0.0
     return share
 
@@ -228,7 +230,7 @@ def _write_relative(chunks, normals, share, free, moved, relative):  # type: ign
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def _measure(  # type: ignore[no-untyped-def]
+def _write_impulses_and_measure(  # type: ignore[no-untyped-def]
     chunks, normals, share, free, moved, friction, alpha, ratios, slots, held, impulses
 ):
     """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it."""
@@ -323,7 +325,7 @@ def gather_balls(bodies, pair, moved, own, others):  # type: ignore[no-untyped-d
 def update_balls(records, record, share, held, change, at, present, turn, own, others):  # type: ignore[no-untyped-def]
     """Update a batch: its records from ``record`` on, its Λ from ``at`` on, v and τ of its first and second balls.
 
-    Adds (y − z)·(z − x) to ``turn``, for Λ from x over y = x + β ``change`` to z.
+    Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and Λ̂ = Λ + β ``change``.
     """
     lanes = uint64(LANES)
     k1, k2, k3, k4, k5 = lanes, uint64(2) * lanes, uint64(3) * lanes, uint64(4) * lanes, uint64(5) * lanes
@@ -357,16 +359,16 @@ def update_balls(records, record, share, held, change, at, present, turn, own, o
         dn, dt, ds = new_n - old_n, new_t - old_t, new_s - old_s
         px, py, pz = dn * x + dt * t1x + ds * t2x, dn * y + dt * t1y + ds * t2y, dn * z + dt * t1z + ds * t2z
         qx, qy, qz = dt * t2x - ds * t1x, dt * t2y - ds * t1y, dt * t2z - ds * t1z  # n × P
-        light, other = records[r + k9], records[r + k10]
-        own[lane] += light * px
-        own[lane + k1] += light * py
-        own[lane + k2] += light * pz
-        own[lane + k3] -= light * qx
-        own[lane + k4] -= light * qy
-        own[lane + k5] -= light * qz
-        others[lane] -= other * px
-        others[lane + k1] -= other * py
-        others[lane + k2] -= other * pz
-        others[lane + k3] -= other * qx
-        others[lane + k4] -= other * qy
-        others[lane + k5] -= other * qz
+        first_mass, second_mass = records[r + k9], records[r + k10]  # inverse masses
+        own[lane] += first_mass * px
+        own[lane + k1] += first_mass * py
+        own[lane + k2] += first_mass * pz
+        own[lane + k3] -= first_mass * qx
+        own[lane + k4] -= first_mass * qy
+        own[lane + k5] -= first_mass * qz
+        others[lane] -= second_mass * px
+        others[lane + k1] -= second_mass * py
+        others[lane + k2] -= second_mass * pz
+        others[lane + k3] -= second_mass * qx
+        others[lane + k4] -= second_mass * qy
+        others[lane + k5] -= second_mass * qz

@@ -166,8 +166,8 @@ def update_batch(axes, records, begin, held, change, at, present, turn, before, 
     """Update the impulses of one batch.
 
     Its record begins at ``begin`` of ``records``, and its Λ at ``at`` of ``held``. Read v of its bodies from
-    ``before``, and write it to ``after``. Add (y − z)·(z − x) to ``turn``, where Λ moves from x to z and
-    y = x + β ``change``.
+    ``before``, and write it to ``after``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
+    Λ̂ = Λ + β ``change``.
     """
     two, lanes, length = uint64(2), uint64(LANES), uint64(len(axes))
     row = lanes * length

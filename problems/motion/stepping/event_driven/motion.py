@@ -78,9 +78,9 @@ class Motion:
             raise MotionError(
                 f"the motion ends at t = {self.end.time:.9g} s and has no state at t = {time:.9g} s.", self
             )
-        both = np.asarray(self.phases[index].interpolant(time), dtype=np.float64)
-        n = len(self.end.position)
-        return State(time, both[:n], both[n:])
+        position_and_velocity = np.asarray(self.phases[index].interpolant(time), dtype=np.float64)
+        position, velocity = np.split(position_and_velocity, [len(self.end.position)])
+        return State(time, position, velocity)
 
 
 class MotionError(ProxbenchError):
