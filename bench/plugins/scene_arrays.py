@@ -144,8 +144,8 @@ def read_contacts(arrays: Arrays, n_dofs: int) -> ActiveContacts:
     counts = arrays["row_counts"]
     if counts.dtype != np.int64 or counts.shape != (count,) or (counts < 1).any() or (counts > width).any():
         raise ValueError("the row counts do not fit the contacts")
-    parts = tuple(arrays[f"directions_{part}"] for part in SPARSE_PARTS)
-    directions = sp.csc_array(parts, shape=(n_dofs, laws.n_rows))
+    data, indices, starts = (arrays[f"directions_{part}"] for part in SPARSE_PARTS)
+    directions = sp.csc_array((data, indices, starts), shape=(n_dofs, laws.n_rows))
     directions.check_format(full_check=True)
     finite_numbers(directions.data, directions.data.shape)
     if counts.sum() != laws.n_rows or not np.isin(np.cumsum(counts) - counts, laws.first_row).all():

@@ -23,6 +23,7 @@ from .fields import Quartiles, Record
 from .impulses import number_of
 from .notes import notes_of
 from .records import CaseRecord, Point, QuantityError, Round, RunRecord
+from .store import case_file_name
 
 JUDGED, LOCAL = "judged", "local"
 """Residuals that tables and charts can show: the judged one, or the local one of the verdict."""
@@ -147,7 +148,7 @@ def read_frames(path: Path, problem: str | None = None) -> RunFrames:
     stored, damaged = store.read_cases(problem)
     cases = sorted((case for case in stored if _pair(case) in order), key=lambda case: order[_pair(case)])
     damaged += [
-        f"{store.case_file(case).name} contains a case that the run does not plan; remove it."
+        f"{case_file_name(case)} contains a case that the run does not plan; remove it."
         for case in stored
         if _pair(case) not in order
     ]

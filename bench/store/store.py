@@ -141,7 +141,7 @@ class Store:
         Raises:
             BenchError: if it cannot be written.
         """
-        self._write(self.case_file(case), encode_record(case))
+        self._write(self._case_file(case), encode_record(case))
 
     def write_problem(self, problem: ContactProblem) -> None:
         """Write a problem, once for each digest.
@@ -184,10 +184,8 @@ class Store:
         self._written[path] = content
         put_file(path, content)
 
-    def case_file(self, case: CaseRecord) -> Path:
-        """Return the path of a case; its name is readable, unique and safe as a file name."""
-        problem, solver = (plain_name(printable(name)) for name in (case.problem, case.solver))
-        return self._cases / f"{problem}--{solver}.json"
+    def _case_file(self, case: CaseRecord) -> Path:
+        return self._cases / case_file_name(case)
 
     def _problem_file(self, digest: str) -> Path:
         return self._problems / f"{digest}{SUFFIX}"
@@ -198,7 +196,7 @@ class Store:
         for file in sorted(self._cases.glob("*.json" if problem is None else f"{plain_name(problem)}--*.json")):
             try:
                 case = _read(file, CaseRecord, "resume the run to measure this case again")
-                if self.case_file(case) != file:
+                if self._case_file(case) != file:
                     raise BenchError(f"{file.name} contains another case; resume the run to measure its case again.")
                 cases.append(case)
             except BenchError as error:
@@ -221,6 +219,12 @@ def _no_run(path: Path) -> str:
     elif runs := sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")):
         fault, remedy = f"stored runs in it: {len(runs)}", f"name one of them, such as {runs[-1]}"
     return f"{path} is not a stored run ({fault}); {remedy}."
+
+
+def case_file_name(case: CaseRecord) -> str:
+    """Return the name of the file of a case, which is readable, unique and safe on every system."""
+    problem, solver = (plain_name(printable(name)) for name in (case.problem, case.solver))
+    return f"{problem}--{solver}.json"
 
 
 def plain_name(name: str) -> str:
