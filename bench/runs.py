@@ -337,7 +337,7 @@ def resume(
 
 
 def load(run_dir: os.PathLike[str] | str) -> Run:
-    """Load a stored run from its folder or bundle; ``damaged`` lists damaged case files.
+    """Load a stored run from its folder or bundle; ``damaged`` lists damaged and unplanned case files.
 
     Raises:
         BenchError: if the path is not a run, or its run.json or the bundle is damaged.

@@ -183,7 +183,7 @@ def _report_damage(run: "Run") -> None:
         names = [sentence.partition(" ")[0] for sentence in run.damaged]
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         raise BenchError(
-            f"no case of {run.folder} can be read (damaged: {', '.join(names[:MAX_NAMES])}{more}); "
+            f"no case of {run.folder} can be used (damaged or not planned: {', '.join(names[:MAX_NAMES])}{more}); "
             f"measure them again with: proxbench run --resume {run.folder}"
         )
     for sentence in run.damaged:

@@ -148,7 +148,7 @@ def read_frames(path: Path, problem: str | None = None) -> RunFrames:
     stored, damaged = store.read_cases(problem)
     cases = sorted((case for case in stored if _pair(case) in order), key=lambda case: order[_pair(case)])
     damaged += [
-        f"{case_file_name(case)} contains a case that the run does not plan; remove it."
+        f"{case_file_name(case)} contains a case that is not in the plan of the run; remove this file."
         for case in stored
         if _pair(case) not in order
     ]

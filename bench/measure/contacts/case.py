@@ -357,7 +357,7 @@ class Case(LadderCase[MeasuredRound]):
 
 def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequence[ControlSolve]) -> Measured:
     """Return measurements with the times of undisturbed first solves or copies, each with that of repeated solves."""
-    kept = [one for one in solves if one.timed.status is Status.SOLVED and one.is_undisturbed]
+    kept = [one for one in solves if one.is_first and one.is_counted]
     times = {
         f"{kind}_seconds": [one.seconds for one in kept],
         f"{kind}_repeated_seconds": [one.repeated for one in kept],

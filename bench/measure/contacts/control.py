@@ -11,14 +11,14 @@ another time, and the slower one counts. First solves are added one by one until
 within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If the fastest of them is beyond it
 for the slowest t, their ratio becomes part of the row (``notes``).
 
-A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the slowest
+A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
 t. A solver may load or compile something in its first solve, and the first run of any code is slow. Before a solver is
 accused, first solves are therefore repeated in forks that have solved copies to the same tolerance. All cached kernels
 are in their memory, among them those that only the timed solves have used. Copies may take fewer iterations than the
 problem and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them take about as many, a solver is accused only if
-a solve that follows solves of the problem in several other units is slow as well: it runs the same code as they do, and
-no answer is stored in its units. Only solves during which no other program used the core accuse a solver, and only if
-they are more than half of ``MAX_SLOW_SOLVES``.
+a solve that follows solves of the problem in several other units is slow as well, because it runs the same code as they
+do. A solver that stores answers for any units and counts iterations wrongly is thus only noted. Only solves during
+which no other program used the core accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
 """
 
 import time
@@ -68,6 +68,9 @@ N_COPIES, MAX_WARM_UPS = 2, 8
 WARM_UP_SECONDS = 0.02
 """Time for which a fork solves them if the largest number permits [s]."""
 
+MIN_SECONDS = 1e-6
+"""Least time that a solve is assumed to take [s]."""
+
 MIN_SIMILAR_COPIES, MAX_DIFFERENCE = 2, 0.25
 """Least number of copies that must take about as many iterations as the problem, to this relative difference."""
 
@@ -87,6 +90,7 @@ class ControlSolve:
         timed: the round that ends with the solve.
         impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the probes of the core before and after it are close to the reference.
+        is_first: whether the process had not solved the problem in other units before, so that its time is noted.
         repeated: time of repeated solves [s]; measured again directly after this solve if it does not explain its time.
     """
 
@@ -95,11 +99,17 @@ class ControlSolve:
     impulses: FloatArray
     is_steady: bool = True
     repeated: float = 0.0
+    is_first: bool = True
 
     @property
     def is_undisturbed(self) -> bool:
         """Whether no other program used the core."""
         return self.is_steady and not self.timed.is_preempted
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether it is solved and undisturbed."""
+        return self.timed.status is Status.SOLVED and self.is_undisturbed
 
     @property
     def seconds(self) -> float:
@@ -189,21 +199,20 @@ class Controls:
             if balance <= -MAX_SLOW_SOLVES:
                 break
         self._load_kernels()
-        number = min(max(ceil(WARM_UP_SECONDS / seconds), N_COPIES), MAX_WARM_UPS)
+        number = self._number_of_warm_ups(stop, seconds)
         loaded = [
             _compared(self._first_solve(stop, start, after=self._copies(stop, number)), seconds, again)
             for _ in range(MAX_SLOW_SOLVES)
         ]
         late: list[ControlSolve] = []
         if _repetition(loaded, solves) and not all(solve.has_similar_copies for solve in loaded):
-            late = [
-                _compared(self._first_solve(stop, start, after=self._variants(number)), seconds, again)
-                for _ in range(MAX_SLOW_SOLVES)
-            ]
+            for _ in range(MAX_SLOW_SOLVES):
+                solve = _compared(self._first_solve(stop, start, after=self._variants(number)), seconds, again)
+                late.append(replace(solve, is_first=False))
         times = _repetition(late or loaded, [*solves, *loaded])
         if times is not None:
             raise _repeats(stop, f"take {times[0]:.3g} s", times[1])
-        return min(solves, loaded, key=_median)
+        return [*min(solves, loaded, key=_median), *late]
 
     def copies(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
         """Return first solves of copies: one if repeated solves explain its time, else several.
@@ -226,6 +235,11 @@ class Controls:
             if not solve.is_explained and len(found) <= MAX_LOADED_COPIES:
                 self._load_kernels()
         return found
+
+    def _number_of_warm_ups(self, stop: Stop, seconds: float) -> int:
+        """Return how many problems a fork solves before a further first solve, within the time limit of the case."""
+        most = min(MAX_WARM_UPS, int(self.limits.case_seconds / stop.max_seconds) - 1)
+        return max(N_COPIES, min(most, ceil(WARM_UP_SECONDS / max(seconds, MIN_SECONDS))))
 
     def _copies(self, stop: Stop, number: int) -> list[ContactProblem]:
         """Return copies of the problem to solve before a first solve."""
@@ -336,15 +350,16 @@ def _of_length(impulses: FloatArray, n_rows: int) -> FloatArray:
 
 
 def _repetition(decisive: Sequence[ControlSolve], others: Sequence[ControlSolve]) -> tuple[float, float] | None:
-    """Return the times of the fastest first and of the slowest repeated solve [s] if these must repeat an answer.
+    """Return the times of the fastest first solve and of repeated solves [s] if these must repeat an answer.
 
-    Most of the decisive solves must be undisturbed.
+    Most of the decisive solves must be solved and undisturbed. The median of their repeated times counts, because a
+    solver may not repeat its answer in a single one.
     """
-    undisturbed = [solve for solve in decisive if solve.is_undisturbed]
-    if len(undisturbed) <= MAX_SLOW_SOLVES // 2:
+    counted = [solve for solve in decisive if solve.is_counted]
+    if len(counted) <= MAX_SLOW_SOLVES // 2:
         return None
-    undisturbed += [solve for solve in others if solve.is_undisturbed]
-    first, repeated = min(one.seconds for one in undisturbed), max(one.repeated for one in undisturbed)
+    first = min(one.seconds for one in [*counted, *(solve for solve in others if solve.is_counted)])
+    repeated = float(np.median([one.repeated for one in counted]))
     return (first, repeated) if _is_repeated(repeated, first) else None
 
 

@@ -96,7 +96,9 @@ def test_a_run_of_damaged_cases_is_refused_by_their_names(
     assert run_command(["report", str(faultless), *options]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert printed.err.startswith(f"proxbench: no case of {faultless} can be read (damaged: {files[0].name}, ")
+    assert printed.err.startswith(
+        f"proxbench: no case of {faultless} can be used (damaged or not planned: {files[0].name}, "
+    )
     assert f" and {len(files) - 5} more); " in printed.err
     assert printed.err.count("\n") == 1
 

@@ -145,4 +145,4 @@ def test_a_case_that_is_not_planned_is_named_and_left_out(stored: Stored, case: 
     Store.open(folder).write_case(replace(case, problem="elsewhere", solver="S"))
     run = load(folder)
     assert run.cases["problem"].tolist() == ["p"]
-    assert run.damaged == ["elsewhere--S.json contains a case that the run does not plan; remove it."]
+    assert run.damaged == ["elsewhere--S.json contains a case that is not in the plan of the run; remove this file."]
