@@ -108,6 +108,16 @@ def test_an_effect_of_no_strength_moves_bodies_as_without_it(none: BodyEffect) -
     np.testing.assert_allclose(ends[1].position, ends[0].position, atol=1e-8)
 
 
+def test_the_gyroscopic_moment_of_a_body_with_equal_moments_of_inertia_is_zero() -> None:
+    start = State(0.0, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0]))
+    ends = []
+    for is_gyroscopic in (False, True):
+        system = RigidBodies([BOX], np.ones(1), inertias=np.array([[0.2, 0.2, 0.2]]), is_gyroscopic=is_gyroscopic)
+        ends.append(list(stepper(system).steps(start, 100))[-1].state)
+    np.testing.assert_allclose(ends[1].velocity, ends[0].velocity, rtol=1e-14)
+    np.testing.assert_allclose(ends[1].position, ends[0].position, atol=1e-13)
+
+
 def test_without_the_gyroscopic_moment_a_free_body_keeps_its_axis() -> None:
     system = on_ground([])
     start = State(0.0, np.array([0.0, 0.0, 9.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0]))
