@@ -56,17 +56,7 @@ def linkages(counts: tuple[int, ...] = COUNTS, step: float = 1e-3) -> Iterator[d
     """Yield the largest error of the energy, relative to the largest kinetic one, up to several numbers of steps."""
     for name in ("pendulum", "four_bar"):
         for projection, depth in (("without", None), ("with", DEPTH)):
-            scene = make_scene(name)
-            assert scene.potential_energy is not None
-            begin = scene.kinetic_energy(scene.start.velocity) + scene.potential_energy(scene.start.position)
-            error, kinetic, found = 0.0, 0.0, dict[str, float]()
-            rule = MidpointRule(scene.system, create("Robust"), STOP, step, depth=depth)
-            for number, taken in enumerate(rule.steps(scene.start, counts[-1]), start=1):
-                moving = scene.kinetic_energy(taken.state.velocity)
-                error = max(error, abs(moving + scene.potential_energy(taken.state.position) - begin))
-                kinetic = max(kinetic, moving)
-                if number in counts:
-                    found[f"{number} steps"] = error / kinetic
+            found = {f"{count} steps": joint_errors(name, step, count * step, depth)["energy"] for count in counts}
             yield {"scene": name, "projection": projection, **found}
 
 

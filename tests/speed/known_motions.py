@@ -8,7 +8,7 @@
 ``costs_of_accuracy.py --tables cards dominoes containers walls`` prints the tables.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -76,17 +76,27 @@ def dominoes(frictions: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3), step: float = 
             unsolved += taken.status not in (Status.SOLVED, None)
             if row.front(taken.state) > row.pitch * last:
                 break
-        fronts, times = [row.front(state) for state in states], [state.time for state in states]
-        begin, end = np.interp([row.pitch * first, row.pitch * last], fronts, times)
-        way = row.pitch * (last - first)
         yield {
             "friction": friction,
-            "speed": way / float(end - begin),
-            "theory": way / float(row.intervals[first:last].sum()),
+            "speed": wave_speed(row, states, first, last),
+            "theory": theoretical_speed(row, first, last),
             "theory, long row": row.limit_speed,
             "energy lost": 1.0 - energy(system, states[-1]) / energy(system, states[0]),
             "unsolved": unsolved,
         }
+
+
+def wave_speed(row: Dominoes, states: Sequence[State], first: int, last: int) -> float:
+    """Return the simulated speed of the wave between two dominoes [m/s]."""
+    fronts = [row.front(state) for state in states]
+    assert fronts[-1] > row.pitch * last
+    begin, end = np.interp([row.pitch * first, row.pitch * last], fronts, [state.time for state in states])
+    return row.pitch * (last - first) / float(end - begin)
+
+
+def theoretical_speed(row: Dominoes, first: int, last: int) -> float:
+    """Return the speed of the wave between two dominoes by the theory [m/s]."""
+    return row.pitch * (last - first) / float(row.intervals[first:last].sum())
 
 
 def energy(system: RigidBodies, state: State) -> float:

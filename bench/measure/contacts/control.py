@@ -200,15 +200,14 @@ class Controls:
                 break
         self._load_kernels()
         number = self._number_of_warm_ups(stop, seconds)
-        loaded = [
-            _compared(self._first_solve(stop, start, after=self._copies(stop, number)), seconds, again)
-            for _ in range(MAX_SLOW_SOLVES)
-        ]
+
+        def solve_after(problems: Sequence[ContactProblem]) -> ControlSolve:
+            return _compared(self._first_solve(stop, start, problems), seconds, again)
+
+        loaded = [solve_after(self._copies(stop, number)) for _ in range(MAX_SLOW_SOLVES)]
         late: list[ControlSolve] = []
         if _repetition(loaded, solves) and not all(solve.has_similar_copies for solve in loaded):
-            for _ in range(MAX_SLOW_SOLVES):
-                solve = _compared(self._first_solve(stop, start, after=self._variants(number)), seconds, again)
-                late.append(replace(solve, is_first=False))
+            late = [replace(solve_after(self._variants(number)), is_first=False) for _ in range(MAX_SLOW_SOLVES)]
         times = _repetition(late or loaded, [*solves, *loaded])
         if times is not None:
             raise _repeats(stop, f"take {times[0]:.3g} s", times[1])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from known_motions import theoretical_speed, wave_speed
 from proxbench.problems import ProblemError
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.scenes.registry import make_scene
@@ -14,14 +15,6 @@ from proxbench.solvers import Stop, create
 def fall(row: Dominoes, time_step: float, seconds: float, tolerance: float) -> list[State]:
     rule = MidpointRule(row.system(), create("Robust"), Stop(tolerance, 20_000), time_step)
     return [row.start(), *(step.state for step in rule.steps(row.start(), round(seconds / time_step)))]
-
-
-def wave_speed(row: Dominoes, states: list[State], first: int, last: int) -> float:
-    """Return the speed of the wave between two dominoes [m/s]."""
-    ways = np.array([row.front(state) for state in states])
-    assert ways[-1] > row.pitch * last
-    begin, end = np.interp([row.pitch * first, row.pitch * last], ways, [state.time for state in states])
-    return row.pitch * (last - first) / float(end - begin)
 
 
 def energies(row: Dominoes, states: list[State]) -> FloatArray:
@@ -86,22 +79,17 @@ def test_a_wave_that_cannot_run_has_no_speed() -> None:
         _ = Dominoes(friction=5.0).limit_speed
 
 
-def theory(row: Dominoes, first: int, last: int) -> float:
-    """Return the speed of the wave between two dominoes by the theory [m/s]."""
-    return row.pitch * (last - first) / float(row.intervals[first:last].sum())
-
-
 @pytest.mark.slow
 def test_the_wave_without_friction_between_dominoes_has_the_speed_of_the_theory() -> None:
     row = Dominoes(n_dominoes=12, friction=0.0, push=12.0)
     states = fall(row, 5e-4, 0.37, 1e-5)
-    assert wave_speed(row, states, 7, 11) == pytest.approx(theory(row, 7, 11), rel=0.04)
+    assert wave_speed(row, states, 7, 11) == pytest.approx(theoretical_speed(row, 7, 11), rel=0.04)
 
 
 def test_the_wave_with_friction_has_the_speed_of_the_theory_and_energy_never_grows() -> None:
     row = Dominoes(n_dominoes=12, push=12.0)
     states = fall(row, 1e-3, 0.42, 1e-5)
-    assert wave_speed(row, states, 6, 10) == pytest.approx(theory(row, 6, 10), rel=0.04)
+    assert wave_speed(row, states, 6, 10) == pytest.approx(theoretical_speed(row, 6, 10), rel=0.04)
     energy = energies(row, states)
     assert np.diff(energy).max() <= 1e-5 * energy[0]
     assert energy[-1] < 0.9 * energy[0]
