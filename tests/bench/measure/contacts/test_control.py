@@ -250,7 +250,7 @@ def test_the_first_run_of_code_that_no_copy_runs_accuses_nobody(of_copies: int) 
     assert {solve.seconds for solve in found if not solve.is_first} == {1e-3}  # which are judged
 
 
-def test_a_solver_that_seldom_repeats_no_answer_is_accused_all_the_same() -> None:
+def test_a_single_round_that_repeats_no_answer_acquits_nobody() -> None:
     again = iter([1e-3] * 5 + [0.1] + [1e-3] * 20)
     with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.001 s"):
         OtherWay(10, 1e-3).first_solves(STOP, 1e-3, lambda: next(again))
