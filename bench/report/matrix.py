@@ -57,8 +57,8 @@ Every outcome but solved and infeasible has a reason. Numbers in a reason are th
 _FAMILIES = """\
 ## Solved problems by family
 
-Number of problems that the solver solves, of those that it supports; – if it supports none. [{table}]({table}) has \
-every cell.
+Each column counts the problems of a family that the solver solves, of those that it supports; – if it supports none. \
+[{table}]({table}) has every cell.
 
 {counts}"""
 

@@ -295,7 +295,7 @@ class _Outer:
 
     def _progress(self) -> str:
         programs = "cone program" if self.iteration == 1 else "cone programs"
-        return f"residual {self.lowest:.1e} after {self.iteration} {programs} of {self._inner} steps"
+        return f"residual {self.lowest:.1e} after {self.iteration} {programs} with {self._inner} steps in all"
 
 
 def _alpha(problem: ContactProblem) -> FloatArray:
