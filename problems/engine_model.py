@@ -17,7 +17,7 @@ two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_
 only, and the edges of a contact have one R. So the forces that belong to Λ are those with the least Σ f²: with
 d_k = f₊ − f₋ and s_k = f₊ + f₋,
 
-    s_k = max(|d_k|, τ),      Σ s_k = f_N.
+    s_k = max(|d_k|, τ),      with the τ for which Σ s_k = f_N.
 """
 
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ _MATRICES = ("matrix", "combination", "back")
 
 
 class EngineSet(IntEnum):
-    """The form of the set Ω of some rows of an engine."""
+    """The form of a set Ω."""
 
     LINE = 0
     INTERVAL = 1
@@ -58,7 +58,8 @@ class EngineModel:
         matrix: A [1/kg], scipy CSR, shape (n, n) over the rows of the engine.
         regularisation: R [1/kg], shape (n,).
         offset: b [m/s²], shape (n,).
-        scale: largest sum of the absolute terms of an entry of b [m/s²], where b may be no more than their rounding.
+        scale: largest sum of the absolute values of the terms of an entry of b [m/s²]. Unlike b, it is not small if
+            they cancel.
         kind: ``EngineSet`` of each set, shape (n_sets,).
         first_row: first row of each set, shape (n_sets,); the sets tile the rows.
         coefficient: μ_k of each friction row of an elliptic cone, 1 for other rows, shape (n,).
@@ -66,6 +67,9 @@ class EngineModel:
         combination: h S with Λ = h S f, shape (n_rows, n) over the rows of the captured problem.
         time_step: h [s].
         back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem differ from the captured ones.
+
+    Raises:
+        ProblemError: if shapes do not fit, the sets do not tile the rows, or a kind is unknown.
     """
 
     name: str
@@ -131,7 +135,7 @@ class EngineModel:
         return impulses
 
     def forces(self, impulses: ArrayLike) -> FloatArray:
-        """Return the forces f [N], shape (n,), that belong to Λ [N s], shape (n_rows,); see the module."""
+        """Return the forces f [N], shape (n,), that belong to Λ [N s], shape (n_rows,); see the module docstring."""
         given = np.asarray(impulses, dtype=np.float64)
         captured = given if self.back is None else self.back @ given
         decoding, found = self._decoding, self._forces_without_impulse.copy()
@@ -140,14 +144,14 @@ class EngineModel:
             pyramids.write_forces(captured, found)
         return found
 
-    def over(self, back: sp.csr_array[Any]) -> "EngineModel | None":
-        """Return the model for a problem with Λ = T Λ', or None unless the columns of T are orthogonal and complete."""
+    def transformed(self, back: sp.csr_array[Any]) -> "EngineModel | None":
+        """Return the model for a problem with Λ = T Λ', or None if T is not square; its columns must be orthogonal."""
         if back.shape[0] != back.shape[1]:
             return None
         return replace(self, back=sp.csr_array(back if self.back is None else self.back @ back))
 
     def shifted(self, change: FloatArray) -> "EngineModel":
-        """Return the model after c of the problem has changed [m/s], shape (n_rows,): b changes by Sᵀ of it over h."""
+        """Return the model after a change δ of c [m/s], shape (n_rows,), which adds Sᵀ δ / h to b."""
         captured = change if self.back is None else _pseudoinverse(self.back).T @ change
         return replace(self, offset=self.offset + self.combination.T @ captured / self.time_step**2)
 
@@ -269,7 +273,10 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
 
 
 def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
-    """Return s_k = max(least_k, τ) with the given sums, shape (n, k); if τ < 0, the rest is shared equally."""
+    """Return s_k = max(least_k, τ) with the given sums, shape (n, k).
+
+    If Σ least_k exceeds a sum, its s_k are the least_k reduced equally.
+    """
     count = least.shape[1]
     falling = -np.sort(-least, axis=1)
     larger = np.cumsum(falling, axis=1) - falling
@@ -324,6 +331,9 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
     Args:
         model: the engine's model.
         forces: f [N], shape (n,).
+
+    Raises:
+        ProblemError: if the shape of the forces does not fit.
     """
     found = np.asarray(forces, dtype=np.float64)
     if found.shape != model.offset.shape:
@@ -346,7 +356,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
 
 
 def own_residual(model: EngineModel, impulses: ArrayLike) -> float:
-    """Return the same residual of impulses Λ [N s], shape (n_rows,) over the rows of the problem."""
+    """Return the residual of ``judge_own_model`` for impulses Λ [N s], shape (n_rows,) over the rows of the problem."""
     given = np.asarray(impulses, dtype=np.float64)
     return judge_own_model(model, model.forces(given)) if np.isfinite(given).all() else np.inf
 

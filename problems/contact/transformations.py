@@ -127,7 +127,7 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
         name=f"{problem.name} in other units",
         provenance={FREE_FALL: speed * problem.free_fall} if problem.free_fall else {},
         answer=answer,
-        engine=None if problem.engine is None else problem.engine.over(back),
+        engine=None if problem.engine is None else problem.engine.transformed(back),
     )
     return TransformedProblem(made, back)
 
@@ -215,7 +215,7 @@ def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str
         name=f"{problem.name}, {how}",
         provenance={},
         answer=answer,
-        engine=None if problem.engine is None else problem.engine.over(back),
+        engine=None if problem.engine is None else problem.engine.transformed(back),
     )
     return TransformedProblem(made, back)
 
