@@ -116,7 +116,7 @@ def plugin_solvers() -> list[Offer]:
     return offers("solver", _OWN)
 
 
-def is_own(name: str) -> bool:
+def is_built_in(name: str) -> bool:
     """Return whether a plain name is reserved for a solver of Proxbench."""
     return name in _OWN
 

@@ -48,8 +48,8 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
         BenchError: if an object violates the interface, or cannot be sent to another process.
     """
     if isinstance(solver, str):
-        is_own = registry.find_offer(solver) is None and not registry.native_parts(solver)
-        return built_in(solver) if is_own else _describe_spec(solver, b"", PluginError)
+        is_built_in = registry.find_offer(solver) is None and not registry.native_parts(solver)
+        return built_in(solver) if is_built_in else _describe_spec(solver, b"", PluginError)
     if isinstance(solver, SolverSpec):
         return solver
     if isinstance(solver, type):
@@ -60,7 +60,7 @@ def solver_spec(solver: str | Solver | SolverSpec) -> SolverSpec:
 
 
 def all_offers() -> tuple[Offer, ...]:
-    """Return the names of plugins that are known without running the plugins, solvers first."""
+    """Return the offers of plugins that are known without importing the plugins, solvers first."""
     return (*registry.plugin_solvers(), *plugin_problems(), *plugin_scenes())
 
 
@@ -118,7 +118,7 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be created", error, "solver", name, pickled)
     if not name:
-        _require_free_name(answer["name"])
+        _check_name_is_free(answer["name"])
     elif _plain_names(answer["name"]) != _plain_names(name):
         raise error(f"{what} calls itself {answer['name']!r:.200}; set its name to the one that creates it.")
     model, offer = Model.from_text(answer["model"]), registry.find_offer(name) if name else None
@@ -137,23 +137,23 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     )
 
 
-def require_own_name(solver: Solver) -> None:
+def require_free_name(solver: Solver) -> None:
     """Check that a solver object does not have the name of a built-in solver, unless its class is of this package.
 
     Raises:
         BenchError: if it is the name of a solver of Proxbench.
     """
     if not _is_of_package(solver):
-        _require_free_name(solver.name)
+        _check_name_is_free(solver.name)
 
 
 def _is_of_package(solver: Solver) -> bool:
     return type(solver).__module__.startswith(_PACKAGE)
 
 
-def _require_free_name(name: str) -> None:
+def _check_name_is_free(name: str) -> None:
     plain = name.partition("(")[0].strip()
-    if registry.is_own(plain):
+    if registry.is_built_in(plain):
         raise BenchError(f"the solver object calls itself {name!r:.200}, a name that Proxbench itself uses; rename it.")
 
 
@@ -185,7 +185,7 @@ class DescribingTask:
     """The task of the child: it answers "offers" (file), "solver" (name, pickled object), "problem", "scene" (name)."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; an error that a user can cause is answered as {"refused": sentence}."""
+        """Answer one request; the answer to a request that fails by a user error is {"refused": message}."""
         try:
             if request == "offers":
                 return {"offers": _offers(*arguments)}, b""

@@ -19,7 +19,7 @@ from ...problems.representation import html_table
 from ...solvers.composite.warm import Warm
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS
-from ..plugins.descriptions import require_own_name
+from ..plugins.descriptions import require_free_name
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote_solver
 from ..store.fields import Count, Positive, Record, Tolerance
@@ -158,7 +158,7 @@ def make_simulation_plan(
     default = _default(new_scene, new_stepper)
     chosen = default.solver if solver is None else solver
     if not isinstance(chosen, str):
-        require_own_name(chosen)
+        require_free_name(chosen)
     plan = SimulationPlan(
         new_scene,
         new_stepper,
