@@ -134,7 +134,7 @@ def _user_error(error: Exception) -> tuple[str, int]:
     if not isinstance(error, ProxbenchError):
         raise error
     failed = isinstance(error, FailedSimulationError | StepError)
-    return options.spell_options(str(error)), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
+    return options.with_option_names(str(error)), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
 
 
 def _print_error(message: str, code: int) -> int:

@@ -47,14 +47,14 @@ def given_parameters(context: typer.Context) -> set[str]:
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}
 
 
-_OTHER_NAMES = {
+_OPTION_NAMES = {
     "results": "output",
     "plugins": "plugin",
     "tolerances": "tolerance",
     "max_seconds": "solve_seconds",
     "seconds": "check_seconds",
 }
-"""Options, without dashes, by the parameters in Python whose names differ."""
+"""Names of options, without dashes, that differ from those of their parameters in Python."""
 
 
 def option_name(name: str) -> str:
@@ -62,9 +62,9 @@ def option_name(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def spell_options(message: str) -> str:
-    """Return a message with parameters replaced by options: `` `force=True` `` by ``--force``."""
-    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: option_name(_OTHER_NAMES.get(found[1], found[1])), message)
+def with_option_names(message: str) -> str:
+    """Return a message in which options replace parameters: ``--force`` for `` `force=True` ``."""
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: option_name(_OPTION_NAMES.get(found[1], found[1])), message)
 
 
 def require_absent(names: Iterable[str], given: Collection[str], reason: str) -> None:
@@ -111,11 +111,12 @@ PluginFiles = Annotated[
 ]
 """Plugin files, loaded before the command starts."""
 
-Suite = Annotated[str, selection(metavar="SUITE|FOLDER", help="Suite, or folder of files.")]
+Suite = Annotated[str, selection(metavar="SUITE|FOLDER", help="Suite, or folder of problem files.")]
 """Name of a suite, or a folder."""
 
 Solvers = Annotated[
-    list[str] | None, selection("--solver", metavar="SOLVER", help='Like "SORprox(relaxation=1.5)"; repeatable.')
+    list[str] | None,
+    selection("--solver", metavar="SOLVER", help='Solver, such as "SORprox(relaxation=1.5)"; repeatable.'),
 ]
 """Names of solvers with options."""
 

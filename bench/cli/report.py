@@ -113,7 +113,7 @@ def report_run(
     if baseline:
         baseline_of(frames, baseline)
     _report_damage(run)
-    left_out = [options.spell_options(sentence) for sentence in run.info.plan.left_out]
+    left_out = [options.with_option_names(sentence) for sentence in run.info.plan.left_out]
     for sentence in left_out:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if quiet or as_json:

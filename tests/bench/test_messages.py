@@ -9,7 +9,7 @@ import proxbench.bench
 import pytest
 from proxbench.bench import resume, run
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.cli.options import spell_options
+from proxbench.bench.cli.options import with_option_names
 from proxbench.bench.errors import BenchError, InterruptedRunError, InterruptedSimulationError
 from proxbench.bench.recordings.file import check_recording_path
 from proxbench.bench.report.layout.output_file import check_writable, output_file
@@ -34,8 +34,10 @@ def test_options_in_messages_are_parameters_of_functions_or_commands() -> None:
 
 
 def test_the_command_line_spells_options_its_own_way() -> None:
-    assert spell_options("choose another `run_id`, or use `force=True`.") == "choose another --run-id, or use --force."
-    assert spell_options("`G` has shape (3, 2); `a.b` has none.") == "`G` has shape (3, 2); `a.b` has none."
+    assert (
+        with_option_names("choose another `run_id`, or use `force=True`.") == "choose another --run-id, or use --force."
+    )
+    assert with_option_names("`G` has shape (3, 2); `a.b` has none.") == "`G` has shape (3, 2); `a.b` has none."
 
 
 def taken(folder: Path) -> Path:

@@ -59,7 +59,7 @@ def matrix(
 
         cells = measure_matrix(selection.problems, solvers, stop, on_cell=show)
     for sentence in selection.left_out:
-        print(f"proxbench: {options.spell_options(sentence)}", file=sys.stderr)
+        print(f"proxbench: {options.with_option_names(sentence)}", file=sys.stderr)
     command = _command(suite, problem, solver, stop, output, sample, sampling)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:

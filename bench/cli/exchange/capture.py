@@ -58,7 +58,7 @@ def capture(
     else:
         _print_summary(summary, output, judge)
     if summary.error:
-        print(f"proxbench: {options.spell_options(summary.error)}", file=sys.stderr)
+        print(f"proxbench: {options.with_option_names(summary.error)}", file=sys.stderr)
     return int(bool(summary.error))
 
 

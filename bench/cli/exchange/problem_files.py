@@ -193,7 +193,7 @@ def _apply(
             except ProblemError as error:
                 if file == source:
                     raise
-                broken.append(options.spell_options(str(error)))
+                broken.append(options.with_option_names(str(error)))
     return found, broken
 
 

@@ -118,7 +118,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     except UnwritableError as error:
         if quiet:
             raise
-        print(f"proxbench: {options.spell_options(str(error))}", file=sys.stderr)
+        print(f"proxbench: {options.with_option_names(str(error))}", file=sys.stderr)
     return _outcome(simulation)
 
 
