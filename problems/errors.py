@@ -34,7 +34,7 @@ MAX_NAMES = 12
 MIN_SIMILARITY = 0.6
 """Smallest similarity by difflib for a name to be suggested."""
 
-PROBLEMS_LISTED = "proxbench list problems --suite all"
+LIST_PROBLEMS_COMMAND = "proxbench list problems --suite all"
 """The command that lists all problems."""
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
-from ...problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ...problems.errors import LIST_PROBLEMS_COMMAND, ProblemError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, is_shipped, load, plugin_problems, problem_names
 from ...problems.exchange.sequences import Predecessors, predecessors
 from ..errors import BenchError
@@ -37,7 +37,7 @@ def check_known(names: Iterable[str]) -> None:
     known = problem_names()
     for name in names:
         if name not in known:
-            raise ProblemError(f"there is no problem {name!r}{suggestion(name, known, PROBLEMS_LISTED)}")
+            raise ProblemError(f"there is no problem {name!r}{suggestion(name, known, LIST_PROBLEMS_COMMAND)}")
 
 
 def check_numbers(problem: ContactProblem) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from .. import library
 from ..compilation import interprets_kernels
 from ..contact.problem import UNNAMED, ContactProblem
-from ..errors import PROBLEMS_LISTED, PluginError, ProblemError, first_line, suggestion
+from ..errors import LIST_PROBLEMS_COMMAND, PluginError, ProblemError, first_line, suggestion
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
 from .files.problem_file import SUFFIX, SUFFIXES, read_problem
@@ -216,7 +216,7 @@ def load(name: str | Path) -> ContactProblem:
         return read_problem(_cached(name))
     if name in SUITES["all"]:
         raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {name}")
-    raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
+    raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}")
 
 
 def _named(problem: ContactProblem, file: Path) -> ContactProblem:

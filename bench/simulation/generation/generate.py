@@ -13,7 +13,7 @@ from typing import Any
 
 from ....problems.contact.problem import FREE_FALL, ContactProblem
 from ....problems.contact.solver import Stop
-from ....problems.errors import PROBLEMS_LISTED, ProblemError, suggestion
+from ....problems.errors import LIST_PROBLEMS_COMMAND, ProblemError, suggestion
 from ....problems.exchange.catalog import (
     FUNNEL_SIZES,
     MIXED_PILES,
@@ -154,7 +154,9 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
                 f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
             )
         if name not in recipes() and name not in of_plugins:
-            raise ProblemError(f"there is no recipe for {name!r}{suggestion(name, problem_names(), PROBLEMS_LISTED)}")
+            raise ProblemError(
+                f"there is no recipe for {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}"
+            )
     target = folder if folder is not None else cache_folder()
     made = (plugin_problem(name) for name in names if name in of_plugins)
     for problem in chain(made, remake_problems(name for name in names if name not in of_plugins)):
