@@ -18,7 +18,7 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.blocks import BlockLayout
-from ...problems.contact.matrices.delassus import REMEDY, purpose_of
+from ...problems.contact.matrices.delassus import REMEDY, memory_purpose
 from ...problems.contact.matrices.memory import named_allocation
 from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
@@ -85,7 +85,7 @@ class FlatDelassus:
             InsufficientMemoryError: if the available memory does not suffice.
         """
         layout, blocks = problem.layout, problem.delassus_blocks()
-        with named_allocation(purpose_of(layout.n_blocks), REMEDY):
+        with named_allocation(memory_purpose(layout.n_blocks), REMEDY):
             lanes = (layout.width * blocks.columns).view(np.uint32)
         free = layout.pad(problem.free_velocity).reshape(-1)
         arrays = DelassusArrays(blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free)

@@ -33,11 +33,15 @@ class DelassusBlocks:
     values: FloatArray
 
     def to_csr(self, layout: BlockLayout) -> sp.csr_array:
-        """Return G without padding, shape (n_rows, n_rows), with sorted columns and read-only arrays."""
+        """Return G without padding, shape (n_rows, n_rows), with sorted columns and read-only arrays.
+
+        Raises:
+            InsufficientMemoryError: if the available memory does not suffice.
+        """
         size = layout.n_blocks * layout.width
-        kept = len(layout.slot) / max(size, 1)  # share of the rows, and then of the columns, that are no padding
+        kept = len(layout.slot) / max(size, 1)  # share of the rows, and then of the columns, that are not padding
         copies = 1.0 if layout.is_dense else 1.0 + kept + kept**2
-        require_memory(12.0 * copies * self.values.size, purpose_of(layout.n_blocks), REMEDY)
+        require_memory(12.0 * copies * self.values.size, memory_purpose(layout.n_blocks), REMEDY)
         padded = sp.bsr_array((self.values, self.columns, self.starts), shape=(size, size)).tocsr()
         if not layout.is_dense:
             padded = padded[layout.slot][:, layout.slot]
@@ -68,7 +72,7 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
         InsufficientMemoryError: if the available memory does not suffice.
     """
     _require_memory_for(pieces)
-    with named_allocation(purpose_of(pieces.n_blocks), REMEDY):
+    with named_allocation(memory_purpose(pieces.n_blocks), REMEDY):
         starts, columns, values = multiply_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks)
     read_only(starts, columns, values)
     return DelassusBlocks(starts, columns, values)
@@ -77,15 +81,15 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
 def _require_memory_for(pieces: Pieces) -> None:
     """Raise ``InsufficientMemoryError`` if the blocks of G and their columns exceed the memory.
 
-    Counting them takes a third of the time of the product. It is only done if bounds do not decide.
+    Counting them takes a third of the time of the product, and is only done if bounds are inconclusive.
     """
     n_blocks, bytes_of_block = pieces.n_blocks, 8 * pieces.width**2 + 4
     if bytes_of_block * n_blocks**2 < SMALL_BYTES:
         return
-    least, most = _bounds_of_count(pieces)
+    least, most = _block_count_bounds(pieces)
     if bytes_of_block * most < SMALL_BYTES:
         return
-    purpose = purpose_of(n_blocks)
+    purpose = memory_purpose(n_blocks)
     require_memory(bytes_of_block * least, purpose, REMEDY)
     if bytes_of_block * most > available_bytes():
         members = _pieces_of_chunks(pieces.starts, pieces.chunks, pieces.n_chunks)
@@ -93,7 +97,7 @@ def _require_memory_for(pieces: Pieces) -> None:
         require_memory(bytes_of_block * float(count), purpose, REMEDY)
 
 
-def _bounds_of_count(pieces: Pieces) -> tuple[float, float]:
+def _block_count_bounds(pieces: Pieces) -> tuple[float, float]:
     """Return bounds on the number of blocks of G: one for each pair of blocks that share a chunk.
 
     A pair with p and q pieces shares at most √(p q) chunks, so weights of 1/√(p q) count it at most once.
@@ -106,8 +110,8 @@ def _bounds_of_count(pieces: Pieces) -> tuple[float, float]:
     return least, float(np.square(counts).sum()) + pieces.n_blocks
 
 
-def purpose_of(n_contacts: int) -> str:
-    """Return what the memory for G is called in messages."""
+def memory_purpose(n_contacts: int) -> str:
+    """Return the name of G in messages about memory."""
     return f"G of {n_contacts:,} contacts"
 
 
@@ -131,11 +135,10 @@ def write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-
 @interpretable
 @njit(cache=True)
 def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
-    """Return starts, columns and values of a matrix in CSR.
+    """Return starts, columns and values of the block rows of a matrix in CSR.
 
-    Find and sort the columns of each block row, then fill the blocks.
-
-    The rows of a block are adjacent. ``place`` holds the position of each block column of the current row.
+    The rows of a block are adjacent. The columns of each block row are found and sorted, then the blocks are filled.
+    ``place`` holds the position of each block column of the current block row.
     """
     starts, place = np.zeros(n_blocks + 1, dtype=np.int64), np.full(n_blocks, -1, dtype=np.int64)
     block_of, lane_of = slot // width, slot % width

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, ProxbenchError, load
 from proxbench.problems.contact.matrices import delassus, memory
-from proxbench.problems.contact.matrices.delassus import _bounds_of_count
+from proxbench.problems.contact.matrices.delassus import _block_count_bounds
 from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import Status, Stop, create
 
@@ -60,12 +60,12 @@ def test_a_matrix_that_no_machine_holds_is_refused_before_it_is_counted() -> Non
 @pytest.mark.parametrize("name", ["funnel-300", "pile-100", "bodies-stack-10", "sequence-chain-20-1"])
 def test_bounds_enclose_the_number_of_blocks(name: str) -> None:
     problem = load(name) if "chain" not in name else load("bodies-chain-20")
-    least, most = _bounds_of_count(problem.factor_pieces())
+    least, most = _block_count_bounds(problem.factor_pieces())
     assert least <= len(problem.delassus_blocks().columns) <= most
 
 
 def test_between_the_bounds_the_blocks_are_counted(leave: Callable[[float], None]) -> None:
-    least, _ = _bounds_of_count(load("funnel-300").factor_pieces())
+    least, _ = _block_count_bounds(load("funnel-300").factor_pieces())
     n_blocks = len(load("funnel-300").delassus_blocks().columns)
     assert least < n_blocks - 1
     leave(76.0 * n_blocks - 1)
