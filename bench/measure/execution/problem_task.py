@@ -32,10 +32,10 @@ class ProblemTask:
     Attributes:
         run: the run, with only this problem in its plan, and its sessions.
         cases: cases of the problem that are already measured.
-        problems: file contents of the steps before the problem that warm solvers need, and of the problem.
+        problems: contents of problem files: the earlier steps that solvers with warm starts need, then the problem.
         solvers: the solvers.
         plugin_files: plugin files of the solvers, with the names that they provide.
-        mix: keep the measurements of another machine.
+        mix: whether to keep cases of another machine if the problem is unfinished.
     """
 
     run: RunRecord
@@ -60,14 +60,16 @@ class MeasuredProblem:
 
 
 def measure_problem(task: ProblemTask) -> MeasuredProblem:
-    """Measure a task, as the only one in this process, without side effects.
+    """Measure a task, one at a time in this process.
 
     Raises:
-        BenchError: if this machine has another version of the judge or of the source than the run.
+        BenchError: if the judge or the source of Proxbench on this machine differs from that of the run.
     """
     here = this_machine()
     if (JUDGE, here.source) != (task.run.judge, task.run.machine.source):
-        raise BenchError(f"the worker on {here.host} has another source of proxbench; install the same one everywhere.")
+        raise BenchError(
+            f"the worker on {here.host} runs other code of Proxbench; install the same version on all machines."
+        )
     for file, names in task.plugin_files:
         register(file, names, runs_here=False)
     with _one_at_a_time, tempfile.TemporaryDirectory(prefix="proxbench-", suffix=PART) as folder:

@@ -155,7 +155,7 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
             problem_task.ProblemTask(replace(given.run, machine=machine), (), given.problems, given.solvers)
         )
 
-    with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*has another source of proxbench"):
+    with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*runs other code of Proxbench"):
         measured(Inline(other), tmp_path, problems=PROBLEMS[:1])
 
 
