@@ -31,7 +31,7 @@ def bottom_heavy_masses(n: int, ratio: float) -> FloatArray:
 
 
 def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
-    """Return a spatial stack of point masses that slides as one body along (3, 4)/5 at 1 m/s.
+    """Return a spatial stack of point masses [kg], from below, that slides as one body along (3, 4)/5 at 1 m/s.
 
     The ground has ``friction`` μ, all other contacts 2 μ. Normals and tangents are uncoupled. The normals carry the
     weight above, Λ_N,k = g Δt Σ_{j≥k} m_j, and the tangential impulses then minimise a strictly convex function:
@@ -57,7 +57,7 @@ SCALES = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
 def scaled_stack(n: int = 5) -> ContactProblem:
     """Return a stack of ``n`` ≥ 3 equal blocks whose contacts are scaled by 1, 1e3, 1e-3, 1 and 1e6, repeated.
 
-    With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ.
+    With D the scales, G → D G D and c → D c; the solution is Λ → D⁻¹ Λ, ξ → D ξ.
     """
     return _scaled(stack(np.ones(n)), 1, 4.0 * n)
 

@@ -44,11 +44,11 @@ class _Unprepared:
 
 @dataclass(eq=False)
 class SolverSequence:
-    """The runs of one solve so far.
+    """A sequence of solver runs in one solve.
 
     Attributes:
         problem: the problem.
-        residual: its residual.
+        residual: evaluates its residual.
         prepared: prepared solvers by name, extended by ``prepare``.
         stop: the limits of the whole sequence.
         observe: receives the iterates of all runs, numbered consecutively.
@@ -57,8 +57,8 @@ class SolverSequence:
         history: the name and outcome of each run.
         best_impulses: the best Λ so far [N s], shape (n_rows,); None before the first run.
         best_residual: residual of ``best_impulses``, computed as the judge computes it.
-        latest: the Λ of the last run [N s], shape (n_rows,); None before the first run.
-        status: status of the last run, or ``Status.TIME_LIMIT`` if any run ended with it.
+        latest: the Λ of the last supported run [N s], shape (n_rows,); None before it.
+        status: status of the last supported run, or ``Status.TIME_LIMIT`` if any run ended with it.
     """
 
     problem: ContactProblem

@@ -11,14 +11,14 @@ from ...errors import BenchError, UnwritableError
 from ...store.store import check_links_inside
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
-"""Suffixes of pictures and pages that are not accepted as part of a name."""
+"""Suffixes of formats in which charts are not written."""
 
 
 def write_file(file: Path, content: bytes) -> Path:
     """Write a file as a whole or not at all, create its folder if necessary, and return the file.
 
     Raises:
-        BenchError: if it is a link out of its folder.
+        BenchError: if it is a link to a file outside its folder.
         UnwritableError: if it cannot be written.
     """
     check_links_inside(file, file.parent)
@@ -34,17 +34,19 @@ def write_file(file: Path, content: bytes) -> Path:
 
 
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
-    """Return the file that ``output`` names, or a new file in that folder, and create its folder.
+    """Return the path of an output file, and create its folder.
+
+    It is ``output`` if that is a file, or otherwise a file in the folder ``output``, named by ``stem`` and the time.
 
     Args:
         output: a file if it ends in ``suffix``; a folder if it is an existing one, or has no suffix.
         stem: beginning of the name of a new file, before date and time.
         suffix: suffix of the file.
-        force: whether the file may exist.
+        force: whether an existing file may be replaced.
 
     Raises:
-        BenchError: if it exists and ``force`` is not given, has another suffix, is a link out of its folder, or its
-            folder cannot be created.
+        BenchError: if it exists and ``force`` is not given, has another suffix, is a link to a file outside
+            its folder, or its folder cannot be created.
     """
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
@@ -69,7 +71,8 @@ def check_writable(files: Iterable[Path], force: bool) -> None:
     """Check that files can be written later, without changing anything.
 
     Raises:
-        BenchError: if one exists and ``force`` is not given, is a link out of its folder, or cannot be written.
+        BenchError: if one exists and ``force`` is not given, is a link to a file outside its folder, or cannot be
+            written.
     """
     for file in files:
         check_links_inside(file, file.parent)

@@ -1,4 +1,4 @@
-"""Arguments of the kernels for small problems that depend on the laws alone, computed once per ``Laws`` object."""
+"""Those arguments of the kernels for small problems that depend only on the laws, computed once per ``Laws`` object."""
 
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -18,8 +18,8 @@ class LawArguments(NamedTuple):
     """Arguments of kernels that depend on the laws alone.
 
     Attributes:
-        preparation: those of the functions in ``preparation``, after G or its factors and c.
-        sweeps: those of the functions in ``sweeps``, after c.
+        preparation: arguments of the functions in ``preparation``, after G or its factors and c.
+        sweeps: arguments of the functions in ``sweeps``, after c.
     """
 
     preparation: tuple[Any, ...]
@@ -44,7 +44,7 @@ _ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
 
 
 def law_arguments(laws: Laws) -> LawArguments | None:
-    """Return the arguments for ``laws``, the same ones at each call."""
+    """Return the arguments for ``laws``, the same object at each call."""
     found = _ARGUMENTS.get(laws)
     if found is None and laws not in _ARGUMENTS:
         found = _ARGUMENTS[laws] = LawArguments.of(laws)
