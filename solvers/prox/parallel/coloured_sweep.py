@@ -216,7 +216,7 @@ def _run_window(  # type: ignore[no-untyped-def]
         wait_for(done, 0, needed)
         present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(done, 0, needed)
-    completed = _write_velocities(thread, threads, windows, stages[n_stages], pieces, balls, scaled, velocity, claims)
+    completed = _write_xi(thread, threads, windows, stages[n_stages], pieces, balls, scaled, velocity, claims)
     if completed:
         add(done, 0, completed)
     wait_for(done, 0, needed + n_batches)
@@ -224,7 +224,7 @@ def _run_window(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
-def _write_velocities(thread, threads, windows, first, pieces, balls, scaled, velocity, claims):  # type: ignore[no-untyped-def]
+def _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, claims):  # type: ignore[no-untyped-def]
     """Do the share of one thread in ξ, by tasks from ``first`` on, and return the number of completed tasks."""
     length, n_batches = BALL_LENGTH, len(claims) - first
     if pieces is not None:
