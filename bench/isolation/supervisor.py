@@ -1,10 +1,10 @@
-"""The supervisor: a process that monitors a case, and ends all processes that the case has started.
+"""The supervisor: a process that monitors a case and ends all processes that the case has started.
 
     run ── fork server ── supervisor ── case ── (what the plugin starts)
 
-The supervisor never runs code of a plugin. It adopts orphaned descendants in any session. When the case ends, the run
-requests it or the run itself ends, the supervisor kills all of them and removes their temporary files. It also stops
-the case while other cases are measured, so that remaining threads and processes do not use the processor.
+The supervisor never runs code of a plugin. It adopts orphaned descendants in any session. It kills all of them and
+removes their temporary files when the case ends, the run requests it, or the run itself ends. It also stops the case
+while other cases are measured, so that remaining threads and processes do not use the processor.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from types import FrameType
 from .child import Assignment, run_case
 from .process_tree import adopt_orphans, descendants, kill_all, send_signal
 
-STOP, GO_ON, END = b"S", b"G", b"E"
+STOP, CONTINUE, END = b"S", b"C", b"E"
 """Orders: stop, continue or end the case. The case also ends when the connection is closed."""
 
 PROCESS_ID = struct.Struct("!i")
@@ -43,7 +43,7 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
         pipe: descriptor for requests to the case and its answers.
         orders: descriptor for orders; the first report is the process id of the supervisor, the last is ``END_REPORT``.
         output: descriptor for the output of the case.
-        assignment: the assignment of the case.
+        assignment: task, memory limit and temporary folder of the case.
     """
     supervisor = os.getpid()
     os.setsid()
@@ -56,17 +56,17 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     with contextlib.suppress(OSError):  # the case may need no temporary files
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
-    own, filled = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
+    own, full = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
     case = os.fork()
     if case == 0:
         _restore_signals(wakeup)
         os.close(orders)
         run_case(pipe, output, assignment, supervisor)
     os.close(pipe)
-    status = _watched(case, orders, wakeup[0])
+    status = _watch_case(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
-        os.write(orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= own + filled))
+        os.write(orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= own + full))
     os._exit(0)
 
 
@@ -99,34 +99,35 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     """Do nothing: the number is in the pipe that wakes the supervisor."""
 
 
-def _watched(case: int, orders: int, wakeup: int) -> int:
+def _watch_case(case: int, orders: int, wakeup: int) -> int:
     """Wait until the case has ended or must end; kill its remaining processes; return its wait status."""
     stopped: list[int] = []
     while True:
         ready = wait([orders, wakeup])
         if wakeup in ready and signal.SIGTERM in os.read(wakeup, 4096):
             return kill_all(case, signal.SIGKILL)
-        if wakeup in ready and (status := _ended(case)) is not None:
+        if wakeup in ready and (status := _reap_children(case)) is not None:
             return kill_all(case, status)
         if orders not in ready:
             continue
-        for order in _received(orders):
+        for order in _read_orders(orders):
             if order == STOP[0]:
                 stopped = [case, *descendants(case)]
                 send_signal(signal.SIGSTOP, stopped)
-            elif order == GO_ON[0]:
+            elif order == CONTINUE[0]:
                 send_signal(signal.SIGCONT, stopped)
             else:
                 return kill_all(case, signal.SIGKILL)
 
 
-def _received(orders: int) -> bytes:
+def _read_orders(orders: int) -> bytes:
+    """Return the orders received; ``END`` if the connection is closed."""
     with contextlib.suppress(OSError):
         return os.read(orders, 4096) or END
     return END
 
 
-def _ended(case: int) -> int | None:
+def _reap_children(case: int) -> int | None:
     """Reap all ended children; return the wait status of the case if it is among them."""
     status = None
     with contextlib.suppress(ChildProcessError):

@@ -33,7 +33,7 @@ from .child import Assignment
 from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
 from .process_tree import descendants, describe_exit, processor_seconds, running, send_signal, writers
-from .supervisor import END, GO_ON, STOP
+from .supervisor import CONTINUE, END, STOP
 
 REQUEST_SECONDS = 60.0
 """Default limit of the wall time of a request [s]."""
@@ -129,7 +129,7 @@ class Worker:
         deadline = began + max(self.case_seconds - self.busy_seconds, 0.0)
         try:
             if self._is_stopped:
-                self._supervisor.send(GO_ON)
+                self._supervisor.send(CONTINUE)
             if _has_input(self._supervisor.pipe):
                 raise NoMessageError("an answer without a request")
             write_message(pipe, pickle.dumps((request, arguments)))

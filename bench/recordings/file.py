@@ -18,7 +18,7 @@ SUFFIX = ".rrd"
 
 
 class RecordingFile:
-    """A recording that is being written; its file is removed if the ``with`` block fails or never calls ``begin``.
+    """A recording that is being written; it is removed if the ``with`` block fails or does not call ``begin``.
 
     Args:
         path: path of the recording; its folder is created if necessary.
@@ -75,16 +75,25 @@ class RecordingFile:
 
 def write_curve(
     stream: rr.RecordingStream,
-    path: str,
-    at: Sequence[rr.TimeColumn],
+    entity: str,
+    times: Sequence[rr.TimeColumn],
     values: ArrayLike,
     *,
     label: str,
     colour: tuple[int, int, int],
 ) -> None:
-    """Write a curve to the recording: its style, and ``values`` at the times ``at``, shape (n_times,)."""
-    stream.log(path, rr.SeriesLines(colors=[colour], names=[label], widths=[2.0]), static=True)
-    stream.send_columns(path, at, rr.Scalars.columns(scalars=values))
+    """Write a curve to the recording: its style, and its values.
+
+    Args:
+        stream: the recording.
+        entity: path of the curve in the viewer.
+        times: times or step numbers, one column per timeline.
+        values: values at these times, shape (n_times,).
+        label: name in the legend.
+        colour: red, green and blue, 0 to 255.
+    """
+    stream.log(entity, rr.SeriesLines(colors=[colour], names=[label], widths=[2.0]), static=True)
+    stream.send_columns(entity, times, rr.Scalars.columns(scalars=values))
 
 
 def check_recording_path(path: Path, force: bool) -> None:

@@ -19,10 +19,10 @@ from .matrices.pieces import Pieces
 from .problem import ContactProblem
 
 ROUNDING = 1e-13
-"""Entries of G below this part of the root of both diagonal entries are rounding."""
+"""Entries |g_ij| of G below this fraction of √(g_ii g_jj) count as zero."""
 
 NEGLIGIBLE = 2.0**-40
-"""Free velocities of this part of the largest one are rounding of it."""
+"""Free velocities below this fraction of the largest one count as zero."""
 
 
 def components(problem: ContactProblem) -> IntArray:
@@ -65,7 +65,10 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
 
 
 def _touched_bodies(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray[Any], IntArray]:
-    """Return which bodies each contact touches.
+    """Return the bodies that contacts touch, in compressed rows.
+
+    With factors, a row is a contact, and a body is a row of W̃. Without factors, a row is a row of G, and each contact
+    stands for a body.
 
     Returns:
         Number of bodies, first entry of each row, body of each entry, contact of each row.
@@ -134,6 +137,7 @@ def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: i
 
 @njit(cache=True)
 def _root_of(root, contact):  # type: ignore[no-untyped-def]
+    """Return the root of the set of a contact, and halve the path to it."""
     while root[contact] != contact:
         root[contact] = root[root[contact]]
         contact = root[contact]
@@ -171,7 +175,7 @@ def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
 def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
     """Unite each contact with its partner and the previous contact of each body, and number the sets (union–find).
 
-    If bodies stand for contacts, each contact has touched its own body before, unless it is uncoupled.
+    Where contacts stand for bodies, a coupled contact touches its own body by its diagonal entry of G.
     """
     root = np.arange(len(partner))
     _unite_partners(root, partner)
@@ -199,6 +203,7 @@ def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no
 @interpretable
 @njit(cache=True)
 def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+    """Write the largest value among each contact and those coupled with it, if only G is known."""
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
             a, b = contacts[row], bodies[p]
@@ -208,6 +213,7 @@ def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: 
 @interpretable
 @njit(cache=True)
 def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+    """Write the largest value among the contacts of the bodies of each contact, if the factors are known."""
     of_body = np.zeros(n_bodies)
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
@@ -218,7 +224,10 @@ def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  
 
 
 def row_lengths(problem: ContactProblem) -> FloatArray:
-    """Return ℓ_i of the law of each row, see ``Residual``, shape (n_rows,)."""
+    """Return ℓ_i of the law of each row, shape (n_rows,): a length [m] for rolling friction, 1 for other laws.
+
+    See ``Residual``.
+    """
     laws = problem.laws
     alpha, lengths, speeds = np.empty((3, laws.n_laws))
     numbers = problem.delassus_diagonal, problem.free_velocity
@@ -235,7 +244,7 @@ def _write_scales(  # type: ignore[no-untyped-def]
 ):
     """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
 
-    Return a law that no impulse can satisfy, −1 if there is none, and max ℓ_i ‖c_i‖.
+    Return the index of a law that no impulse can satisfy (−1 if there is none), and max ℓ_i ‖c_i‖ [m/s].
     """
     stuck, largest = -1, 0.0
     for law in range(len(sets)):
@@ -266,10 +275,11 @@ def _write_scales(  # type: ignore[no-untyped-def]
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers
 ):
-    """Write the scales of every law, and the largest scale over that of its component.
+    """Write α, ℓ, ℓ ‖c‖ and a ratio for each law into the rows of ``numbers``, shape (at least 4, n_laws).
 
-    The ratio is 1 if the speeds of a component are rounding of the largest one. ``component`` holds the component of
-    each contact. ``numbers`` receives α, ℓ, ℓ ‖c‖ and the ratio of each law, shape (at least 4, n_laws).
+    The ratio is the largest ℓ ‖c‖ of the problem divided by the largest one of the component of the law, or 1 if the
+    latter is negligible. ``component`` holds the component of each contact. The return value is that of
+    ``_write_scales``.
     """
     alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
     given = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)

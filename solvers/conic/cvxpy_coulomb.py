@@ -1,10 +1,11 @@
 """CvxpyCoulomb: the fixed-point iteration of ``fixed_point`` for Coulomb friction, with the solvers of cvxpy.
 
-    minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact, Λ = y times its unit
+    minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact,
 
-with G = RᵀR: R = W̃ where the factors are known, otherwise from the eigenvalues of G. Units and regularisation are
-those of ``programs``. The linear term is a parameter: cvxpy compiles the program once, and later runs replace b alone.
-``ClarabelCoulomb`` does the same without cvxpy, and thus without the time for compiling.
+with G = RᵀR: R = W̃ where the factors are known, otherwise from the eigenvalues of G. y is Λ in the units of
+``programs.Scaling``; the regularisation is that of ``programs``. The linear term is a parameter: cvxpy compiles the
+program once, and later runs replace b alone. ``ClarabelCoulomb`` solves the same program without cvxpy, which saves the
+time for compiling.
 """
 
 import importlib
@@ -42,7 +43,7 @@ BUNDLED_CONIC = "CLARABEL"
 BUNDLED_QUADRATIC = "OSQP"
 """A quadratic solver that cvxpy installs."""
 
-FIRST_ORDER_ITERATIONS = 100_000
+MAX_SOLVER_ITERATIONS = 100_000
 """Largest iteration limit that a solver receives; the iterations of splitting methods are cheap."""
 
 
@@ -51,14 +52,14 @@ class CvxpyCoulomb(FixedPointMethod):
     """Solve Coulomb friction by De Saxcé's fixed-point iteration over convex models in cvxpy.
 
     Spatial friction needs second-order cones. Planar friction and frictionless contact are quadratic programs, which
-    quadratic solvers accept too. Without friction one or two programs suffice.
+    quadratic solvers accept too. Without friction, one or two programs suffice.
 
     Attributes:
         solver: name of a conic or quadratic solver that cvxpy finds.
         memory: number of pairs that Anderson acceleration of the outer iteration keeps, 0 for no acceleration.
 
     Raises:
-        SolverError: if cvxpy has no such solver, or for an option out of range.
+        SolverError: if cvxpy has no such solver, the solver is not installed, or an option is out of range.
     """
 
     solver: str = BUNDLED_CONIC
@@ -71,7 +72,7 @@ class CvxpyCoulomb(FixedPointMethod):
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver does not support ``problem``, or None."""
         laws = problem.laws
-        if (laws.row_count > 1).any() and not takes_cones(self.solver):
+        if (laws.row_count > 1).any() and not supports_cones(self.solver):
             is_spatial = (laws.row_count[~laws.is_rolling] > 1).any()
             discs = "spatial friction" if is_spatial else "rolling friction about several axes"
             return f"it has {discs}, and {self.solver} does not support second-order cones"
@@ -92,10 +93,10 @@ def cvxpy() -> Any:
 
 
 def check_solver(name: str) -> None:
-    """Raise ``SolverError`` unless cvxpy has the solver ``name``."""
+    """Raise ``SolverError`` unless the solver ``name`` of cvxpy is installed and supports quadratic objectives."""
     if name in (BUNDLED_CONIC, BUNDLED_QUADRATIC):
         return  # without importing cvxpy
-    known = installed(cones=False)
+    known = installed_solvers(cones=False)
     if name in known:
         return
     cp, names = cvxpy(), ", ".join(known)
@@ -106,13 +107,13 @@ def check_solver(name: str) -> None:
     raise SolverError(f"cvxpy has no solver {name!r}; use one of {names}.")
 
 
-def takes_cones(name: str) -> bool:
+def supports_cones(name: str) -> bool:
     """Whether the installed solver ``name`` supports second-order cones."""
-    return name == BUNDLED_CONIC or name in installed(cones=True)
+    return name == BUNDLED_CONIC or name in installed_solvers(cones=True)
 
 
-def installed(cones: bool) -> list[str]:
-    """Return the installed solvers of cvxpy that support second-order cones, or quadratic objectives."""
+def installed_solvers(cones: bool) -> list[str]:
+    """Return the installed solvers of cvxpy that support second-order cones if ``cones``, else those and QP solvers."""
     cp = cvxpy()
     defines = importlib.import_module("cvxpy.reductions.solvers.defines")
     names = []
@@ -149,7 +150,7 @@ class CvxpyProgram:
         tolerances, iteration_limit, time_limit = _OPTIONS.get(self._solver, ((), "", ""))
         options: dict[str, float] = dict.fromkeys(tolerances, accuracy)
         if iteration_limit:
-            options[iteration_limit] = max(1, min(FIRST_ORDER_ITERATIONS, iterations))
+            options[iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, iterations))
         if time_limit:
             options[time_limit] = max(seconds, 1e-3)
         began = time.perf_counter()
@@ -183,7 +184,7 @@ def _root(problem: ContactProblem) -> Any:
 
 
 def _constraints(problem: ContactProblem, scaling: Scaling, impulses: Any) -> list[Any]:
-    """Return y_N ≥ 0 for all contacts, and the friction discs, grouped by their number of rows."""
+    """Return the constraints: y_N ≥ 0 for all contacts, and friction discs, grouped by their number of rows."""
     cp = cvxpy()
     layout, normal = problem.layout, scaling.lanes[:, 0]
     constraints = []

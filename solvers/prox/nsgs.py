@@ -1,4 +1,6 @@
-"""NSGS: nonsmooth Gauss–Seidel (Jean & Moreau), which solves one contact at a time; see ``sweeps.blocks``.
+"""NSGS: nonsmooth Gauss–Seidel, which solves one contact at a time; see ``sweeps.blocks``.
+
+Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177 (1999).
 
 Normal and tangential impulses of a contact are always consistent. Methods that visit single laws lack this, and may
 cycle at high friction.
@@ -22,7 +24,7 @@ class NSGS(Method):
     Contacts of high friction may still oscillate against each other; ω is reduced at these (``sweeps.safeguarded``).
 
     Attributes:
-        relaxation: ω; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.
+        relaxation: ω > 0; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.
 
     Raises:
         SolverError: for an option out of range.

@@ -1,4 +1,4 @@
-"""Exact solution of one contact with rolling friction, with all other impulses fixed.
+"""Solution of one contact with rolling friction, with all other impulses fixed.
 
 A contact with block G and velocity q from all other impulses has the laws
 
@@ -18,17 +18,17 @@ from numba import njit
 
 from .any_laws import into_ball
 
-ROUNDS = 4
-"""Number of starts of Newton's method."""
+MAX_STARTS = 4
+"""Largest number of starts of Newton's method."""
 
-NEWTON_STEPS = 25
-"""Newton steps per start."""
+MAX_NEWTON_STEPS = 25
+"""Largest number of Newton steps per start."""
 
 SWEEPS = 40
 """Projected sweeps between two starts."""
 
-PRECISION = 1e-14
-"""A violation below this fraction of the free velocity is rounding."""
+ROUNDING = 1e-14
+"""Violations below this fraction of the free velocity count as zero."""
 
 MIN_STEP = 1.0 / 64.0
 """The smallest fraction of a Newton step that the line search tries."""
@@ -39,10 +39,11 @@ PIVOT = 1e-13
 
 @njit(cache=True, error_model="numpy")
 def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no-untyped-def]
-    """Replace the impulse ``held`` of a contact, shape (d,), by the solution.
+    """Replace the impulse ``held`` of a contact [N s], shape (d,), by the solution.
 
     ``block`` is G [1/kg], shape (d, d), and ``q`` is the velocity without the contact's own impulse [m/s], shape (d,).
-    The lanes are N, then ``sliding`` lanes of T, then R.
+    The lanes are N, then ``sliding`` lanes of T, then R with impulses [N m s] and angular velocities [rad/s]. ``a``
+    [N s], ``mu_r`` [m] and ``a_r`` [N m s] are those of the laws above.
     """
     d = len(q)
     first = 1 + sliding
@@ -67,7 +68,7 @@ def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no
 
 @njit(cache=True, error_model="numpy")
 def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
-    """Replace ``x`` by the solution, with all rows in one unit."""
+    """Replace Λ in ``x`` by the solution, with scaled rolling rows; ``laws`` holds μ, a, and scaled μ_r and a_r."""
     d = len(q)
     alpha = _curvatures(g, sliding)
     speed = 0.0
@@ -75,23 +76,23 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
         speed = max(speed, abs(q[k]))
     xi, best, trial = np.empty(d), np.empty(d), np.empty(d)
     system = np.empty((d, d + 1))
-    _admit(sliding, laws, x)
+    _project(sliding, laws, x)
     best[:] = x
     least = _violation(g, q, sliding, laws, alpha, x, xi)
     if x[0] <= 0.0 and g[0, 0] > 0.0:
         x[0] = max(-q[0] / g[0, 0], 0.0)
-    for attempt in range(ROUNDS):
+    for attempt in range(MAX_STARTS):
         if attempt > 0:
             x[:] = best
             _sweep(SWEEPS, g, q, sliding, laws, alpha, x, xi, trial)
         present = _violation(g, q, sliding, laws, alpha, x, xi)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(MAX_NEWTON_STEPS):
             if present < least:
                 best[:], least = x, present
-            if least <= PRECISION * speed:
+            if least <= ROUNDING * speed:
                 break
             _linearise(g, q, sliding, laws, alpha, x, xi, system)
-            if not _eliminated(system):
+            if not _solve_linear_system(system):
                 break
             part, before = 1.0, present
             while True:
@@ -102,14 +103,14 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
                     break
                 part *= 0.5
             x[:] = trial
-        _admit(sliding, laws, x)
+        _project(sliding, laws, x)
         present = _violation(g, q, sliding, laws, alpha, x, xi)
         if present < least:
             best[:], least = x, present
-        if least <= PRECISION * speed:
+        if least <= ROUNDING * speed:
             break
     x[:] = best
-    _admit(sliding, laws, x)
+    _project(sliding, laws, x)
 
 
 @njit(cache=True)
@@ -129,7 +130,7 @@ def _lanes_of(law, sliding, d):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _admit(sliding, laws, x):  # type: ignore[no-untyped-def]
+def _project(sliding, laws, x):  # type: ignore[no-untyped-def]
     """Project Λ onto its bounds, Λ_N first."""
     x[0] = max(x[0], 0.0)
     for law in (1, 2):
@@ -186,8 +187,10 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
 def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-untyped-def]
     """Write the linear system of a Newton step, with its right-hand side as the last column, from ξ of ``_violation``.
 
-    With x_i = Λ_i − ξ_i/α_i a law is at rest (ξ = 0) where x_i lies in its set. Else Λ_N = 0, or with t = x_i/‖x_i‖,
-    κ = b/‖x_i‖ and P = κ(I − t tᵀ):  P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).
+    If x_i = Λ_i − ξ_i/α_i lies in the set of law i, its equation is ξ_i = 0. Otherwise it is Λ_N = 0, or for a disc or
+    ball of radius b, with t = x_i/‖x_i‖, κ = b/‖x_i‖ and P = κ(I − t tᵀ),
+
+        P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).
     """
     d = len(q)
     system[:] = 0.0
@@ -206,7 +209,7 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
             squared += (x[k] - xi[k] / alpha[law]) ** 2 if alpha[law] > 0.0 else 0.0
         length = np.sqrt(squared)
         for k in range(begin, end):
-            if alpha[law] <= 0.0:  # an impulse of this law causes no velocity, so it stays as it is
+            if alpha[law] <= 0.0:  # an impulse of this law causes no velocity, so it does not change
                 system[k, k] = 1.0
                 continue
             if length <= bound and bound > 0.0:
@@ -227,8 +230,8 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
 
 
 @njit(cache=True, error_model="numpy")
-def _eliminated(system):  # type: ignore[no-untyped-def]
-    """Solve by Gaussian elimination with row pivoting, into the last column; return whether a solution was found.
+def _solve_linear_system(system):  # type: ignore[no-untyped-def]
+    """Solve a linear system by Gaussian elimination, into its last column; return whether a solution was found.
 
     An unknown without a pivot is damped, so that it hardly changes.
     """

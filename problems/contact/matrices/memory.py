@@ -1,6 +1,6 @@
-"""Memory that arrays need, compared with what is available before they are allocated.
+"""Checks that the available memory suffices for large arrays.
 
-Without this comparison, the system may kill the process, because it grants more memory than it has.
+Without them, the system may kill the process, because it grants more memory than it has.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from ...arrays import FloatArray
 from ...errors import InsufficientMemoryError
 
 SMALL_BYTES = 2**26
-"""Arrays below this size are allocated without asking how much memory is available, which takes 0.1 ms [bytes]."""
+"""Size below which arrays are allocated without a check, because a check takes 0.1 ms [bytes]."""
 
 _GROUPS = Path("/sys/fs/cgroup")
 
@@ -75,10 +75,14 @@ def available_bytes() -> float:
 
 
 def to_dense(matrix: sp.csr_array, remedy: str) -> FloatArray:
-    """Return G as a dense array, shape (n_rows, n_rows).
+    """Return G as a dense array [1/kg], shape (n_rows, n_rows).
+
+    Args:
+        matrix: G, sparse.
+        remedy: what to do if memory is insufficient, as an imperative.
 
     Raises:
-        InsufficientMemoryError: if the available memory does not suffice; its message ends with ``remedy``.
+        InsufficientMemoryError: if the available memory does not suffice.
     """
     n_rows = matrix.shape[0]
     require_memory(8.0 * n_rows * n_rows, f"a dense G of {n_rows:,} rows", remedy)
@@ -91,7 +95,7 @@ def _gigabytes(n_bytes: float) -> str:
 
 
 def _machine_bytes() -> float:
-    """Return what the machine can give; without a report of the system, all of its memory."""
+    """Return the available memory of the machine, or its total memory if the system reports only that."""
     with contextlib.suppress(OSError):
         found = re.search(r"^MemAvailable:\s+(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE)
         if found:
@@ -103,7 +107,7 @@ def _machine_bytes() -> float:
 
 
 def _group_bytes() -> float:
-    """Return the least that a control group of this process leaves; what the system keeps of files can be dropped."""
+    """Return the memory left by the tightest control group of this process; caches of files count as free."""
     try:
         groups = Path("/proc/self/cgroup").read_text()
     except OSError:
@@ -121,13 +125,13 @@ def _group_bytes() -> float:
 
 
 def _droppable_bytes(group: Path) -> int:
-    """Return the memory of a control group that holds files and caches, which the system drops if it needs memory."""
+    """Return the cache memory of a control group, which the system frees on demand."""
     found = re.findall(rf"^(?:{'|'.join(_DROPPABLE)}) (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
     return sum(map(int, found))
 
 
 def _address_bytes() -> float:
-    """Return what the limit of the address space leaves, which ``ulimit -v`` and measured cases set."""
+    """Return the memory left by the limit of the address space (``ulimit -v``), which measured cases have."""
     try:
         import resource  # systems other than Unix have no such limit
 

@@ -28,7 +28,7 @@ from ...errors import ProblemError
 from ..repair import Repair, symmetric
 from ..stored_solution import with_stored_solution
 from .contents import TEXTS, GlobalContents, LocalContents
-from .laws import contact_laws_of, laws_of, rows_in_order
+from .laws import contact_laws_of, fclib_row_order, laws_of
 
 MAX_COLUMN_ENTRIES = 50_000_000
 """Largest number of entries of M⁻¹ D with D = (H, G), which take 400 MB."""
@@ -79,7 +79,7 @@ def contents_of(problem: ContactProblem) -> LocalContents | GlobalContents:
     Raises:
         ProblemError: if FCLIB cannot represent the laws, or G is not symmetric between contacts and joints.
     """
-    laws, order = contact_laws_of(problem), rows_in_order(problem)
+    laws, order = contact_laws_of(problem), fclib_row_order(problem)
     n = len(order) - problem.laws.n_joint_rows  # number of contact rows, which come before joints
     common: dict[str, Any] = {**vars(laws), "about": _texts(problem)}
     contents: LocalContents | GlobalContents

@@ -13,7 +13,7 @@ from ..repair import Indefinite, Repair, Symmetry, named_in_errors
 from .container import ContainerError, open_container
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
 from .conversion import contents_of, digest_mismatch, problem_of
-from .laws import rows_in_order
+from .laws import fclib_row_order
 
 SUFFIXES = (".hdf5", ".h5")
 """Suffixes of FCLIB files."""
@@ -105,7 +105,7 @@ def _solution(
     impulses = np.asarray(real_numbers(given, "impulses"), dtype=np.float64)
     if impulses.shape != (problem.n_rows,) or not np.isfinite(impulses).all():
         raise ProblemError(f"impulses must be {problem.n_rows} finite numbers, got shape {impulses.shape}.")
-    order, n = rows_in_order(problem), contents.n_contact_rows
+    order, n = fclib_row_order(problem), contents.n_contact_rows
     r, joints, u = impulses[order[:n]], impulses[order[n:]], problem.relative_velocity(impulses)[order[:n]]
     solution = {"solution/r": r, "solution/u": u} | ({"solution/l": joints} if len(joints) else {})
     if isinstance(contents, GlobalContents) and problem.factors is not None:

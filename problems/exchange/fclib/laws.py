@@ -1,8 +1,8 @@
 """The force laws of the rows of an FCLIB problem, and checks for unsupported laws.
 
 Contacts come first, each with ``spacedim`` rows, beginning with the normal row. Their laws are a unilateral law, the
-Coulomb friction that it bounds, and rolling friction if there is μ_r. Joints follow: a bilateral law for each column
-of V or G.
+Coulomb friction that it bounds, and rolling friction if the file has μ_r. Joints follow: a bilateral law for each
+column of the file's matrix V (local problem) or G (global problem).
 
     spacedim 2    N, T                 planar
     spacedim 3    N, T1, T2            spatial
@@ -26,7 +26,7 @@ class ContactLaws:
     """The laws of contacts of one kind.
 
     Attributes:
-        dimension: rows of a contact: 2 or 3, or 3 or 5 with rolling friction.
+        dimension: rows of a contact: 2 or 3 without rolling friction, 3 or 5 with it.
         friction: μ, shape (n_contacts,).
         rolling_friction: μ_r [m], shape (n_contacts,); ``None`` without rolling friction.
     """
@@ -70,7 +70,7 @@ def _laws_of_contacts(contents: Contents) -> Laws:
     return Laws.contacts(contents.friction, rows - axes, count).with_rolling(rolling, axes)
 
 
-def rows_in_order(problem: ContactProblem) -> IntArray:
+def fclib_row_order(problem: ContactProblem) -> IntArray:
     """Return the rows of a problem in the order of FCLIB: those of contacts, then those of joints, shape (n_rows,)."""
     is_joint = np.repeat(problem.laws.is_bilateral, problem.laws.row_count)
     return np.argsort(is_joint, kind="stable")
@@ -81,7 +81,7 @@ def contact_laws_of(problem: ContactProblem) -> ContactLaws:
 
     Raises:
         ProblemError: if FCLIB does not support the laws. It supports joints, and contacts of one kind with Coulomb
-            friction.
+            friction, with or without rolling friction.
     """
     laws, name = problem.laws, problem.name
     if not problem.n_rows:
@@ -108,7 +108,7 @@ def contact_laws_of(problem: ContactProblem) -> ContactLaws:
             f"{name!r} has rolling friction and a Delassus matrix, but FCLIB supports rolling friction only in global "
             "problems; create the problem from its factors."
         )
-    found = _equal_contacts(laws, count)
+    found = _contacts_of_one_kind(laws, count)
     if found is None:
         raise ProblemError(
             f"{name!r} mixes laws; FCLIB has contacts of one kind only, each a unilateral law followed by its friction."
@@ -116,8 +116,8 @@ def contact_laws_of(problem: ContactProblem) -> ContactLaws:
     return found
 
 
-def _equal_contacts(laws: Laws, count: int) -> ContactLaws | None:
-    """Return the laws of ``count`` contacts, even with joints between them; None if the contacts differ in kind."""
+def _contacts_of_one_kind(laws: Laws, count: int) -> ContactLaws | None:
+    """Return the laws of ``count`` contacts, with or without joints in between; None if contacts differ in kind."""
     if not count and not laws.is_friction.any():
         return ContactLaws(3, np.zeros(0))
     at = np.flatnonzero(~laws.is_bilateral)

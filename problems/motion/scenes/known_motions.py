@@ -22,36 +22,38 @@ from .options import Option
 from .resting import Stack, VGroove
 from .scene import ClosedFormScene, Scene, SceneKind, completed, kinetic_energy
 
-STEP_SIZE = 1e-3
+DEFAULT_STEP_SIZE = 1e-3
 """Default Δt [s] of a fixed step."""
 
-LENGTH = 0.1
+DEFAULT_LENGTH = 0.1
 """Reference length [m] of penetrations in scenes without a radius."""
 
 
-def scene_kind(made: Any, summary: str, duration: float = 1.0, *, has_few_contacts: bool = True) -> SceneKind:
+def scene_kind(scene_class: Any, summary: str, duration: float = 1.0, *, has_few_contacts: bool = True) -> SceneKind:
     """Return the registry entry of a class whose fields are the options of its scene.
 
     Args:
-        made: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``,
+        scene_class: a ``ClosedFormScene``, or another class with ``system`` and ``start``; it may have ``observables``,
             ``ending``, ``step_size``, ``depth`` and ``driven_bodies``.
         summary: one-line description for lists.
         duration: default duration of a simulation [s].
         has_few_contacts: see ``Scene``.
     """
-    meanings = _meanings(made)
-    options = {field.name: _option(field, meanings.get(field.name, "")) for field in fields(made)}
-    return SceneKind(summary, options, partial(_built, made, duration, has_few_contacts))
+    texts = _attribute_texts(scene_class)
+    options = {field.name: _option(field, texts.get(field.name, "")) for field in fields(scene_class)}
+    return SceneKind(summary, options, partial(_make_scene, scene_class, duration, has_few_contacts))
 
 
-def _built(made: Any, duration: float, has_few_contacts: bool, name: str, options: Mapping[str, Any]) -> Scene:
-    motion = made(**options)
+def _make_scene(
+    scene_class: Any, duration: float, has_few_contacts: bool, name: str, options: Mapping[str, Any]
+) -> Scene:
+    motion = scene_class(**options)
     system, start = motion.system(), motion.start()
-    balls, weight = system if isinstance(system, BallSystem) else None, Gravity(getattr(motion, "gravity", 0.0))
+    balls, gravity = system if isinstance(system, BallSystem) else None, Gravity(getattr(motion, "gravity", 0.0))
     driven_bodies = getattr(motion, "driven_bodies", ())
     potential_energy: Callable[[FloatArray], float] | None
     if balls is not None:
-        potential_energy = partial(_weight, balls, weight)
+        potential_energy = partial(_gravity_energy, balls, gravity)
     elif isinstance(system, RigidBodies):
         potential_energy = system.potential_energy
     else:
@@ -62,8 +64,8 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
             options,
             system,
             start,
-            length=getattr(motion, "radius", LENGTH),
-            step_size=getattr(motion, "step_size", STEP_SIZE),
+            length=getattr(motion, "radius", DEFAULT_LENGTH),
+            step_size=getattr(motion, "step_size", DEFAULT_STEP_SIZE),
             duration=duration,
             kinetic_energy=kinetic_energy(system, start, driven_bodies),
             potential_energy=potential_energy,
@@ -78,26 +80,26 @@ def _built(made: Any, duration: float, has_few_contacts: bool, name: str, option
     )
 
 
-def _weight(balls: BallSystem, weight: Gravity, position: FloatArray) -> float:
-    return weight.potential_energy(balls.centres(position), balls.masses)
+def _gravity_energy(balls: BallSystem, gravity: Gravity, position: FloatArray) -> float:
+    return gravity.potential_energy(balls.centres(position), balls.masses)
 
 
 def _option(field: "Field[Any]", meaning: str) -> Option:
     """Return the option of a field; the class itself checks narrower ranges."""
     default = field.default
-    whole = isinstance(default, int) and not isinstance(default, bool)
+    is_integer = isinstance(default, int) and not isinstance(default, bool)
     return Option(
         default,  # type: ignore[arg-type]
         meaning,
-        lowest=0 if whole else -math.inf,
-        highest=10_000 if whole else math.inf,
+        lowest=0 if is_integer else -math.inf,
+        highest=10_000 if is_integer else math.inf,
         can_be_off="None" in str(field.type),
     )
 
 
-def _meanings(made: type) -> dict[str, str]:
+def _attribute_texts(scene_class: type) -> dict[str, str]:
     """Return the descriptions of attributes in the docstring of a class."""
-    attributes = (inspect.getdoc(made) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
+    attributes = (inspect.getdoc(scene_class) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
     found = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", attributes, re.MULTILINE)
     return {name: " ".join(text.split()).rstrip(".") for name, text in found}
 

@@ -27,7 +27,7 @@ def update_ball_batch(balls, batch, moved, held, change, present, turn, own, oth
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def measure_ball_batch(balls, batch, moved, own, others, velocity):  # type: ignore[no-untyped-def]
+def write_ball_velocities(balls, batch, moved, own, others, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     bodies, records, share = balls
     one, at = uint64(LANES), uint64(LANES) * uint64(batch)

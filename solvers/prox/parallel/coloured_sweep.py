@@ -27,10 +27,10 @@ from ...sweeps.batches.balls import balls_of
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
-from .ball_tasks import measure_ball_batch, update_ball_batch
+from .ball_tasks import update_ball_batch, write_ball_velocities
 from .colouring import colour_contacts, order_by_colour
 from .pairs import in_pairs
-from .piece_tasks import measure_pieces, update_pieces
+from .piece_tasks import update_pieces, write_piece_velocities
 from .team import Team
 
 BALL_LENGTH = 6
@@ -216,7 +216,7 @@ def _run_window(  # type: ignore[no-untyped-def]
         wait_for(done, 0, needed)
         present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(done, 0, needed)
-    completed = _measure(thread, threads, windows, stages[n_stages], pieces, balls, scaled, velocity, claims)
+    completed = _write_xi(thread, threads, windows, stages[n_stages], pieces, balls, scaled, velocity, claims)
     if completed:
         add(done, 0, completed)
     wait_for(done, 0, needed + n_batches)
@@ -224,7 +224,7 @@ def _run_window(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
-def _measure(thread, threads, windows, first, pieces, balls, scaled, velocity, claims):  # type: ignore[no-untyped-def]
+def _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, claims):  # type: ignore[no-untyped-def]
     """Do the share of one thread in ξ, by tasks from ``first`` on, and return the number of completed tasks."""
     length, n_batches = BALL_LENGTH, len(claims) - first
     if pieces is not None:
@@ -237,9 +237,9 @@ def _measure(thread, threads, windows, first, pieces, balls, scaled, velocity, c
             task = first + batch
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 if balls is not None:
-                    measure_ball_batch(balls, batch, scaled, own, others, velocity)
+                    write_ball_velocities(balls, batch, scaled, own, others, velocity)
                 if pieces is not None:
-                    measure_pieces(pieces, batch, scaled, own, velocity)
+                    write_piece_velocities(pieces, batch, scaled, own, velocity)
                 completed += 1
     return completed
 

@@ -7,7 +7,11 @@ from ...sweeps.batches.pieces import LANES, update_batch
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def update_pieces(pieces, batch, scaled, held, change, present, turn, own, others):  # type: ignore[no-untyped-def]
-    """Update Λ and v of the contacts of a batch; ``pieces`` is as in ``batch_arguments``."""
+    """Update Λ (``held``) and v = W̃ Λ (``scaled``) of the contacts of a batch.
+
+    ``pieces`` is as in ``batch_arguments``, and ``change``, ``present`` and ``turn`` are as in ``update_batch``.
+    ``own`` and ``others`` are work arrays for v of both bodies before and after the update.
+    """
     axes, bodies, records = pieces
     lanes, length = uint64(LANES), uint64(len(axes))
     _gather(axes, bodies, batch, scaled, own)
@@ -17,11 +21,11 @@ def update_pieces(pieces, batch, scaled, held, change, present, turn, own, other
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def measure_pieces(pieces, batch, scaled, own, velocity):  # type: ignore[no-untyped-def]
+def write_piece_velocities(pieces, batch, scaled, own, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     axes, bodies, records = pieces
     _gather(axes, bodies, batch, scaled, own)
-    _velocity_of_batch(axes, records, batch, own, velocity)
+    _write_velocities(axes, records, batch, own, velocity)
 
 
 @njit(cache=True, inline="always")
@@ -38,7 +42,7 @@ def _gather(axes, bodies, batch, scaled, own):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-def]
-    """Copy v back, except for the idle chunk: it is last and stays zero, and all threads read it."""
+    """Copy v back, except for the idle chunk, the last one: it remains zero, because all threads read it."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length
     for lane in range(lanes):
@@ -52,7 +56,7 @@ def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def _velocity_of_batch(axes, records, batch, own, velocity):  # type: ignore[no-untyped-def]
+def _write_velocities(axes, records, batch, own, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c of a batch in the order of Λ."""
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, at = lanes * length, three * lanes * uint64(batch)
