@@ -1,7 +1,7 @@
 """Windows: limits of sweeps that gain less than a digit, after which interior points follow.
 
-With m blocks (contacts and joints), the work s of a sweep and w of a step of the interior point method that would
-follow, a window has
+A window begins with the first sweep and with each digit. With m blocks (contacts and joints), the work s of a sweep and
+w of a step of the interior point method that would follow, it has
 
     n = min(400 + 3 m, 20 w / s)      sweeps, at least 400.
 
@@ -30,7 +30,7 @@ SHORT_WINDOW = 90
 
 
 class Window:
-    """A check whether sweeps gain a digit per window of ``length`` sweeps, the first starting at sweep ``begin``.
+    """A check whether sweeps gain a digit within ``length`` sweeps, counted from ``begin`` and then from the last digit.
 
     ``longest``, if given, returns another limit of the length; it is called once, after ``WINDOW`` slow sweeps.
     """
@@ -39,16 +39,14 @@ class Window:
         self.length, self._begin, self._before, self._longest = length, begin, np.inf, longest
 
     def is_slow(self, iteration: int, residual: float) -> bool:
-        """Whether the window that ends at this sweep, with this best residual, has gained less than a digit."""
-        if self._before == np.inf:
-            self._before = residual
-        swept, is_slow = iteration - self._begin, residual > 0.1 * self._before
-        if is_slow and self._longest is not None and WINDOW <= swept < self.length:
-            self.length, self._longest = min(self.length, max(WINDOW, self._longest())), None
-        if swept < self.length:
+        """Whether the last window of sweeps, up to this sweep with this best residual, has gained less than a digit."""
+        if residual <= 0.1 * self._before:
+            self._before, self._begin = residual, iteration
             return False
-        self._before, self._begin = residual, iteration
-        return is_slow
+        swept = iteration - self._begin
+        if self._longest is not None and WINDOW <= swept < self.length:
+            self.length, self._longest = min(self.length, max(WINDOW, self._longest())), None
+        return swept >= self.length
 
 
 def window_lengths(problem: ContactProblem) -> list[int]:

@@ -77,8 +77,8 @@ def test_sweeps_continue_after_useless_newton_steps() -> None:
 def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(
     name: str, tolerance: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With constant momentum, which makes these sweeps slow."""
-    monkeypatch.setattr(sweep_selection, "FAST_MOMENTUM", 0.8)
+    """Without momentum, which makes these sweeps slow."""
+    monkeypatch.setattr(sweep_selection, "FAST_MOMENTUM", 0.0)
     problem = load(name)
     solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
     assert solution.status is Status.SOLVED
