@@ -1,6 +1,7 @@
 """The sessions of nox, each with its own environment: ``nox -s tests``, ``nox -s bench``, …"""
 
 import filecmp
+import hashlib
 import os
 import shutil
 from pathlib import Path
@@ -30,6 +31,21 @@ def _keep_compiled_kernels(session: nox.Session) -> None:
         os.utime(installed, ns=(changed, changed))
 
 
+def _share_compiled_kernels(session: nox.Session, other: str) -> None:
+    """Link the kernels that the session ``other`` has compiled, if both keep them in one folder.
+
+    They are the same, but numba keeps those of a package in a folder that is named by the package's path.
+    """
+    cache = Path(session.env["NUMBA_CACHE_DIR"])
+    environment = Path(session.virtualenv.location).absolute()
+    for package in {path.parent for path in environment.glob("lib/python*/site-packages/proxbench/**/*.py")}:
+        twin = environment.with_name(other) / package.relative_to(environment)
+        digests = [hashlib.sha1(str(path).encode()).hexdigest() for path in (package, twin)]
+        link, kernels = (cache / f"{package.name}_{digest}" for digest in digests)
+        if kernels.is_dir() and not link.exists():
+            link.symlink_to(kernels.name)
+
+
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the daily tests against an installed package, on all cores.
@@ -49,6 +65,7 @@ def peers(session: nox.Session) -> None:
     """Test external solvers, devices of Warp, captures, engines, writers and contacts of coal, each with its extra."""
     session.install(".[test,peers,kamino,mujoco,engines,bodies,gpu]")
     _keep_compiled_kernels(session)
+    _share_compiled_kernels(session, "tests")
     captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
     engines = "tests/bench/measure/trajectories/engines"
     in_motion = "tests/problems/motion/bodies/rigid/test_shapes_in_motion.py"

@@ -40,6 +40,14 @@ SIMULATIONS = (
     ("bouncing_ball", "StepDoubling", 0.6),
     ("woodpecker", "Extrapolated", 0.02),
     ("woodpecker", "EventDriven", 0.02),
+    ("brick_wall", "Moreau(step=1e-3)", 2e-3),
+    ("dominoes", "Moreau(step=1e-3)", 2e-3),
+    ("drum", "Moreau(step=1e-3)", 2e-3),
+    ("arch", "Moreau(step=1e-3)", 2e-3),
+    ("rolling_sphere", "Moreau(step=1e-3)", 2e-3),
+    ("rolling_cylinder", "Moreau(step=1e-3)", 2e-3),
+    ("spinning_top", "Moreau(step=1e-3)", 2e-3),
+    ("four_bar", "Moreau(step=1e-3)", 2e-3),
 )
 """Scene, stepper and duration [s] of short simulations; each stepper encounters contacts."""
 

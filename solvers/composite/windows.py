@@ -30,7 +30,7 @@ SHORT_WINDOW = 90
 
 
 class Window:
-    """A check whether sweeps gain a digit within ``length`` sweeps, counted from ``begin`` and then from the last digit.
+    """A check whether sweeps gain a digit within ``length`` sweeps, counted from ``begin`` and from each digit.
 
     ``longest``, if given, returns another limit of the length; it is called once, after ``WINDOW`` slow sweeps.
     """

@@ -18,7 +18,7 @@ from proxbench.bench.store.ratios import (
     times_by_point,
 )
 
-RUNS = 1000
+RUNS = 500
 """Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
 
 Noise = Callable[[Generator, int], "np.typing.NDArray[np.float64]"]

@@ -88,7 +88,7 @@ def test_few_rows_and_joints_have_a_short_window_first(name: str, has_short: boo
 
 
 def test_the_limit_shortens_the_sweeps_of_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sweeps on ``pile-100`` gain few digits; a whole window after them exceeds the limit of a solve, a short one does not."""
+    """Sweeps on ``pile-100`` gain few digits; a whole window exceeds the limit of a solve, a short one does not."""
     problem = load("pile-100")
     limits = Stop(1e-8, max_iterations=window_lengths(problem)[-1])
     whole = create("Robust").prepare(problem).solve(limits)

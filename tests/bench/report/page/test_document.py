@@ -119,9 +119,9 @@ def test_the_page_of_a_quick_run_is_small(quick: str) -> None:
 
 @pytest.mark.slow
 def test_the_page_of_many_problems_and_solvers_is_not_large() -> None:
-    frames = enlarged(load(REFERENCE), 500, 15)
-    assert len(frames.cases) == 7500
-    assert len(page(frames, "NSGS").encode()) < 15e6
+    frames = enlarged(load(REFERENCE), 250, 15)
+    assert len(frames.cases) == 3750
+    assert len(page(frames, "NSGS").encode()) < 8e6
 
 
 @pytest.mark.slow
