@@ -5,6 +5,9 @@ and prints a line for each way to sweep the contacts of that state: microseconds
 nanoseconds a sweep and contact, and the ratio of the least times to that of one thread by colour. The ways take turns.
 ``--momentum 0`` leaves the stage of the momentum out. Sweeps by colour include ξ. The last line is a kernel that reads
 the records once, and reads and writes Λ and its change.
+
+Labels contain the number of threads that run, as in "threads=1 (of 2)" if the problem has too few contacts for the two
+that were requested. ``--force`` runs all threads that are requested.
 """
 
 import argparse
@@ -17,9 +20,11 @@ import numpy as np
 from numba import njit
 from pours import steps_at
 from proxbench.problems import ContactProblem
+from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
+from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from proxbench.solvers.sweeps.batches.balls import BallSweep
 from proxbench.solvers.sweeps.factors import FactorSweep
@@ -67,6 +72,16 @@ def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
     return run
 
 
+def coloured_sweeps(problem: ContactProblem, sizes: FloatArray, threads: Sequence[int]) -> dict[str, ColouredSweep]:
+    """Return a sweep by colour for each requested number of threads; its label has the number that runs."""
+    sweeps = {}
+    for requested in threads:
+        sweep = ColouredSweep.over(problem, sizes, requested)
+        excess = f" (of {requested})" if sweep.threads < requested else ""
+        sweeps[f"by colour, threads={sweep.threads}{excess}"] = sweep
+    return sweeps
+
+
 def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, seconds: float) -> None:
     """Print the table of one problem."""
     sizes, start = diagonal_step_sizes(problem, RELAXATION), np.zeros(problem.n_rows)
@@ -76,9 +91,9 @@ def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, se
         "plain order": over_balls.begin(start, momentum).sweep,
         "plain order over pieces": FactorSweep.over(problem, sizes).begin(start, momentum).sweep,
     }
-    for number in threads:
-        sweep = ColouredSweep.over(problem, sizes, number)
-        ways[f"by colour, threads={number}"] = partial(ColouredIterates.sweep, ColouredIterates(sweep, start, momentum))
+    coloured = coloured_sweeps(problem, sizes, threads)
+    for name, sweep in coloured.items():
+        ways[name] = partial(ColouredIterates.sweep, ColouredIterates(sweep, start, momentum))
     ways["stream of the same bytes"] = streamed(sweep)
     times: dict[str, list[float]] = {name: [] for name in ways}
     end = time.perf_counter() + seconds
@@ -87,11 +102,12 @@ def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, se
             began = time.perf_counter()
             run(SWEEPS)
             times[name].append(time.perf_counter() - began)
+    reference, *_ = coloured
     kept = {name: np.array(values[1:]) for name, values in times.items()}
     print(f"{problem.n_contacts} contacts, {sweep.n_colours} colours, {len(kept['plain order'])} windows")
     for name, values in kept.items():
         each = 1e9 * values.min() / (SWEEPS * problem.n_contacts)
-        ratio = kept[f"by colour, threads={threads[0]}"].min() / values.min()
+        ratio = kept[reference].min() / values.min()
         print(f"  {name:28} {1e6 * values.min():9.0f} {1e6 * np.median(values):9.0f} us {each:6.1f} ns {ratio:6.2f}")
 
 
@@ -102,7 +118,10 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--momentum", type=float, default=0.65)
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--force", action="store_true", help="run all requested threads, even if that takes longer")
     given = parser.parse_args()
+    if given.force:
+        coloured_sweep.MIN_CONTACTS_PER_THREAD = coloured_sweep.MIN_CONTACTS_OF_BALLS_PER_THREAD = 1
     for balls in given.balls:
         print(f"{balls} balls: ", end="", flush=True)
         measure(poured(balls), given.threads, given.momentum, given.seconds)
