@@ -14,8 +14,9 @@ usually find these digits in a few hundred sweeps, which cost less than two fact
 
 The last four run five times, with growing iteration limits for the path and the sweeps. The path continues where it
 stopped. If it has ended, and in the fourth round, it restarts with series of another order, which may continue where
-the first ones cycle. When no path is left, ``ProximalPoint`` starts from the best impulses. No method delays the others
-for long, and the runs do not depend on the speed of the machine.
+the first ones cycle. When no path is left, ``ProximalPoint`` starts from the best impulses. Before the last round,
+which has no limit, ``SemismoothNewton`` starts from zero, because the methods before it may all lead to the same
+iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -35,13 +36,14 @@ from ..interior.runs import PreparedRuns, SingleRun
 from ..iteration.method import Method
 from ..iteration.stopping import Clock
 from ..newton.proximal_point import ProximalPoint
+from ..newton.semismooth_newton import SemismoothNewton
 from .hybrid_newton import HybridNewton
 from .sequence import SolverRun, SolverSequence
 from .sweep_selection import FACTORS_DENSITY, density, refining_sweeps
 from .work import MAX_STEPS, program_seconds, step_seconds
 
-MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS = 80, 500, 40
-"""Iteration limits of ``InteriorPoint``, of the sweeps after it and after the path, and of ``ProximalPoint``."""
+MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS, MAX_NEWTON_STEPS = 80, 500, 40, 500
+"""Iteration limits of ``InteriorPoint``, of sweeps after it and after the path, and of both methods of Newton."""
 
 PATH_ROUNDS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
 """Order and iteration limit of ``CentralPath`` in each round."""
@@ -164,7 +166,10 @@ def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[Solver
     methods = [CentralPath(order, form) for order, _ in PATH_ROUNDS]
     paths = {path.order: ResumablePath(path, problem) for path in methods if path.supports(problem) is None}
     hybrid_limits = (*HYBRID_LIMITS, sequence.stop.max_iterations)
-    for (order, factorisations), hybrid_limit in zip(PATH_ROUNDS, hybrid_limits, strict=True):
+    rounds = zip(PATH_ROUNDS, hybrid_limits, strict=True)
+    for number, ((order, factorisations), hybrid_limit) in enumerate(rounds, start=1):
+        if number == len(PATH_ROUNDS):
+            yield sequence.plan(SemismoothNewton(), zeros, MAX_NEWTON_STEPS)
         path = paths.get(order) or next(iter(paths.values()), None)
         if path is not None:
             yield SolverRun(path.method.name, path, zeros, factorisations)

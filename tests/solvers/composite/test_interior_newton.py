@@ -20,6 +20,15 @@ def test_it_solves_problems_that_interior_points_alone_do_not(name: str) -> None
     assert judge(problem, together.impulses).residual <= 1e-9
 
 
+@pytest.mark.slow
+def test_newtons_method_from_zero_solves_an_impact_that_no_other_method_solves() -> None:
+    problem = load("bodies-wall-struck")
+    solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
+    assert solution.status is Status.SOLVED
+    assert solution.message.endswith("HybridNewton: iteration limit; SemismoothNewton: solved")
+    assert judge(problem, solution.impulses).residual <= 1e-8
+
+
 def test_iterations_of_all_methods_are_consecutive_and_observed() -> None:
     problem = load("hard-duplicated-slider-mu10")
     seen: list[int] = []
