@@ -176,9 +176,9 @@ def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impul
         best = found
     is_unusual = not found < DIVERGENCE_GROWTH * first
     is_unusual |= unimproved >= CYCLE_PATIENCE or iteration >= MIN_PLATEAU_SWEEPS
-    if iteration - begin >= SHORT_WINDOW:
-        is_unusual |= best > 0.1 * before
+    if best <= 0.1 * before:
         begin, before = iteration, best
+    is_unusual |= iteration - begin >= SHORT_WINDOW
     return (UNUSUAL if is_unusual else CONTINUE), (best, first, unimproved, begin, before)
 
 

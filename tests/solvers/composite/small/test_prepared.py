@@ -38,6 +38,16 @@ def test_the_kernel_and_the_parts_give_the_same_bits(
     assert one.impulses.tobytes() == other.impulses.tobytes()
 
 
+@pytest.mark.parametrize("name", ["hard-groove-flat-mu10", "hard-parallel-1e-3"])
+def test_the_kernel_ends_slow_sweeps_where_the_parts_do(name: str) -> None:
+    """Their first sweeps gain digits, and later ones take more than a window for one."""
+    problem = load(name)
+    limits = Stop(1e-6, max_iterations=500)
+    one, other = (prepare(problem).solve(limits) for prepare in (ROBUST.prepare, prepare_by_parts))
+    assert "slow" in other.message
+    assert (one.status, one.iterations, one.message) == (other.status, other.iterations, other.message)
+
+
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-8])
 @pytest.mark.parametrize("name", SWEPT)
 def test_the_kernel_alone_solves_what_sweeps_solve(name: str, tolerance: float) -> None:
