@@ -107,6 +107,8 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     shown["wall"] = points["total_seconds"].map(duration) + marks
     shown["CPU"] = points["processor_seconds"].map(duration)
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
+    if (points["overlapping_steps"] > 0).any():
+        counts["overlaps"] = "overlapping_steps"
     for head, key in counts.items():
         shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
     return shown.assign(why=points["reason"])

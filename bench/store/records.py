@@ -193,6 +193,8 @@ class Measured(Record, frozen=True, kw_only=True):
         impulse_error: distance to the known impulses; None if they are unknown.
         errors: errors of a trajectory, one for each quantity.
         unsolved_steps: number of steps of all members of a trajectory whose judged residual is too large.
+        overlapping_steps: number of steps of all members whose projection of positions leaves too deep overlaps; 0 in
+            runs that were stored before it was counted.
         failed_members: number of members of a trajectory that failed.
     """
 
@@ -218,6 +220,7 @@ class Measured(Record, frozen=True, kw_only=True):
     impulse_error: Number | None
     errors: list[QuantityError] = []
     unsolved_steps: Count = 0
+    overlapping_steps: Count = 0
     failed_members: Count = 0
 
 
