@@ -144,15 +144,20 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
     return displacement
 
 
+def joint_bytes(joints: JointErrors) -> float:
+    """Return the memory that closing joints needs, for M⁻¹ W, A⁺ and the eigenvectors of A [bytes]."""
+    n_dofs, n_rows = joints.directions.shape
+    return 8.0 * n_rows * (n_dofs + 4 * n_rows)
+
+
 def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[FloatArray, FloatArray]:
     """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which ignores redundant combinations of rows.
 
     Raises:
         InsufficientMemoryError: if the available memory does not suffice for these and for the eigenvectors of A.
     """
-    n_dofs, n_rows = joints.directions.shape
-    needed = 8.0 * n_rows * (n_dofs + 4 * n_rows)
-    require_memory(needed, f"closing joints with {n_rows:,} rows", "simulate fewer joints")
+    n_rows = len(joints.residual)
+    require_memory(joint_bytes(joints), f"closing joints with {n_rows:,} rows", "simulate fewer joints")
     spread = (inverse_mass.matrix @ joints.directions).toarray()
     gram = joints.directions.T @ spread
     scale = 1.0 / np.sqrt(gram.diagonal())

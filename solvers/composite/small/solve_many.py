@@ -14,6 +14,7 @@ import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.judge import judge
+from ....problems.contact.matrices.memory import require_memory
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
@@ -61,6 +62,7 @@ def solve_many(
     Raises:
         ProblemError: from ``load``.
         SolverError: if an element is not a problem, an option is out of range, or there are more threads than cores.
+        InsufficientMemoryError: if the available memory does not suffice for joined copies of the problems.
     """
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
@@ -179,6 +181,10 @@ class _Members:
     def batch(self, kernel: Callable[..., None], matrices: list[Any], extra: tuple[Any, ...]) -> Batch:
         """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
+        joined_bytes = sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in matrices)
+        vector_bytes = 8 * rows[-1]  # of c, Λ, and Λ in the solutions
+        purpose = f"solving {len(self.problems):,} problems in one call"
+        require_memory(joined_bytes + 3 * vector_bytes, purpose, "solve them in several calls")
         entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
         free = _joined([problem.free_velocity for problem in self.problems])
         joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries
