@@ -279,7 +279,9 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
         is_randomised: whether the solver declares that its answers differ between repeats.
-        threads: number of threads in which the solver computes, as it declares.
+        threads: number of threads that the solver declares.
+        threads_used: largest number of threads in which it computed on this problem; 0 if it has no timed solve, and in
+            runs that were stored before it was recorded.
         n_rows: number of rows of the problem.
         n_contacts: number of contacts of the problem.
         outcome: the outcome.
@@ -300,6 +302,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     has_iterates: bool
     is_randomised: bool = False
     threads: Annotated[int, Meta(ge=1)] = 1
+    threads_used: Count = 0
     n_rows: Count
     n_contacts: Count
     outcome: Outcome
