@@ -11,6 +11,7 @@ from proxbench.bench.errors import BenchError
 
 FIRST, *OTHERS = FIGURES
 HASH = "0123456789abcdef0123456789abcdef01234567"
+BASE = '[[bases]]\ncommit = "abc"\nreason = "the first one"\n'
 ANSWERS = """
 import json, sys
 for line in sys.stdin:
@@ -40,19 +41,39 @@ def compared(
 
 
 def test_a_figure_that_is_accepted_by_name_has_a_commit_of_its_own(tmp_path: Path) -> None:
-    text = f'commit = "abc"\n[accepted."{FIRST}"]\ncommit = "def"\nreason = "it checks more"'
-    commits = {comparison.figure: comparison.commit for comparison in accepted(written(tmp_path, text))}
+    text = f'{BASE}[accepted."{FIRST}"]\ncommit = "def"\nreason = "it checks more"'
+    comparisons, _ = accepted(written(tmp_path, text))
+    commits = {comparison.figure: comparison.commit for comparison in comparisons}
     assert commits == {FIRST: "def", **dict.fromkeys(OTHERS, "abc")}
+
+
+def test_the_last_base_counts_and_the_first_one_is_named_to_see_what_adds_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bases = [f'[[bases]]\ncommit = "{number}00000000"\nreason = "r"\n' for number in range(3)]
+    comparisons, commits = accepted(written(tmp_path, "".join(bases)))
+    assert {comparison.commit for comparison in comparisons} == {commits[-1]} == {"200000000"}
+    measure_as({}, tmp_path, monkeypatch)
+    monkeypatch.setattr("pair.ACCEPTED", tmp_path / "accepted.toml")
+    words = "The base has moved 2 times; python tests/speed/pair.py 00000000 compares with the first one."
+    assert main([]) == 0
+    assert words in capsys.readouterr().out
+    written(tmp_path, bases[0])
+    assert main([]) == 0
+    assert "has moved" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "must name a commit"),
-        ("commit", "must name a commit"),
-        ('commit = "abc"\n[accepted."faster"]\ncommit = "d"\nreason = "r"', "accepts 'faster', which is no figure"),
-        (f'commit = "abc"\n[accepted."{FIRST}"]\ncommit = "d"\nreason = " "', "has no reason"),
-        (f'commit = "abc"\n[accepted."{FIRST}"]\ncommit = "d"', "a commit and a reason for each figure"),
+        ("", "a commit and a reason for each base"),
+        ("bases", "a commit and a reason for each base"),
+        ("bases = []", "at least one base"),
+        (f'{BASE}[[bases]]\ncommit = "d"', "a commit and a reason for each base"),
+        (f'{BASE}[[bases]]\ncommit = "d"\nreason = " "', "at least one base, and a reason for each"),
+        (f'{BASE}[accepted."faster"]\ncommit = "d"\nreason = "r"', "accepts 'faster', which is no figure"),
+        (f'{BASE}[accepted."{FIRST}"]\ncommit = "d"\nreason = " "', "has no reason"),
+        (f'{BASE}[accepted."{FIRST}"]\ncommit = "d"', "a commit and a reason for each base and figure"),
     ],
 )
 def test_what_accepts_nothing_or_gives_no_reason_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
@@ -61,7 +82,8 @@ def test_what_accepts_nothing_or_gives_no_reason_is_refused(tmp_path: Path, text
 
 
 def test_the_accepted_states_of_this_project_can_be_read() -> None:
-    assert [comparison.figure for comparison in accepted(ROOT / "results/speed/accepted.toml")] == list(FIGURES)
+    comparisons, _ = accepted(ROOT / "results/speed/accepted.toml")
+    assert [comparison.figure for comparison in comparisons] == list(FIGURES)
 
 
 @pytest.mark.parametrize(("ratio", "is_slower"), [(1.0, False), (1.1, False), (1.2, True), (0.5, False)])
