@@ -24,7 +24,7 @@ from ..sweep_selection import MAX_SMALL_SIZE
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
-from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE
+from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, UNCOUPLED_MESSAGE, longest_seconds
 
 PARTS_PER_THREAD = 4
 """Number of ranges of problems per thread, because some ranges take longer than others."""
@@ -73,10 +73,9 @@ def solve_many(
         _check_problem(index, problem)
     by_sweeps: list[Solution | None] = [None] * len(loaded)
     residuals = np.full(len(loaded), np.inf)
-    if stop.max_seconds >= MIN_SECONDS:
-        for batch in _batches(loaded):
-            for index, solution, residual in batch.solve(stop, threads):
-                by_sweeps[index], residuals[index] = solution, residual
+    for batch in _batches(loaded, stop.max_seconds):
+        for index, solution, residual in batch.solve(stop, threads):
+            by_sweeps[index], residuals[index] = solution, residual
     solutions = [
         solver.prepare(problem).solve(stop) if solution is None else solution
         for solution, problem in zip(by_sweeps, loaded, strict=True)
@@ -136,11 +135,12 @@ class Batch(NamedTuple):
                 yield index, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
 
 
-def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
-    """Yield the small problems given by G, and those given by W and a diagonal M⁻¹."""
+def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator[Batch]:
+    """Yield the small problems that are solved within the time limit: those given by G, and by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
-        laws = law_arguments(problem.laws) if 0 < problem.n_rows <= MAX_SMALL_SIZE else None
+        is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds
+        laws = law_arguments(problem.laws) if is_small else None
         if laws is None:
             continue
         if problem.matrix is not None:

@@ -10,7 +10,8 @@ from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.matrices import memory
 from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import SolverError, Status, Stop, create
-from small_problems import FORMS, SWEPT, random_problem
+from proxbench.solvers.composite.small.solve_many import _batches
+from small_problems import FORMS, SWEPT, random_problem, slow_problem
 
 N_CORES = len(os.sched_getaffinity(0))
 
@@ -47,6 +48,15 @@ def test_limits_are_those_of_each_problem() -> None:
     many = solve_many([load("hard-stack-10")] * 3, 1e-8, max_iterations=30)
     assert [one.status for one in many.solutions] == [Status.ITERATION_LIMIT] * 3
     assert [one.iterations for one in many.solutions] == [30] * 3
+
+
+def test_a_time_limit_is_that_of_each_problem() -> None:
+    """Problems that may exceed it in a batch, which does not read the clock, are solved one by one."""
+    slow, quick = slow_problem(150), load("hard-tower-3")
+    assert [batch.indices for batch in _batches([slow, quick], 1.0)] == [[0], [1]]
+    assert [batch.indices for batch in _batches([slow, quick], 0.01)] == [[1]]
+    solutions = solve_many([slow, quick, slow], 1e-10, max_seconds=1e-3).solutions
+    assert [one.status for one in solutions[::2]] == [Status.TIME_LIMIT] * 2
 
 
 @pytest.mark.parametrize("form", ["matrix", "diagonal"])
