@@ -1,12 +1,27 @@
 """Figures are compared with what is accepted, and a slower one is found, named and accepted by name."""
 
+import os
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from figures import FIGURES, pour, seconds
-from pair import FIGURES_FILE, ROOT, ROUNDS, SLOWER, Comparison, accepted, commit_hash, install, line, main, measure
+from pair import (
+    FIGURES_FILE,
+    ROOT,
+    ROUNDS,
+    SLOWER,
+    Comparison,
+    accepted,
+    commit_hash,
+    compare,
+    install,
+    line,
+    main,
+    measure,
+)
 from proxbench.bench.errors import BenchError
 
 FIRST, *OTHERS = FIGURES
@@ -191,6 +206,55 @@ def test_a_slower_figure_is_named_with_what_accepts_it(
     assert "is commit" not in printed
     assert f"Slower than 1.15 times: {FIRST}. Make" in printed
     assert f'[accepted."{FIRST}"]\ncommit = ' in printed
+
+
+SLOWED = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+import figures
+
+def slowed(repeat):
+    def longer():
+        began = time.process_time()
+        repeat()
+        end = began + {factor} * (time.process_time() - began)
+        while time.process_time() < end:
+            pass
+    return longer
+
+make = figures.FIGURES[{figure!r}]
+figures.FIGURES[{figure!r}] = lambda folder: slowed(make(folder))
+for answer in figures.answers(Path(sys.argv[1])):
+    print(figures.json.dumps(answer), flush=True)
+"""
+"""The figures of this state, one of which takes longer by a factor."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "code"), [(1.0, 0), (1.2, 1)])
+def test_a_figure_that_is_slowed_down_by_a_fifth_is_found(
+    factor: float, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both states are this one, measured in their own processes by the clock of the system."""
+    figure, folder = "hundred sweeps over matrix", str(ROOT / "tests" / "speed")
+    for path, times in ((tmp_path / "root" / FIGURES_FILE, factor), (tmp_path / "site" / "figures.py", 1.0)):
+        path.parent.mkdir(parents=True)
+        path.write_text(SLOWED.format(folder=folder, figure=figure, factor=times), encoding="utf-8")
+    environment = {name: os.environ[name] for name in ("PYTHONPATH", "NUMBA_CACHE_DIR") if name in os.environ}
+    start = subprocess.Popen
+
+    def start_here(words: list[str], **options: Any) -> Any:
+        """Start a process that imports this package in both states."""
+        return start(words, **options | {"env": options["env"] | environment})
+
+    monkeypatch.setattr("pair.subprocess.Popen", start_here)
+    monkeypatch.setattr("pair.install", lambda commit: tmp_path / "site")
+    monkeypatch.setattr("pair.pour", lambda folder: None)
+    monkeypatch.setattr("pair.commit_hash", lambda name: HASH)
+    monkeypatch.setattr("pair.ROOT", tmp_path / "root")
+    monkeypatch.setattr("pair.ACCEPTED", tmp_path / "root" / "accepted.toml")
+    assert compare([Comparison(figure, HASH)]) == code
 
 
 def test_an_installed_state_is_used_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
