@@ -218,9 +218,11 @@ class LadderCase(ABC, Generic[Answer]):
             return None
         try:
             timed = kind.read(found[0], time.monotonic() - began, self.is_built_in)
-            exceeds = self.core.number is not None and timed.exceeds(self.threads)
-            if exceeds or not self.core.holds(process, self.threads):
+            is_pinned, used = self.core.number is not None, timed.threads_used(self.threads)
+            if (is_pinned and timed.exceeds(self.threads)) or not self.core.holds(process, self.threads):
                 raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
+            if is_pinned and timed.exceeds(used):
+                raise Fault(Outcome.MISBEHAVED, f"it computes in more than the {counted(used, 'thread')} that it names")
         except Fault as fault:
             self._fail(fault)
             return None

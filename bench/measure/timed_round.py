@@ -62,6 +62,7 @@ class TimedRound(Struct, frozen=True):
         waited: time of being ready but not running [s]; None if the system does not count it.
         uncounted: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
         earlier_iterations: iterations of earlier solves of other problems; empty in rounds of one problem.
+        threads: number of threads of the last solve, if the prepared solver declares it.
     """
 
     status: Status
@@ -75,6 +76,7 @@ class TimedRound(Struct, frozen=True):
     waited: Seconds | None
     uncounted: list[Seconds] = []
     earlier_iterations: list[Annotated[int, Meta(ge=0, le=MAX_ITERATIONS)]] = []
+    threads: Annotated[int, Meta(ge=1)] | None = None
 
     @classmethod
     def read(cls, answer: dict[str, Any], wall_seconds: float, is_built_in: bool = False) -> Self:
@@ -136,6 +138,10 @@ class TimedRound(Struct, frozen=True):
         may_have_slept = self.voluntary > 0 and self.involuntary == 0
         lost = waited if may_have_slept else max(missing, waited)
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
+
+    def threads_used(self, declared: int) -> int:
+        """Return the number of threads in which the last solve computed, at most those that its solver declares."""
+        return declared if self.threads is None else min(self.threads, declared)
 
     def exceeds(self, cores: int) -> bool:
         """Return whether its processor time exceeds that of ``cores`` fully used cores."""

@@ -135,9 +135,13 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
 
 def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
     """Return the solvers of a run by their number of threads, in ascending order."""
-    solvers = frames.cases.drop_duplicates("solver")
-    counts = sorted(map(int, solvers["threads"].unique()))
-    return {count: list(solvers["solver"][solvers["threads"] == count]) for count in counts}
+    threads = threads_by_solver(frames)
+    return {count: list(threads.index[threads == count]) for count in sorted(map(int, threads.unique()))}
+
+
+def threads_by_solver(frames: RunFrames) -> "pd.Series[int]":
+    """Return the largest number of threads in which each solver of a run computed on a problem."""
+    return frames.cases.groupby("solver", sort=False)["threads_used"].max()
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:

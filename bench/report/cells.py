@@ -67,8 +67,8 @@ def shown_results(
 ) -> pd.DataFrame:
     """Return results as text: times that may be the fastest have a mark, and the fastest are ``bold``.
 
-    The column *threads* is shown if a solver uses several. The column *by model* shows the residual by the model
-    of each solver, unless all solvers use Coulomb's law.
+    The column *threads* is shown if a solver declares several; it has both numbers if fewer are used. The column
+    *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
     """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
@@ -79,6 +79,8 @@ def shown_results(
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
         cells = zip(shown.index, shown[head].map(duration), strict=True)
         shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
+    pairs = zip(shown.pop("threads_used"), shown["threads"], strict=True)
+    shown["threads"] = [f"{used} of {most}" if used < most else str(most) for used, most in pairs]
     if (results["threads"] == 1).all():
         shown = shown.drop(columns="threads")
     own = shown.pop("model_residual")
@@ -107,6 +109,8 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     shown["wall"] = points["total_seconds"].map(duration) + marks
     shown["CPU"] = points["processor_seconds"].map(duration)
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
+    if (points["overlapping_steps"] > 0).any():
+        counts["overlaps"] = "overlapping_steps"
     for head, key in counts.items():
         shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
     return shown.assign(why=points["reason"])

@@ -23,7 +23,15 @@ from ...problems.errors import suggestion
 from ..errors import BenchError
 from ..store.frames import RunFrames
 from ..store.ratios import reaching
-from .accuracy import common_problems, counted_cases, excluded_cases, families, reachable_accuracies, summary_accuracies
+from .accuracy import (
+    common_problems,
+    counted_cases,
+    excluded_cases,
+    families,
+    reachable_accuracies,
+    summary_accuracies,
+    threads_by_solver,
+)
 
 PROFILE_ACCURACIES = (1e-4, 1e-6, 1e-8)
 """Judged residuals of profiles, unless they are finer than all tolerances of the run."""
@@ -159,7 +167,7 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
 
 def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") -> pd.DataFrame:
     """Return the columns of solvers that use as many threads as a baseline, or the fewest threads if it is empty."""
-    threads = frames.cases.drop_duplicates("solver").set_index("solver")["threads"]
+    threads = threads_by_solver(frames)
     own = threads.reindex(values.columns).to_numpy(dtype=np.float64)
     kept: pd.DataFrame = values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))]]
     return kept

@@ -11,6 +11,7 @@ from ..store.condition import EXCLUDED_MARK
 from ..store.frames import RunFrames
 from ..store.plans import PlanRecord, TrajectoryRecord
 from .layout.terminal_table import print_table, wrap_note
+from .layout.text import overlap_words
 
 _POINT = ("problem", "solver", "tolerance")
 
@@ -22,6 +23,7 @@ _COSTS = (
     "repeats",
     "failed_members",
     "unsolved_steps",
+    "overlapping_steps",
     "outcome",
     "reason",
 )
@@ -43,7 +45,7 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
     and its high end, total_seconds and processor_seconds (median times of the steps [s]; NaN if unknown), is_excluded
     (whether it has only excluded rounds), iterations (median of one-step solves), repeats (members that finished),
-    failed_members, unsolved_steps, outcome, reason.
+    failed_members, unsolved_steps, overlapping_steps, outcome, reason.
     """
     return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
         [*_POINT, "quantity", "error", "low", "high", *_COSTS]
@@ -67,7 +69,7 @@ def motion_warning(trajectory: TrajectoryRecord) -> str:
 
 
 def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Console) -> None:
-    """Print the points of a problem, the standard errors of its reference, and the reasons of failed members."""
+    """Print the points of a problem, the standard errors of its reference, failed members and remaining overlaps."""
     table = points_table(frames)
     table = table[table["problem"] == trajectory.name]
     is_single_motion = trajectory.error != "aggregates"
@@ -100,6 +102,10 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         console.print(Text(text, style="dim"))
     for failed in table[table["reason"] != ""].drop_duplicates(["solver", "reason"]).to_dict("records"):
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
+        console.print(Text(wrap_note(note, console.width), style="yellow"))
+    overlapping = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
+    for point in overlapping.to_dict("records"):
+        note = f"{point['solver']} at {point['tolerance']:.2g}: {overlap_words(int(point['overlapping_steps']))}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 

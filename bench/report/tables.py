@@ -24,6 +24,7 @@ from .accuracy import (
     ratios_table,
     starts_table,
     summary_table,
+    threads_by_solver,
     times_to_accuracies,
 )
 from .cells import (
@@ -47,7 +48,7 @@ from .layout.text import counted, csv_content, inline, latex_table, markdown_fra
 from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
-_CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "threads", "model")
+_CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "threads", "threads_used", "model")
 
 _MARKS = (
     "Bold: the fastest, if the 95 % intervals of all ratios to it lie above 1.05. ≈: possibly as fast as the fastest. "
@@ -82,9 +83,10 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
 
     The best solve has the least residual by the model of the solver. Wrong claims do not count.
 
-    Columns: problem, family, n_contacts, solver, threads, model, ``time_to_1e-02`` … (of ``accuracies``), excluded
-    (accuracies whose times have only excluded rounds), residual (by Coulomb's law), model_residual (by the model of the
-    solver) and iterations (all of the best solve), outcome, reason, notes (of the finest point with notes).
+    Columns: problem, family, n_contacts, solver, threads (declared), threads_used, model, ``time_to_1e-02`` … (of
+    ``accuracies``), excluded (accuracies whose times have only excluded rounds), residual (by Coulomb's law),
+    model_residual (by the model of the solver) and iterations (all of the best solve), outcome, reason, notes (of the
+    finest point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]
@@ -236,7 +238,7 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
 def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) -> None:
     """Print one row per problem, grouped by family, and the faults below."""
     title = "problems: how many of the supporting solvers reach each accuracy, the least time, and the fastest solver"
-    if frames.cases["threads"].nunique() > 1:
+    if threads_by_solver(frames).nunique() > 1:
         title += " of those with the fewest threads"
     console.print(Text(title, style="bold"))
     shown = shown_problems(problems_table(frames))

@@ -47,8 +47,11 @@ ABOUT = "about"
 KIND = "proxbench simulation"
 """Kind of the file, stored in its description."""
 
-FORMAT = 6
+FORMAT = 7
 """Version of the format."""
+
+FORMAT_WITHOUT_OVERLAPS = 6
+"""Version that is read, too; its steps lack the column ``overlap``."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 """Exceptions that reading files of unknown origin may raise."""
@@ -141,6 +144,8 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
             record.failure,
             read_outputs(record.outputs, path),
         )
+        if about["format"] == FORMAT_WITHOUT_OVERLAPS:
+            content["steps"] = _with_unknown_overlaps(content["steps"], step_columns(simulation.plan.scene))
         _check_arrays(content, simulation)
         restore_kept(simulation.kept_states, content, record.doublings, content["steps"]["time"])
         states = LawStates(tuple(content["closed"].tolist()), tuple(content["sticking"].tolist()))
@@ -172,6 +177,17 @@ def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:
     if solver is not None and solver.name != stored.solver:
         raise BenchError(f"it was simulated with {stored.solver}, not with {solver.name}.")
     return make_simulation_plan(**{**msgspec.structs.asdict(stored), "solver": solver or stored.solver})
+
+
+def _with_unknown_overlaps(steps: NDArray[Any], columns: np.dtype[np.void]) -> NDArray[Any]:
+    """Return steps with the column ``overlap``, all NaN; steps of other columns are returned unchanged."""
+    if steps.dtype != [(name, columns[name]) for name in columns.names or () if name != "overlap"]:
+        return steps
+    known = np.zeros(len(steps), dtype=columns)
+    known["overlap"] = np.nan
+    for name in steps.dtype.names or ():
+        known[name] = steps[name]
+    return known
 
 
 def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -> None:
@@ -212,9 +228,10 @@ def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
         about = None
     if not isinstance(about, dict) or not str(about.get("kind")).startswith(KIND):
         raise _foreign(path)
-    if about["kind"] != KIND or about.get("format") != FORMAT:
+    if about["kind"] != KIND or about.get("format") not in (FORMAT_WITHOUT_OVERLAPS, FORMAT):
         raise BenchError(
-            f"{path} has format {about.get('format')}, this version reads format {FORMAT}; simulate again."
+            f"{path} has format {about.get('format')}, this version reads formats {FORMAT_WITHOUT_OVERLAPS} "
+            f"and {FORMAT}; simulate again."
         )
     return about
 

@@ -54,12 +54,14 @@ class SolvedRecord(Record, frozen=True, kw_only=True):
         time: time at its end [s].
         status: status of the solver; None if no contact was active.
         iterations: number of iterations.
+        overlap: penetration [m] that the projection of positions leaves; see ``Step``.
     """
 
     length: Number
     time: Number
     status: Status | None
     iterations: Count
+    overlap: Number
 
 
 class StepRecord(Record, frozen=True, kw_only=True):
@@ -164,12 +166,12 @@ def _read_solve(about: SolvedRecord, arrays: Arrays, begin: FloatArray, n_coordi
     n_dofs = len(begin)
     state = read_state(about.time, arrays, n_coordinates, n_dofs)
     if "free_motion" not in arrays:
-        return Step(state, None, np.zeros(0), None, None, 0)
+        return Step(state, None, np.zeros(0), None, None, 0, about.overlap)
     contacts = read_contacts(arrays, n_dofs)
     free_motion = finite_numbers(arrays["free_motion"], (n_dofs,))
     problem = step_problem(StepAssembly(free_motion, read_inverse_mass(arrays, n_dofs), contacts), contacts, begin)
     impulses = finite_numbers(arrays["solution"], (problem.n_rows,))
-    return Step(state, problem, impulses, contacts, about.status, about.iterations)
+    return Step(state, problem, impulses, contacts, about.status, about.iterations, about.overlap)
 
 
 def _part(arrays: Arrays, prefix: str) -> Arrays:
@@ -217,8 +219,15 @@ def _describe(scene: Scene, taken: AcceptedStep) -> tuple[StepRecord, Arrays]:
     arrays = {f"end.{name}": one for name, one in state_arrays(taken.end).items()}
     solved = []
     for number, (step, length) in enumerate(taken.substeps):
-        iterations = int(step.iterations)
-        solved.append(SolvedRecord(length=length, time=step.state.time, status=step.status, iterations=iterations))
+        solved.append(
+            SolvedRecord(
+                length=length,
+                time=step.state.time,
+                status=step.status,
+                iterations=int(step.iterations),
+                overlap=float(step.overlap),
+            )
+        )
         arrays |= {f"solve{number}.{name}": one for name, one in _solve_arrays(step).items()}
     record = StepRecord(
         time=taken.end.time,

@@ -9,6 +9,9 @@ from typing import Any, TypedDict, Unpack
 from ...problems.contact.matrices.memory import require_memory
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
+from ...problems.motion.bodies.rigid.rigid_bodies import RigidBodies
+from ...problems.motion.scenes.scene import Scene
+from ...problems.motion.stepping.position_projection import joint_bytes
 from ...problems.motion.stepping.step import AcceptedStep
 from ..errors import BenchError, FailedSimulationError
 from ..plugins.remote_scene import RemoteSystem
@@ -27,6 +30,9 @@ OnStep = Callable[[int, AcceptedStep], None]
 
 OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation so far."""
+
+BYTES_PER_ROW = 400
+"""Memory of a step for each row of its contacts [bytes]; heaps of 16 000 and 64 000 balls take 450."""
 
 CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file [s]."""
@@ -67,7 +73,7 @@ def simulate(
 
     Raises:
         BenchError: if the output exists or cannot be written.
-        InsufficientMemoryError: if the available memory does not suffice for the states to keep.
+        InsufficientMemoryError: if the available memory does not suffice for a step and the states to keep.
         FailedSimulationError: if a step fails; the steps before it are stored.
     """
     simulation = Simulation(plan, file=None if output is None else output_file(output, plan.scene.name, SUFFIX, force))
@@ -132,7 +138,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
     Raises:
-        InsufficientMemoryError: if the available memory does not suffice for the states to keep.
+        InsufficientMemoryError: if the available memory does not suffice for a step and the states to keep.
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.
     """
     if simulation.is_finished:
@@ -163,10 +169,10 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
 
 
 def _require_memory(simulation: Simulation) -> None:
-    """Raise ``InsufficientMemoryError`` if the available memory does not suffice for the states still to be kept.
+    """Raise ``InsufficientMemoryError`` if the available memory does not suffice for the states and for a step.
 
-    These are positions and velocities. Writing the result file copies all states. Impulses are not counted, as the
-    number of contacts is not known.
+    The states still to be kept are positions and velocities; their impulses are not counted. Writing the result file
+    copies all states.
     """
     plan, state = simulation.plan, simulation.state
     scene, step = plan.scene, plan.stepper.resolution(plan.scene)
@@ -175,9 +181,25 @@ def _require_memory(simulation: Simulation) -> None:
     n_states = min(2 * plan.states, 1 + math.floor(plan.duration / step))
     n_copied = 0 if simulation.file is None else n_states
     n_left = n_states - len(simulation.states) + n_copied
-    needed = n_left * (state.position.nbytes + state.velocity.nbytes)
-    purpose = f"{counted(n_states, 'state')} of {scene.name}"
+    needed = n_left * (state.position.nbytes + state.velocity.nbytes) + step_bytes(scene)
+    purpose = f"a step and {counted(n_states, 'state')} of {scene.name}"
     require_memory(needed, purpose, "keep fewer states, or simulate fewer bodies")
+
+
+def step_bytes(scene: Scene) -> float:
+    """Return the memory that a step of a scene needs at least [bytes].
+
+    If the bodies come to rest on each other, their contacts have at least as many rows as the bodies have degrees of
+    freedom. Joints are closed after a step if the scene has a depth.
+    """
+    system, start = scene.system, scene.start
+    needed = float(BYTES_PER_ROW * len(start.velocity))
+    if scene.depth is not None and isinstance(system, RigidBodies) and system.joints is not None:
+        overlaps = system.overlaps(start.position, scene.depth)
+        assert overlaps is not None  # there are joints
+        assert overlaps.joints is not None
+        needed += joint_bytes(overlaps.joints)
+    return needed
 
 
 def _steps(

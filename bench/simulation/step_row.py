@@ -48,6 +48,8 @@ class StepRow:
         potential_energy: potential energy at its end [J], NaN if unknown.
         penetration: largest penetration at the beginning of one-step solves, relative to the length of the scene.
         impact_depth: largest penetration at their midpoints, where contacts are detected, relative to this length.
+        overlap: largest penetration at the ends of one-step solves whose projection of positions did not reach its
+            tolerance, relative to this length; 0 if there are none, NaN in files of an older format.
         seconds: wall time [s].
         observed: values of the observables of the scene, in order, each with its own column.
     """
@@ -66,6 +68,7 @@ class StepRow:
     potential_energy: float = _column("<f8")
     penetration: float = _column("<f8")
     impact_depth: float = _column("<f8")
+    overlap: float = _column("<f8")
     seconds: float = _column("<f8")
     observed: tuple[float, ...] = ()
 
@@ -151,6 +154,7 @@ def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: S
         potential_energy=values.potential_energy,
         penetration=depth / scene.length,
         impact_depth=impact / scene.length,
+        overlap=max((step.overlap for step in solved), default=0.0) / scene.length,
         seconds=taken.seconds,
         observed=values.observed,
     )

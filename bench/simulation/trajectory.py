@@ -224,6 +224,12 @@ class Simulation:
         return self.unsolved & claimed
 
     @property
+    def overlapping(self) -> NDArray[np.bool_]:
+        """Whether the projection of positions leaves each step deeper than its tolerance, shape (n_steps,)."""
+        overlapping: NDArray[np.bool_] = self.steps["overlap"] > 0.0
+        return overlapping
+
+    @property
     def has_hidden_errors(self) -> NDArray[np.bool_]:
         """Whether fast contacts hide the errors of others in each step, shape (n_steps,)."""
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])

@@ -193,6 +193,8 @@ class Measured(Record, frozen=True, kw_only=True):
         impulse_error: distance to the known impulses; None if they are unknown.
         errors: errors of a trajectory, one for each quantity.
         unsolved_steps: number of steps of all members of a trajectory whose judged residual is too large.
+        overlapping_steps: number of steps of all members whose projection of positions leaves too deep overlaps; 0 in
+            runs that were stored before it was counted.
         failed_members: number of members of a trajectory that failed.
     """
 
@@ -218,6 +220,7 @@ class Measured(Record, frozen=True, kw_only=True):
     impulse_error: Number | None
     errors: list[QuantityError] = []
     unsolved_steps: Count = 0
+    overlapping_steps: Count = 0
     failed_members: Count = 0
 
 
@@ -276,7 +279,9 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
         is_randomised: whether the solver declares that its answers differ between repeats.
-        threads: number of threads in which the solver computes, as it declares.
+        threads: number of threads that the solver declares.
+        threads_used: largest number of threads in which it computed on this problem; 0 if it has no timed solve, and in
+            runs that were stored before it was recorded.
         n_rows: number of rows of the problem.
         n_contacts: number of contacts of the problem.
         outcome: the outcome.
@@ -297,6 +302,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     has_iterates: bool
     is_randomised: bool = False
     threads: Annotated[int, Meta(ge=1)] = 1
+    threads_used: Count = 0
     n_rows: Count
     n_contacts: Count
     outcome: Outcome

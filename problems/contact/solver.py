@@ -116,7 +116,8 @@ class Prepared(Protocol):
     """A solver prepared for one problem.
 
     A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
-    impulses are in the array of the solution, and is called before the clock stops.
+    impulses are in the array of the solution, and is called before the clock stops. If fewer threads are used for the
+    problem than the solver declares, ``threads`` is their number.
     """
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:

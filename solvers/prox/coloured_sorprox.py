@@ -26,17 +26,17 @@ class PreparedWithFewerThreads:
     Attributes:
         iteration: the iteration.
         requested: number of threads in the name of the solver.
-        used: number of threads that sweep.
+        threads: number of threads that sweep.
     """
 
     iteration: PreparedIteration
     requested: int
-    used: int
+    threads: int
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep until the residual reaches the tolerance; the message gives the number of threads."""
         solution = self.iteration.solve(stop, start, observe)
-        threads = f"{self.used} of {self.requested} threads used, because the colours have few contacts"
+        threads = f"{self.threads} of {self.requested} threads used, because the colours have few contacts"
         return replace(solution, message="; ".join(filter(None, [solution.message, threads])))
 
 

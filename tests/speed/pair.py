@@ -7,7 +7,8 @@ the median over pairs of processor times, each of ``SAMPLE_SECONDS``. ``ROUNDS``
 slower if the whole interval of its ratio is above ``SLOWER``.
 
 Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
-name. The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, also if a commit is not at
+name. Each base has a reason, and earlier ones stay in the file, so that it shows how changes below ``SLOWER`` add up.
+The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, also if a commit is not at
 hand. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, named as git names it.
 """
 
@@ -32,6 +33,7 @@ from figures import FIGURES, pour
 from proxbench.bench.errors import BenchError
 from proxbench.bench.isolation.fork_server import ONE_THREAD
 from proxbench.bench.report.cells import duration
+from proxbench.bench.report.layout.text import counted
 from proxbench.bench.store.ratios import Ratio, bootstrap_ratio
 
 ROOT = Path(__file__).parents[2]
@@ -140,22 +142,25 @@ class PackageProcess:
         return json.loads(line) if line else {"missing": "its process has ended"}
 
 
-def accepted(path: Path) -> list[Comparison]:
-    """Return each figure with the commit that it is compared with.
+def accepted(path: Path) -> tuple[list[Comparison], list[str]]:
+    """Return each figure with the commit that it is compared with, and the commits of all bases, the first one first.
 
     Raises:
-        BenchError: if the file cannot be read, names an unknown figure, or accepts one without a reason.
+        BenchError: if the file cannot be read, names an unknown figure, or accepts a base or a figure without a reason.
     """
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-        commit, changed = document["commit"], document.get("accepted", {})
+        changed = document.get("accepted", {})
+        bases = [entry["commit"] for entry in document["bases"] if entry["reason"].strip()]
         commits = {figure: entry["commit"] for figure, entry in changed.items() if entry["reason"].strip()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise BenchError(f"{path} must name a commit, and a commit and a reason for each figure ({error}).") from None
+        raise BenchError(f"{path} must have a commit and a reason for each base and figure ({error}).") from None
+    if not bases or len(bases) < len(document["bases"]):
+        raise BenchError(f"{path} must have at least one base, and a reason for each.")
     for figure in changed:
         if figure not in commits or figure not in FIGURES:
             raise BenchError(f"{path} accepts {figure!r}, which is no figure or has no reason; figures are {names()}.")
-    return [Comparison(figure, commits.get(figure, commit)) for figure in FIGURES]
+    return [Comparison(figure, commits.get(figure, bases[-1])) for figure in FIGURES], bases
 
 
 def names() -> str:
@@ -291,7 +296,14 @@ def main(words: Sequence[str]) -> int:
     try:
         if len(words) > 1:
             raise BenchError("name one commit, or none to compare with the accepted ones.")
-        return compare([Comparison(figure, words[0]) for figure in FIGURES] if words else accepted(ACCEPTED))
+        if words:
+            return compare([Comparison(figure, words[0]) for figure in FIGURES])
+        comparisons, bases = accepted(ACCEPTED)
+        code = compare(comparisons)
+        if len(bases) > 1:
+            first, moved = bases[0][:8], counted(len(bases) - 1, "time")
+            print(f"The base has moved {moved}; python tests/speed/pair.py {first} compares with the first one.")
+        return code
     except BenchError as error:
         print(f"Error: {error}", file=sys.stderr)
         return 2

@@ -1,16 +1,32 @@
 """Figures are compared with what is accepted, and a slower one is found, named and accepted by name."""
 
+import os
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from figures import FIGURES, pour, seconds
-from pair import FIGURES_FILE, ROOT, ROUNDS, SLOWER, Comparison, accepted, commit_hash, install, line, main, measure
+from pair import (
+    FIGURES_FILE,
+    ROOT,
+    ROUNDS,
+    SLOWER,
+    Comparison,
+    accepted,
+    commit_hash,
+    compare,
+    install,
+    line,
+    main,
+    measure,
+)
 from proxbench.bench.errors import BenchError
 
 FIRST, *OTHERS = FIGURES
 HASH = "0123456789abcdef0123456789abcdef01234567"
+BASE = '[[bases]]\ncommit = "abc"\nreason = "the first one"\n'
 ANSWERS = """
 import json, sys
 for line in sys.stdin:
@@ -40,19 +56,39 @@ def compared(
 
 
 def test_a_figure_that_is_accepted_by_name_has_a_commit_of_its_own(tmp_path: Path) -> None:
-    text = f'commit = "abc"\n[accepted."{FIRST}"]\ncommit = "def"\nreason = "it checks more"'
-    commits = {comparison.figure: comparison.commit for comparison in accepted(written(tmp_path, text))}
+    text = f'{BASE}[accepted."{FIRST}"]\ncommit = "def"\nreason = "it checks more"'
+    comparisons, _ = accepted(written(tmp_path, text))
+    commits = {comparison.figure: comparison.commit for comparison in comparisons}
     assert commits == {FIRST: "def", **dict.fromkeys(OTHERS, "abc")}
+
+
+def test_the_last_base_counts_and_the_first_one_is_named_to_see_what_adds_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bases = [f'[[bases]]\ncommit = "{number}00000000"\nreason = "r"\n' for number in range(3)]
+    comparisons, commits = accepted(written(tmp_path, "".join(bases)))
+    assert {comparison.commit for comparison in comparisons} == {commits[-1]} == {"200000000"}
+    measure_as({}, tmp_path, monkeypatch)
+    monkeypatch.setattr("pair.ACCEPTED", tmp_path / "accepted.toml")
+    words = "The base has moved 2 times; python tests/speed/pair.py 00000000 compares with the first one."
+    assert main([]) == 0
+    assert words in capsys.readouterr().out
+    written(tmp_path, bases[0])
+    assert main([]) == 0
+    assert "has moved" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "must name a commit"),
-        ("commit", "must name a commit"),
-        ('commit = "abc"\n[accepted."faster"]\ncommit = "d"\nreason = "r"', "accepts 'faster', which is no figure"),
-        (f'commit = "abc"\n[accepted."{FIRST}"]\ncommit = "d"\nreason = " "', "has no reason"),
-        (f'commit = "abc"\n[accepted."{FIRST}"]\ncommit = "d"', "a commit and a reason for each figure"),
+        ("", "a commit and a reason for each base"),
+        ("bases", "a commit and a reason for each base"),
+        ("bases = []", "at least one base"),
+        (f'{BASE}[[bases]]\ncommit = "d"', "a commit and a reason for each base"),
+        (f'{BASE}[[bases]]\ncommit = "d"\nreason = " "', "at least one base, and a reason for each"),
+        (f'{BASE}[accepted."faster"]\ncommit = "d"\nreason = "r"', "accepts 'faster', which is no figure"),
+        (f'{BASE}[accepted."{FIRST}"]\ncommit = "d"\nreason = " "', "has no reason"),
+        (f'{BASE}[accepted."{FIRST}"]\ncommit = "d"', "a commit and a reason for each base and figure"),
     ],
 )
 def test_what_accepts_nothing_or_gives_no_reason_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
@@ -61,7 +97,8 @@ def test_what_accepts_nothing_or_gives_no_reason_is_refused(tmp_path: Path, text
 
 
 def test_the_accepted_states_of_this_project_can_be_read() -> None:
-    assert [comparison.figure for comparison in accepted(ROOT / "results/speed/accepted.toml")] == list(FIGURES)
+    comparisons, _ = accepted(ROOT / "results/speed/accepted.toml")
+    assert [comparison.figure for comparison in comparisons] == list(FIGURES)
 
 
 @pytest.mark.parametrize(("ratio", "is_slower"), [(1.0, False), (1.1, False), (1.2, True), (0.5, False)])
@@ -169,6 +206,55 @@ def test_a_slower_figure_is_named_with_what_accepts_it(
     assert "is commit" not in printed
     assert f"Slower than 1.15 times: {FIRST}. Make" in printed
     assert f'[accepted."{FIRST}"]\ncommit = ' in printed
+
+
+SLOWED = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+import figures
+
+def slowed(repeat):
+    def longer():
+        began = time.process_time()
+        repeat()
+        end = began + {factor} * (time.process_time() - began)
+        while time.process_time() < end:
+            pass
+    return longer
+
+make = figures.FIGURES[{figure!r}]
+figures.FIGURES[{figure!r}] = lambda folder: slowed(make(folder))
+for answer in figures.answers(Path(sys.argv[1])):
+    print(figures.json.dumps(answer), flush=True)
+"""
+"""The figures of this state, one of which takes longer by a factor."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "code"), [(1.0, 0), (1.2, 1)])
+def test_a_figure_that_is_slowed_down_by_a_fifth_is_found(
+    factor: float, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both states are this one, measured in their own processes by the clock of the system."""
+    figure, folder = "hundred sweeps over matrix", str(ROOT / "tests" / "speed")
+    for path, times in ((tmp_path / "root" / FIGURES_FILE, factor), (tmp_path / "site" / "figures.py", 1.0)):
+        path.parent.mkdir(parents=True)
+        path.write_text(SLOWED.format(folder=folder, figure=figure, factor=times), encoding="utf-8")
+    environment = {name: os.environ[name] for name in ("PYTHONPATH", "NUMBA_CACHE_DIR") if name in os.environ}
+    start = subprocess.Popen
+
+    def start_here(words: list[str], **options: Any) -> Any:
+        """Start a process that imports this package in both states."""
+        return start(words, **options | {"env": options["env"] | environment})
+
+    monkeypatch.setattr("pair.subprocess.Popen", start_here)
+    monkeypatch.setattr("pair.install", lambda commit: tmp_path / "site")
+    monkeypatch.setattr("pair.pour", lambda folder: None)
+    monkeypatch.setattr("pair.commit_hash", lambda name: HASH)
+    monkeypatch.setattr("pair.ROOT", tmp_path / "root")
+    monkeypatch.setattr("pair.ACCEPTED", tmp_path / "root" / "accepted.toml")
+    assert compare([Comparison(figure, HASH)]) == code
 
 
 def test_an_installed_state_is_used_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -99,6 +99,7 @@ class Case(LadderCase[MeasuredRound]):
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
         self._clock = ClockAccount(problem)
         self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # unpredictable for a solver
+        self._threads_used = 0 if stored is None else stored.threads_used
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
     def is_pending(self, level: int) -> bool:
@@ -186,6 +187,7 @@ class Case(LadderCase[MeasuredRound]):
             if found is None or self._worker is None:
                 return None
             timed, record, numbers = found
+            self._threads_used = max(self._threads_used, timed.threads_used(self.threads))
             worked = self._worker.processor_seconds() - worked
             impulses = self._answers(timed, numbers)
             if not record.excluded and (uncounted := self._clock.fault(timed, worked)):
@@ -323,7 +325,7 @@ class Case(LadderCase[MeasuredRound]):
 
     @property
     def threads(self) -> int:
-        """Number of threads in which the solver computes."""
+        """Number of threads that the solver declares."""
         return self.solver.threads
 
     def identity(self) -> dict[str, Any]:
@@ -336,7 +338,8 @@ class Case(LadderCase[MeasuredRound]):
             "model": str(self.solver.model),
             "has_iterates": self.solver.has_iterates,
             "is_randomised": self.solver.is_randomised,
-            "threads": self.solver.threads,
+            "threads": self.threads,
+            "threads_used": self._threads_used,
             "n_rows": self.problem.n_rows,
             "n_contacts": self.problem.n_contacts,
         }

@@ -63,6 +63,7 @@ class TimedSolve:
         processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
             an executable [s].
         uncounted: wall seconds of everything outside the library [s].
+        threads: number of threads, if the prepared solver declares it.
     """
 
     solution: Solution
@@ -70,6 +71,7 @@ class TimedSolve:
     solve: float
     processor: float
     uncounted: float
+    threads: int | None
 
 
 @dataclass
@@ -229,7 +231,9 @@ class Measurement:
         library = getattr(prepared, "library_seconds", None) if self.times_library else None
         if library is not None:
             prepare, solve, uncounted = 0.0, library, done - began - library
-        return TimedSolve(replace(solution, impulses=impulses), prepare, solve, worked, uncounted)
+        threads = getattr(prepared, "threads", None)
+        used = int(threads) if isinstance(threads, int | np.integer) else None
+        return TimedSolve(replace(solution, impulses=impulses), prepare, solve, worked, uncounted, used)
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
@@ -325,6 +329,7 @@ def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> Timed
         [one.processor for one in solves],
         *switches,
         [one.uncounted for one in solves] if any(one.uncounted for one in solves) else [],
+        threads=solves[-1].threads,
     )
 
 

@@ -28,11 +28,13 @@ class SimulationRound(TimedRound, frozen=True, kw_only=True):
     Attributes:
         steps: number of its steps, which are timed one by one, without judging and recording.
         unsolved: number of steps that are not solved to the tolerance, as judged.
+        overlapping: number of steps after which the projection of positions leaves deeper overlaps than its tolerance.
         values: final values by name; empty if it is incomplete.
     """
 
     steps: Count
     unsolved: Count
+    overlapping: Count
     values: dict[str, Number]
 
     @property
@@ -118,6 +120,7 @@ class TrajectoryCase(LadderCase[Member]):
                 for name, one in errors.items()
             ],
             unsolved_steps=sum(run.unsolved for run in good.values()),
+            overlapping_steps=sum(run.overlapping for run in good.values()),
             failed_members=len(failed),
         )
         # a point is reached only if more than half of its members are complete

@@ -124,6 +124,7 @@ class TrajectoryTask:
             **ContextSwitches.now().since(before)._asdict(),
             "steps": simulation.n_steps,
             "unsolved": int(simulation.unsolved.sum()),
+            "overlapping": int(simulation.overlapping.sum()),
             "values": values if status is Status.SOLVED else {},
         }
 

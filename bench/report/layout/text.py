@@ -84,3 +84,8 @@ def json_records(table: Any) -> list[dict[str, Any]]:
 def unsolved_words(number: int, steps: int, tolerance: str) -> str:
     """Return a clause on the number of unsolved steps, as in ``"1 of 20 steps is not solved to 1e-04"``."""
     return f"{number} of {counted(steps, 'step')} {'is' if number == 1 else 'are'} not solved to {tolerance}"
+
+
+def overlap_words(number: int) -> str:
+    """Return a clause on the number of steps whose projection of positions did not reach its tolerance."""
+    return f"bodies overlap too deeply after {counted(number, 'step')}: the projection of positions is not finished"

@@ -21,6 +21,7 @@ from ..accuracy import (
     excluded_cases,
     starts_table,
     summary_accuracies,
+    threads_by_solver,
     times_to_accuracies,
 )
 from ..charts.palette import on_dark, solver_styles
@@ -158,12 +159,13 @@ def _hardware(machine: Machine) -> dict[str, Any]:
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
     styles = solver_styles(frames.info.plan.solvers)
+    threads = threads_by_solver(frames)
     first_cases = frames.cases.drop_duplicates("solver").set_index("solver")
     return [
         {
             "name": name,
             "model": first_cases["model"][name],
-            "threads": int(first_cases["threads"][name]),
+            "threads": int(threads[name]),
             "file": plain_name(name),
             "option": option("solver", name),
             "on_dark": "#{:02x}{:02x}{:02x}".format(*on_dark(styles[name].colour)),

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from ....problems.contact.model import Model
 from ....problems.motion.scenes.scene import Observable
-from ...report.layout.text import counted, unsolved_words
+from ...report.layout.text import counted, overlap_words, unsolved_words
 from ...store.conversion import content_of
 from ..history import Segment, planned_segment
 from ..trajectory import Ending, Simulation, describe_switches
@@ -98,6 +98,8 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "longest_step": float(steps["length"].max()) if len(steps) else None,
         "deepest_penetration": largest("penetration"),
         "deepest_impact": largest("impact_depth"),
+        "overlapping_steps": int(simulation.overlapping.sum()),
+        "largest_overlap": float(steps["overlap"][simulation.overlapping].max(initial=0.0)),
         "largest_contacts": int(largest("contacts")),
         **{name: steps[name][-1].item() for name in shown},
         **_final_errors(simulation),
@@ -263,6 +265,11 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"largest error at the end against the exact motion: {errors} (SI units)", "bold"
     if ending:
         yield ending
+    if total["overlapping_steps"]:
+        yield (
+            f"{overlap_words(total['overlapping_steps'])}; largest overlap {total['largest_overlap']:.2g} r",
+            "bold yellow",
+        )
     if not simulation.plan.stepper.shows_solves:
         yield "the judge confirms that impulses and forces at events are solved to 1e-09 or better", "green"
         return

@@ -30,7 +30,7 @@ from ...contact.solver import Prepared, Stop
 from ...errors import ProblemError, error_text
 from ..bodies.system import ActiveContacts, StepAssembly, System
 from ..state import State
-from .position_projection import projected
+from .position_projection import Projection, projected
 from .step import Step, StepError, check_finite
 
 
@@ -81,8 +81,9 @@ class MidpointRule:
         time = state.time + self.time_step
         if contacts is None:
             velocity = assembly.free_motion
-            end = State(time, *self._end(midpoint, velocity))
-            return Step(end, None, np.zeros(0), None, None, 0)
+            end = self._end(midpoint, velocity)
+            state = State(time, end.position, end.velocity)
+            return Step(state, None, np.zeros(0), None, None, 0, end.overlap)
         if held:
             contacts = _without_rebound(contacts, held)
         problem = step_problem(assembly, contacts, state.velocity)
@@ -97,14 +98,15 @@ class MidpointRule:
             solution = self.solver.prepare(problem).solve(self.stop, start)
             iterations += solution.iterations
         velocity = assembly.free_motion + assembly.inverse_mass.times(contacts.times(solution.impulses))
-        end = State(time, *self._end(midpoint, velocity), contacts.keys, contacts.lanes(solution.impulses))
-        return Step(end, problem, solution.impulses, contacts, solution.status, iterations)
+        end = self._end(midpoint, velocity)
+        state = State(time, end.position, end.velocity, contacts.keys, contacts.lanes(solution.impulses))
+        return Step(state, problem, solution.impulses, contacts, solution.status, iterations, end.overlap)
 
-    def _end(self, midpoint: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _end(self, midpoint: FloatArray, velocity: FloatArray) -> Projection:
         """Return q_E and u_E, projected if a depth is given."""
         position = self.system.move(midpoint, velocity, 0.5 * self.time_step)
         if self.depth is None or not np.isfinite(position).all():  # callers report a motion that is not finite
-            return position, velocity
+            return Projection(position, velocity)
         return projected(self.system, position, velocity, self.depth)
 
     def steps(self, state: State, count: int) -> Iterator[Step]:

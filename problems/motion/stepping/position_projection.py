@@ -20,6 +20,8 @@ step and grow, and is therefore removed in the metric of M, u ← u − M⁻¹ W
 2, and the energy loss is of order Δt³.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -47,9 +49,21 @@ REDUNDANCY_TOLERANCE = 1e-12
 """Eigenvalues of the scaled matrix of the joints below this fraction of the largest one belong to redundant rows."""
 
 
-def projected(
-    system: System, position: FloatArray, velocity: FloatArray, depth: float
-) -> tuple[FloatArray, FloatArray]:
+class Projection(NamedTuple):
+    """The end of a step after its projection.
+
+    Attributes:
+        position: q, shape (n_coordinates,).
+        velocity: u, shape (n_dofs,).
+        overlap: the largest penetration there [m] if the projection did not reach its tolerance; otherwise 0.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    overlap: float = 0.0
+
+
+def projected(system: System, position: FloatArray, velocity: FloatArray, depth: float) -> Projection:
     """Return the position in which no contact is deeper than ``depth``, and the velocity.
 
     If no pass reaches this depth, the position is that of the shallowest pass.
@@ -61,8 +75,8 @@ def projected(
         depth: d [m], positive.
 
     Returns:
-        The position, shape (n_coordinates,), and the velocity, shape (n_dofs,). Without joints, the velocity is u, and
-        the position is q itself if no contact is too deep there; the largest depth never increases.
+        The position, the velocity and the remaining overlap. Without joints, the velocity is u, and the position is q
+        itself if no contact is too deep there; the largest depth never increases.
 
     Raises:
         ProblemError: if the residual of a joint exceeds ``MAX_OPENING`` after the last pass.
@@ -71,25 +85,27 @@ def projected(
     overlaps = system.overlaps(position, tolerated)
     if overlaps is not None and overlaps.joints is not None:
         return _close_joints(system, position, velocity, overlaps, depth)
-    best, best_gap = position, -np.inf
-    for _ in range(MAX_PASSES):
+    shallowest = Projection(position, velocity, np.inf)
+    for n_passes_left in range(MAX_PASSES, -1, -1):
         if overlaps is None:
-            return position, velocity
-        if overlaps.gap.min() > best_gap:
-            best, best_gap = position, overlaps.gap.min()
-        position = system.move(position, _displacement(overlaps, depth), 1.0)
-        overlaps = system.overlaps(position, tolerated)
-    return position if overlaps is None or overlaps.gap.min(initial=0.0) > best_gap else best, velocity
+            return Projection(position, velocity)
+        overlap = -float(overlaps.gap.min())
+        if overlap < shallowest.overlap:
+            shallowest = Projection(position, velocity, overlap)
+        if n_passes_left:
+            position = system.move(position, _displacement(overlaps, depth), 1.0)
+            overlaps = system.overlaps(position, tolerated)
+    return shallowest
 
 
 def _close_joints(
     system: System, position: FloatArray, velocity: FloatArray, overlaps: Overlaps, depth: float
-) -> tuple[FloatArray, FloatArray]:
+) -> Projection:
     """Return q with closed joints and separated contacts, and u without the part that opens them; see ``projected``."""
-    joints = overlaps.joints
+    joints, tolerated = overlaps.joints, (1.0 + ACCURACY) * depth
     for _ in range(MAX_PASSES):
         assert joints is not None
-        if joints.are_closed and overlaps.gap.min(initial=0.0) >= -(1.0 + ACCURACY) * depth:
+        if joints.are_closed and overlaps.gap.min(initial=0.0) >= -tolerated:
             break
         position = system.move(position, _joint_displacement(overlaps, joints, depth), 1.0)
         remaining = system.overlaps(position, depth)
@@ -103,7 +119,9 @@ def _close_joints(
             "the fastest oscillation under the forces in the joints."
         )
     spread, inverse = _joint_inverse(overlaps.inverse_mass, joints)
-    return position, velocity - spread @ (inverse @ (joints.directions.T @ velocity))
+    velocity = velocity - spread @ (inverse @ (joints.directions.T @ velocity))
+    overlap = -float(overlaps.gap.min(initial=0.0))
+    return Projection(position, velocity, overlap if overlap > tolerated else 0.0)
 
 
 def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -> FloatArray:
@@ -126,15 +144,20 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
     return displacement
 
 
+def joint_bytes(joints: JointErrors) -> float:
+    """Return the memory that closing joints needs, for M⁻¹ W, A⁺ and the eigenvectors of A [bytes]."""
+    n_dofs, n_rows = joints.directions.shape
+    return 8.0 * n_rows * (n_dofs + 4 * n_rows)
+
+
 def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[FloatArray, FloatArray]:
     """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which ignores redundant combinations of rows.
 
     Raises:
         InsufficientMemoryError: if the available memory does not suffice for these and for the eigenvectors of A.
     """
-    n_dofs, n_rows = joints.directions.shape
-    needed = 8.0 * n_rows * (n_dofs + 4 * n_rows)
-    require_memory(needed, f"closing joints with {n_rows:,} rows", "simulate fewer joints")
+    n_rows = len(joints.residual)
+    require_memory(joint_bytes(joints), f"closing joints with {n_rows:,} rows", "simulate fewer joints")
     spread = (inverse_mass.matrix @ joints.directions).toarray()
     gram = joints.directions.T @ spread
     scale = 1.0 / np.sqrt(gram.diagonal())

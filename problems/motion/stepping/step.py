@@ -38,6 +38,8 @@ class Step:
         contacts: the active contacts, None if there were none.
         status: status of the solver, None if there was nothing to solve.
         iterations: iterations of the solver.
+        overlap: the largest penetration [m] that the projection of positions leaves at its end if it did not reach its
+            tolerance; otherwise 0.
     """
 
     state: State
@@ -46,6 +48,7 @@ class Step:
     contacts: ActiveContacts | None
     status: Status | None
     iterations: int
+    overlap: float = 0.0
 
 
 class StepError(ProxbenchError):

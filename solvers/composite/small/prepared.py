@@ -17,13 +17,14 @@ from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
+from ...iteration.stopping import MIN_PLATEAU_SWEEPS
 from ..sweep_selection import MAX_SMALL_SIZE, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
 from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
 
-MIN_SECONDS = 0.01
-"""Smallest time limit [s] for which the kernel is used; it does not read the clock, and takes less."""
+SWEEP_SECONDS_PER_NUMBER = 2.5e-9
+"""Time of a sweep for each entry of G and each of 20 numbers for every row [s]; a slow core takes half of it."""
 
 MAX_SWEEPS = 10**9
 """Iteration limit of a call of the kernel, as a number of 64 bits."""
@@ -38,6 +39,14 @@ _KERNELS = DeferredKernels(
     uses_before_compiling=20_000,
 )
 """The kernels of small problems, which take about 0.1 s to load and 10 s to compile."""
+
+
+def longest_seconds(n_rows: int) -> float:
+    """Return the time that the kernel, which does not read the clock, takes at most [s]: with dense G, and all sweeps.
+
+    If a time limit is shorter, the kernel is not used.
+    """
+    return MIN_PLATEAU_SWEEPS * SWEEP_SECONDS_PER_NUMBER * n_rows * (n_rows + 20)
 
 
 class PreparedSmall:
@@ -63,7 +72,8 @@ class PreparedSmall:
         """Sweep in one kernel; if it stops early, solve with ``Robust``. See ``Prepared.solve``."""
         n_rows = len(self.problem.free_velocity)
         impulses = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
-        if observe is None and stop.max_seconds >= MIN_SECONDS and impulses.shape == (n_rows,):
+        is_in_time = stop.max_seconds >= longest_seconds(n_rows)
+        if observe is None and is_in_time and impulses.shape == (n_rows,):
             limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS), self._min_sweeps
             is_solved, iterations = self._kernel(*self._arguments, *limits, impulses)
             if is_solved:

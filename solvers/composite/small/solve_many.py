@@ -14,6 +14,7 @@ import numpy as np
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.judge import judge
+from ....problems.contact.matrices.memory import require_memory
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
@@ -23,7 +24,7 @@ from ..sweep_selection import MAX_SMALL_SIZE
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
-from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, MIN_SECONDS, UNCOUPLED_MESSAGE
+from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, UNCOUPLED_MESSAGE, longest_seconds
 
 PARTS_PER_THREAD = 4
 """Number of ranges of problems per thread, because some ranges take longer than others."""
@@ -61,6 +62,7 @@ def solve_many(
     Raises:
         ProblemError: from ``load``.
         SolverError: if an element is not a problem, an option is out of range, or there are more threads than cores.
+        InsufficientMemoryError: if the available memory does not suffice for joined copies of the problems.
     """
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
@@ -71,10 +73,9 @@ def solve_many(
         _check_problem(index, problem)
     by_sweeps: list[Solution | None] = [None] * len(loaded)
     residuals = np.full(len(loaded), np.inf)
-    if stop.max_seconds >= MIN_SECONDS:
-        for batch in _batches(loaded):
-            for index, solution, residual in batch.solve(stop, threads):
-                by_sweeps[index], residuals[index] = solution, residual
+    for batch in _batches(loaded, stop.max_seconds):
+        for index, solution, residual in batch.solve(stop, threads):
+            by_sweeps[index], residuals[index] = solution, residual
     solutions = [
         solver.prepare(problem).solve(stop) if solution is None else solution
         for solution, problem in zip(by_sweeps, loaded, strict=True)
@@ -134,11 +135,12 @@ class Batch(NamedTuple):
                 yield index, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
 
 
-def _batches(problems: Sequence[ContactProblem]) -> Iterator[Batch]:
-    """Yield the small problems given by G, and those given by W and a diagonal M⁻¹."""
+def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator[Batch]:
+    """Yield the small problems that are solved within the time limit: those given by G, and by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
-        laws = law_arguments(problem.laws) if 0 < problem.n_rows <= MAX_SMALL_SIZE else None
+        is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds
+        laws = law_arguments(problem.laws) if is_small else None
         if laws is None:
             continue
         if problem.matrix is not None:
@@ -179,6 +181,10 @@ class _Members:
     def batch(self, kernel: Callable[..., None], matrices: list[Any], extra: tuple[Any, ...]) -> Batch:
         """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
+        joined_bytes = sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in matrices)
+        vector_bytes = 8 * rows[-1]  # of c, Λ, and Λ in the solutions
+        purpose = f"solving {len(self.problems):,} problems in one call"
+        require_memory(joined_bytes + 3 * vector_bytes, purpose, "solve them in several calls")
         entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
         free = _joined([problem.free_velocity for problem in self.problems])
         joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries

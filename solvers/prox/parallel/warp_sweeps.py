@@ -12,10 +12,12 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import SolverError
+from ....problems.errors import InsufficientMemoryError
 from ...sweeps.factors import own_coupling
 from .colouring import colour_contacts
 from .pairs import in_pairs
@@ -56,6 +58,9 @@ class DeviceSweep(ABC):
         upload_seconds: wall time of copying the data to the device, with the allocation of its memory [s].
         transfer_seconds: wall time of copying Λ, ξ and v to and from the device, with the allocation of their memory,
             in all solves [s].
+
+    Raises:
+        InsufficientMemoryError: if the memory of the device does not suffice.
     """
 
     def __init__(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> None:
@@ -105,15 +110,31 @@ class DeviceSweep(ABC):
         """Return a copy of numbers on the device, flat."""
         import warp as wp
 
-        return wp.array(
-            np.ascontiguousarray(values, dtype=np.float64).reshape(-1), dtype=wp.float64, device=self.device
-        )
+        return self._copy(np.ascontiguousarray(values, dtype=np.float64), wp.float64)
 
     def indices(self, values: Any) -> Any:
         """Return a copy of indices on the device, flat."""
         import warp as wp
 
-        return wp.array(np.ascontiguousarray(values, dtype=np.int32).reshape(-1), dtype=wp.int32, device=self.device)
+        return self._copy(np.ascontiguousarray(values, dtype=np.int32), wp.int32)
+
+    def _copy(self, values: NDArray[Any], dtype: Any) -> Any:
+        """Return a flat copy on the device.
+
+        Raises:
+            InsufficientMemoryError: if the memory of the device does not suffice.
+        """
+        import warp as wp
+
+        try:
+            return wp.array(values.reshape(-1), dtype=dtype, device=self.device)
+        except RuntimeError as error:
+            if "allocate" not in str(error):
+                raise
+            raise InsufficientMemoryError(
+                f"the memory of {self.device} does not suffice for {self.layout.n_blocks:,} contacts; solve a smaller "
+                "problem, or use a solver without a device."
+            ) from error
 
     def launch(self, kernel: Any, n_threads: int, *arguments: Any) -> None:
         """Start a kernel."""

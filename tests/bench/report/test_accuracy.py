@@ -17,8 +17,8 @@ from proxbench.bench.report.accuracy import (
     starts_table,
     summary_table,
 )
-from proxbench.bench.report.cells import duration, shown_families, shown_points, shown_summary
-from proxbench.bench.report.tables import print_tables, write_tables
+from proxbench.bench.report.cells import duration, shown_families, shown_points, shown_results, shown_summary
+from proxbench.bench.report.tables import print_tables, results_table, write_tables
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import CaseRecord, Point
@@ -69,6 +69,25 @@ def test_times_are_compared_between_equal_numbers_of_threads(tmp_path: Path) -> 
     console = Console(file=StringIO(), width=200)
     print_tables(frames, console)
     assert "threads" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_a_solver_that_uses_fewer_threads_than_it_declares_is_compared_by_those_that_it_uses(tmp_path: Path) -> None:
+    """D uses both threads on the problem q, so that its time on p is not compared with those of one thread."""
+    used = {("A", "p"): (1, 0), ("B", "p"): (2, 1), ("C", "p"): (2, 2), ("D", "p"): (2, 1), ("D", "q"): (2, 2)}
+    cases = [
+        replace(case(solver, *timed_points(time), problem=problem), threads=declared, threads_used=number)
+        for ((solver, problem), (declared, number)), time in zip(used.items(), (0.2, 0.1, 0.4, 0.8, 0.8), strict=True)
+    ]
+    frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))
+    assert frames.cases["threads_used"].tolist() == [1, 1, 2, 1, 2]
+    ratios = ratios_table(frames).set_index(["problem", "solver"])["ratio"]
+    assert ratios["p"].to_dict() == pytest.approx({"A": 2.0, "B": 1.0, "C": 1.0, "D": 2.0})
+    shown = shown_results(results_table(frames), {})
+    assert shown[shown["problem"] == "p"]["threads"].tolist() == ["1", "1 of 2", "2", "1 of 2"]
+
+
+def timed_points(time: float) -> list[Point]:
+    return [solved_point(1e-2, [timed_round(turn, time) for turn in range(5)])]
 
 
 def test_a_summary_counts_claims_correct_answers_and_wrong_ones_and_failures_at_the_limit(tmp_path: Path) -> None:

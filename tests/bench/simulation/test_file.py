@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.lib.recfunctions import repack_fields
 from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
-from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.run import resume_simulation, simulate
 from proxbench.problems import load
 from proxbench.problems.exchange.files.problem_file import save_problem
 
@@ -137,10 +138,10 @@ def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
     ("change", "words"),
     [
         ({"format": 99}, "has format 99"),
-        ({"format": 5}, "has format 5, this version reads format 6; simulate again"),
+        ({"format": 5}, "has format 5, this version reads formats 6 and 7; simulate again"),
         (
             {"kind": "proxbench simulation with variable steps", "format": 2},
-            "has format 2, this version reads format 6",
+            "has format 2, this version reads formats 6 and 7",
         ),
         ({"plan": {"scene": "avalanche"}}, "is damaged"),
         ({"statuses": []}, "is damaged"),
@@ -152,6 +153,21 @@ def test_a_header_of_another_kind_is_named(stored: Path, change: dict[str, Any],
     about.update(change)
     rewritten(stored, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
     assert_refused(stored, words)
+
+
+def test_a_file_of_format_6_is_continued_and_its_overlaps_are_unknown(stored: Path) -> None:
+    with np.load(stored) as arrays:
+        about, steps = json.loads(arrays["about"].tobytes()), arrays["steps"]
+    older = repack_fields(steps[[name for name in steps.dtype.names if name != "overlap"]])
+    about["format"] = 6
+    rewritten(stored, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), steps=older)
+    read = read_simulation(stored)
+    assert np.isnan(read.steps["overlap"]).all()
+    assert all(read.steps[name].tobytes() == steps[name].tobytes() for name in older.dtype.names)
+    resumed = resume_simulation(stored, duration=0.2)
+    again = read_simulation(stored)
+    assert again.n_steps == resumed.n_steps > len(steps)
+    assert np.isnan(again.steps["overlap"]).sum() == len(steps)
 
 
 def test_a_scene_that_this_version_lacks_is_named(stored: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
-from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.bench.simulation.run import BYTES_PER_ROW, resume_simulation, simulate, step_bytes
 from proxbench.bench.simulation.step_row import step_columns
 from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
@@ -250,7 +250,7 @@ def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None
 
 
 @pytest.mark.parametrize(("states", "kept"), [(2, 4), (100, 11)])
-def test_memory_that_does_not_suffice_for_the_states_is_named_before_the_first_step(
+def test_memory_that_does_not_suffice_for_a_step_and_the_states_is_named_before_the_first_step(
     states: int, kept: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At most twice as many states are kept as requested, and at most one more than steps; writing copies them.
@@ -267,8 +267,33 @@ def test_memory_that_does_not_suffice_for_the_states_is_named_before_the_first_s
         return simulate(plan, output).n_steps
 
     file = tmp_path / "a.npz"
-    for least, output in (((kept - 1) * state_bytes, None), ((2 * kept - 1) * state_bytes, file)):
-        with pytest.raises(InsufficientMemoryError, match=rf"for {kept} states of pile, but .* available; keep fewer"):
+    for n_states, output in ((kept - 1, None), (2 * kept - 1, file)):
+        least = n_states * state_bytes + int(step_bytes(plan.scene))
+        wanted = rf"for a step and {kept} states of pile, but .* available; keep fewer"
+        with pytest.raises(InsufficientMemoryError, match=wanted):
             simulate_with(least - 1, output)
         assert not file.exists()
         assert simulate_with(least, output) == 10
+
+
+@pytest.mark.parametrize("options", [{}, {"planar": True}])
+def test_a_settled_heap_has_the_rows_whose_memory_is_required_before_its_first_step(options: dict[str, object]) -> None:
+    plan = make_simulation_plan("pile", {"balls": 100, **options}, stepper="Moreau(step=1e-3)", duration=1.0)
+    step = bare_rule(plan).step(simulate(plan).state)
+    assert step.problem is not None
+    assert step_bytes(plan.scene) <= BYTES_PER_ROW * step.problem.n_rows <= 2.0 * step_bytes(plan.scene)
+
+
+def test_joints_that_cannot_be_closed_in_the_available_memory_are_refused_before_the_first_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = make_simulation_plan("chain", {"n_links": 40}, stepper="Moreau", duration=0.01, states=1)
+    monkeypatch.setattr(memory, "SMALL_BYTES", 0)
+    n_dofs = len(plan.scene.start.velocity)
+    n_rows = 3 * n_dofs // 6  # a ball joint has three rows for the six coordinates of a link
+    closing = 8 * n_rows * (n_dofs + 4 * n_rows)
+    monkeypatch.setattr(memory, "available_bytes", lambda: closing)
+    with pytest.raises(InsufficientMemoryError, match=r"for a step and .* of chain, but"):
+        simulate(plan, on_step=[lambda *_: pytest.fail("a step was taken")])
+    monkeypatch.setattr(memory, "available_bytes", lambda: 3 * closing)
+    assert simulate(plan).n_steps > 0

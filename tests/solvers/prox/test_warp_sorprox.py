@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import SolverError, Status, Stop, create, solve
 
 warp = pytest.importorskip("warp", reason="the extra gpu is not installed")
@@ -42,6 +43,33 @@ def test_a_device_repeats_its_bits_and_the_judge_confirms_them(solver: str) -> N
     assert first.impulses.tobytes() == second.impulses.tobytes()
     assert judge(problem, first.impulses).residual <= 1e-5
     assert "transfers" in first.message
+
+
+@pytest.mark.parametrize("phase", ["prepare", "solve"])
+def test_device_memory_that_does_not_suffice_is_one_sentence(phase: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Warp raises a bare RuntimeError in this form; other errors are not about memory."""
+    solver, problem = create("WarpColouredSORprox(device='cpu')"), load("funnel-100")
+    prepared = solver.prepare(problem)
+    words = "Failed to allocate 123456 bytes on device 'cuda:0'"
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError(words)
+
+    def attempt() -> None:
+        if phase == "prepare":
+            solver.prepare(problem)
+        else:
+            prepared.solve(Stop(1e-3))
+
+    monkeypatch.setattr(warp, "array", fail)
+    with pytest.raises(InsufficientMemoryError) as raised:
+        attempt()
+    n_contacts = problem.n_contacts
+    wanted = f"the memory of cpu does not suffice for {n_contacts} contacts; solve a smaller problem, or use a solver "
+    assert str(raised.value) == f"{wanted}without a device."
+    words = "an illegal memory access was encountered"
+    with pytest.raises(RuntimeError, match="illegal"):
+        attempt()
 
 
 def test_the_name_always_says_the_device() -> None:

@@ -1,6 +1,7 @@
 """A case repeats what others disturbed, judges all answers, ends at its first failure, and trusts no count."""
 
 from collections.abc import Sequence
+from dataclasses import replace as spec_replace
 from typing import Any
 
 import msgspec
@@ -18,6 +19,7 @@ from proxbench.bench.measure.contacts.case import (
     ROUNDS,
     Case,
 )
+from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import Point
@@ -212,6 +214,34 @@ def test_a_round_has_one_answer_of_all_rows_for_each_solve_at_most(
         assert found is None
         assert case.outcome is Outcome.MISBEHAVED
         assert f"it returned {len(numbers)} numbers for 2 solves of 3 rows" in case.record().reason
+
+
+@pytest.mark.parametrize(("named", "used"), [(None, 3), (1, 1), (2, 2), (5, 3)])
+def test_threads_that_a_prepared_solver_names_are_recorded_beside_those_that_are_declared(
+    named: int | None, used: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = begun(monkeypatch, Scripted(answered(SOLUTION, threads=named)))
+    monkeypatch.setattr(case, "solver", spec_replace(case.solver, threads=3))
+    assert case.record().threads_used == 0
+    assert case.measure(1e-4, 0) is not None
+    assert (case.record().threads, case.record().threads_used) == (3, used)
+
+
+@pytest.mark.parametrize(("named", "outcome"), [(2, Outcome.MEASURED), (1, Outcome.MISBEHAVED)])
+def test_a_solver_that_works_in_more_threads_than_it_names_misbehaves(
+    named: int, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It works for 1.5 ms in next to no time; 1 ms is granted to each thread."""
+    case = begun(monkeypatch, Scripted(answered(SOLUTION, threads=named, processor=[0.75e-3] * 2)))
+    monkeypatch.setattr(case, "solver", spec_replace(case.solver, threads=2))
+    for name in ("pin", "holds", "is_steady"):
+        monkeypatch.setattr(MeasuringCore, name, lambda *_: True)
+    monkeypatch.setattr(MeasuringCore, "probe", lambda *_: 0.0)
+    case.pin_to_core(MeasuringCore(0, allowed=frozenset({0, 1})))
+    case.measure(1e-4, 0)
+    assert case.outcome is outcome
+    if outcome is Outcome.MISBEHAVED:
+        assert case.record().reason == "it computes in more than the 1 thread that it names"
 
 
 def test_a_round_is_asked_for_at_its_tolerance_within_the_limits(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from proxbench.bench.measure.contacts.case_process import Measurement
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.problems import ContactProblem, load
 from proxbench.solvers import Model, Solution, Status, Stop
+from proxbench.solvers.prox.coloured_sorprox import ColouredSORprox
 
 STOP = Stop(1e-4)
 
@@ -162,6 +163,13 @@ def test_solves_of_the_known_problem_warm_the_caches_before_first_solves(
     found, _ = measurement.first_solves(STOP, [new])
     assert [problem.digest for problem in solver.seen] == [known] * 3 + [new.digest]
     assert times(found) == [(0.0, 1.0)]
+
+
+def test_a_round_has_the_threads_that_the_prepared_solver_names() -> None:
+    problem = load("funnel-100")
+    for threads, expected in ((1, None), (2, 1)):  # its colours have less than 250 contacts per thread
+        solver = ColouredSORprox(threads=threads)
+        assert Measurement(problem, solver).round(Stop(1e-2), 0.0)[0].threads == expected
 
 
 def test_preparing_and_solving_have_one_limit_of_time(clock: Clock) -> None:

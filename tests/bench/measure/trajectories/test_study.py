@@ -1,5 +1,6 @@
 """A study is a run: errors that fall with their order, results that are kept, frames and tables, and resumption."""
 
+import io
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,15 @@ from proxbench.bench import Run, load, resume, study
 from proxbench.bench.errors import BenchError, InterruptedRunError
 from proxbench.bench.measure.execution.events import Event, PointFinished
 from proxbench.bench.measure.trajectories import problems, task
+from proxbench.bench.report.studies import print_points
+from proxbench.bench.store.frames import read_frames
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 from proxbench.problems.motion.trajectories.pour import ENERGY, HEIGHT
 from proxbench.problems.motion.trajectories.problem import Aggregates, TrajectoryProblem
 from proxbench.solvers import create
+from rich.console import Console
 
 pytestmark = pytest.mark.slow
 
@@ -113,6 +117,18 @@ def test_a_study_reports_tables_points_and_charts_as_a_run_does(pour: Run) -> No
     least = made.results.set_index("solver")["time_to_1e-01"]
     assert least.isna().all() == (pour.points["residual"] > 1e-1).all()
     assert "2 methods" in pour._repr_html_()
+
+
+def test_points_count_the_steps_whose_projection_leaves_overlaps(tmp_path: Path) -> None:
+    """Balls fall many radii in a step of 30 ms, and a tenth of one in a step of 2 ms."""
+    methods = {"Moreau with SORprox": (0.03, 0.002)}
+    found = study("pile(balls=30)", results=tmp_path, duration=0.6, members=(0, 1), methods=methods)
+    assert (found.points["overlapping_steps"] > 0).tolist() == [True, False]
+    console = Console(file=io.StringIO(), width=200)
+    print_points(read_frames(found.folder), found.info.plan.trajectories[0], console)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert text.count("bodies overlap too deeply after") == 1
+    assert "Moreau with SORprox at 0.03: bodies overlap too deeply after" in text
 
 
 def test_resuming_measures_only_what_is_left_after_the_last_point(tmp_path: Path) -> None:

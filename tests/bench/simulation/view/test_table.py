@@ -97,6 +97,27 @@ def test_a_residual_that_is_not_finite_counts_as_unsolved_and_stays_json() -> No
     json.dumps(document(simulation), allow_nan=False)
 
 
+def test_overlaps_that_the_projection_leaves_are_counted_with_the_largest() -> None:
+    simulation = made(np.array([0.1, 0.2, 0.3, 0.4]), overlap=[0.0, 0.67, 0.03, np.nan])
+    assert simulation.overlapping.tolist() == [False, True, True, False]
+    text = printed(simulation, width=120)
+    assert "bodies overlap too deeply after 2 steps" in text
+    assert "largest overlap 0.67 r" in text
+    assert "overlap" not in printed(made(np.array([0.1, 0.2]), overlap=[0.0, np.nan]))
+    found = summary(simulation)
+    assert (found["overlapping_steps"], found["largest_overlap"]) == (2, 0.67)
+
+
+def test_a_step_of_many_radii_leaves_overlaps_and_a_short_one_none() -> None:
+    coarse, fine = (
+        simulate(make_simulation_plan("pile", {"balls": 30}, stepper=f"Moreau(step={step})", duration=0.6))
+        for step in (0.03, 0.002)
+    )
+    assert coarse.overlapping.any()
+    assert coarse.steps["overlap"].max() > 0.1
+    assert not fine.overlapping.any()
+
+
 def test_steps_in_which_fast_contacts_hide_others_are_named_with_their_local_residual() -> None:
     simulation = made(np.array([0.1, 0.2, 0.3]), residual=[1e-5, 1e-5, 0.0], local_residual=[9e-4, 0.5, 1e-18])
     assert simulation.has_hidden_errors.tolist() == [False, True, False]

@@ -44,7 +44,7 @@ def deepest(system: BallSystem | MechanicalSystem, position: np.ndarray) -> floa
 
 
 def moved_apart(system: BallSystem | MechanicalSystem, position: np.ndarray) -> np.ndarray:
-    return projected(system, position, np.zeros(0), DEPTH)[0]
+    return projected(system, position, np.zeros(0), DEPTH).position
 
 
 def two_points(mass: np.ndarray) -> MechanicalSystem:
@@ -147,6 +147,31 @@ def test_no_projection_makes_the_deepest_penetration_deeper(
     assert deepest(system, moved_apart(system, position)) <= max(deepest(system, position), 1.1 * DEPTH)
 
 
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n_balls=st.integers(2, 40),
+    crowding=st.floats(0.2, 30.0),
+    dimension=st.sampled_from([2, 3]),
+)
+def test_a_step_tells_the_overlap_that_its_projection_leaves(
+    seed: int, n_balls: int, crowding: float, dimension: int
+) -> None:
+    """Up to 40 balls in the space of one: not all clusters come apart in one step."""
+    system = free_balls(dimension, np.full(n_balls, 0.01))
+    width = RADIUS * (n_balls / crowding) ** (1.0 / dimension)
+    position = np.random.default_rng(seed).uniform(-width, width, n_balls * dimension)
+    step = stepper(system, DEPTH).step(State(0.0, position, np.zeros(n_balls * system.dofs_per_ball)))
+    left = deepest(system, step.state.position)
+    assert step.overlap == (left if left > (1.0 + ACCURACY) * DEPTH else 0.0)
+
+
+@pytest.mark.parametrize(("room", "overlap"), [(0.9, 0.1 * RADIUS), (1.1, 0.0)])
+def test_a_ball_between_walls_overlaps_as_far_as_they_are_too_close(room: float, overlap: float) -> None:
+    walls = [Plane((-room * RADIUS, 0.0), (1.0, 0.0)), Plane((room * RADIUS, 0.0), (-1.0, 0.0))]
+    system = BallSystem(np.array([RADIUS]), np.array([0.01]), walls, 2)
+    assert projected(system, np.zeros(2), np.zeros(2), DEPTH).overlap == pytest.approx(overlap, rel=1e-9)
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.03, -0.05])
 def test_a_ball_between_walls_that_leave_it_no_room_is_not_pushed_deeper_into_one_of_them(offset: float) -> None:
     walls = [Plane((-0.9 * RADIUS, 0.0), (1.0, 0.0)), Plane((0.9 * RADIUS, 0.0), (-1.0, 0.0))]
@@ -243,9 +268,24 @@ def test_joints_close_while_contacts_are_moved_apart_the_nearest_way(opening: fl
     closed = start - joint * (joint @ start) / (joint @ joint)
     along = normal - joint * (joint @ normal) / (joint @ joint)
     expected = closed + along * max(0.0, -DEPTH - normal @ closed) / (along @ along)
-    moved, velocity = projected(system, start, np.array([1.0, 0.0, 2.0]), DEPTH)  # type: ignore[arg-type]
-    assert moved == pytest.approx(expected, abs=(ACCURACY + 1e-9) * DEPTH)
-    assert velocity == pytest.approx([0.5, 0.5, 2.0], abs=1e-12)  # the part along w is gone
+    end = projected(system, start, np.array([1.0, 0.0, 2.0]), DEPTH)  # type: ignore[arg-type]
+    assert end.position == pytest.approx(expected, abs=(ACCURACY + 1e-9) * DEPTH)
+    assert end.velocity == pytest.approx([0.5, 0.5, 2.0], abs=1e-12)  # the part along w is gone
+
+
+class Jammed(Linear):
+    """One coordinate, held by a joint in a contact that is five times too deep."""
+
+    def overlaps(self, position: np.ndarray, tolerated: float) -> Overlaps:
+        found = super().overlaps(position - 5.0 * DEPTH, tolerated)
+        joints = JointErrors(position.copy(), found.joints.directions)
+        return replace(found, joints=joints)
+
+
+def test_a_projection_that_closes_joints_tells_the_overlap_that_it_leaves() -> None:
+    system = Jammed(np.ones(1), np.ones(1))
+    end = projected(system, np.zeros(1), np.zeros(1), DEPTH)  # type: ignore[arg-type]
+    assert end.overlap == 5.0 * DEPTH
 
 
 def test_joints_that_exceed_the_memory_are_refused() -> None:

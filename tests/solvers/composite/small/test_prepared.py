@@ -3,6 +3,7 @@
 Bits are compared, not rounding: an observed solve goes by parts, and must show the iterates of a timed one.
 """
 
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, load
 from proxbench.solvers import Status, Stop, create
 from proxbench.solvers.composite.robust import prepare_by_parts
-from proxbench.solvers.composite.small.prepared import MIN_SECONDS, PreparedSmall, prepare_small
-from small_problems import FORMS, SWEPT, random_problem
+from proxbench.solvers.composite.small.prepared import PreparedSmall, longest_seconds, prepare_small
+from small_problems import FORMS, SWEPT, random_problem, slow_problem
 
 ROBUST = create("Robust")
 
@@ -71,7 +72,22 @@ def test_observed_solves_and_short_time_limits_go_by_parts() -> None:
     with pytest.raises(PartsError):
         prepared.solve(Stop(1e-8), observe=lambda iteration, impulses: None)
     with pytest.raises(PartsError):
-        prepared.solve(Stop(1e-8, max_seconds=0.5 * MIN_SECONDS))
+        prepared.solve(Stop(1e-8, max_seconds=0.5 * longest_seconds(prepared.problem.n_rows)))
+
+
+@pytest.mark.parametrize("n_rows", [3, 30, 150])
+def test_the_kernel_keeps_the_shortest_time_limit_for_which_it_is_used(n_rows: int) -> None:
+    """It does not read the clock; dense rows without friction need most sweeps and most time for each."""
+    problem = slow_problem(n_rows)
+    prepared, limit = without_parts(problem), longest_seconds(n_rows)
+    times = []
+    for _ in range(5):
+        began = process_time()
+        assert prepared.solve(Stop(1e-10, max_seconds=limit)).status is Status.SOLVED
+        times.append(process_time() - began)
+    assert min(times) < limit
+    with pytest.raises(PartsError):
+        prepared.solve(Stop(1e-10, max_seconds=0.99 * limit))
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from proxbench import solve_many
 from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.contact.matrices import memory
+from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.solvers import SolverError, Status, Stop, create
-from small_problems import FORMS, SWEPT, random_problem
+from proxbench.solvers.composite.small.solve_many import _batches
+from small_problems import FORMS, SWEPT, random_problem, slow_problem
 
 N_CORES = len(os.sched_getaffinity(0))
 
@@ -45,6 +48,32 @@ def test_limits_are_those_of_each_problem() -> None:
     many = solve_many([load("hard-stack-10")] * 3, 1e-8, max_iterations=30)
     assert [one.status for one in many.solutions] == [Status.ITERATION_LIMIT] * 3
     assert [one.iterations for one in many.solutions] == [30] * 3
+
+
+def test_a_time_limit_is_that_of_each_problem() -> None:
+    """Problems that may exceed it in a batch, which does not read the clock, are solved one by one."""
+    slow, quick = slow_problem(150), load("hard-tower-3")
+    assert [batch.indices for batch in _batches([slow, quick], 1.0)] == [[0], [1]]
+    assert [batch.indices for batch in _batches([slow, quick], 0.01)] == [[1]]
+    solutions = solve_many([slow, quick, slow], 1e-10, max_seconds=1e-3).solutions
+    assert [one.status for one in solutions[::2]] == [Status.TIME_LIMIT] * 2
+
+
+@pytest.mark.parametrize("form", ["matrix", "diagonal"])
+def test_memory_that_does_not_suffice_for_joined_copies_is_named_before_they_are_made(
+    form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The joined copies of n equal problems take n times the arrays of one."""
+    rng = np.random.default_rng(0)
+    problems = [random_problem(rng, 4, 3, form)] * 50
+    one = problems[0].matrix if problems[0].matrix is not None else problems[0].factors.directions
+    copies = 50 * (one.data.nbytes + problems[0].free_velocity.nbytes)
+    monkeypatch.setattr(memory, "SMALL_BYTES", 0)
+    monkeypatch.setattr(memory, "available_bytes", lambda: copies)
+    with pytest.raises(InsufficientMemoryError, match=r"for solving 50 problems in one call, but .*; solve them in"):
+        solve_many(problems)
+    monkeypatch.setattr(memory, "available_bytes", lambda: 10 * copies)
+    assert solve_many(problems).solutions[0].status is Status.SOLVED
 
 
 def test_no_problems_have_no_solutions() -> None:

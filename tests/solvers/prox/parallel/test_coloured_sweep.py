@@ -10,6 +10,7 @@ from proxbench.problems.contact.transformations import permuted
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers.prox import coloured_sorprox
 from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from proxbench.solvers.prox.parallel.team import Team
@@ -60,6 +61,24 @@ def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, m
         used.clear()
         assert swept(problem, threads, momentum) == alone
         assert set(used) == {threads}
+
+
+@pytest.mark.parametrize("momentum", [0.0, "measured"])
+@pytest.mark.parametrize("name", ["funnel-100", "balls"])
+def test_any_number_of_threads_gives_the_same_solution(
+    name: str, momentum: float | str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its impulses in the same bits, its status, iterations and message; measured momentum depends on all of them."""
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sorprox, "check_threads", lambda threads: None)  # more threads than cores, too
+    problem, found = problem_of(name), []
+    for threads in (1, 2, 4):
+        prepared = create("ColouredSORprox", momentum=momentum, threads=threads).prepare(problem)
+        solution = prepared.solve(Stop(1e-4, 2000))
+        found.append((solution.impulses.tobytes(), solution.status, solution.iterations, solution.message))
+    assert found[0][2] > 20
+    assert found[1:] == [found[0]] * 2
 
 
 def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None:
