@@ -29,7 +29,15 @@ def case() -> TrajectoryCase:
 
 def simulated(**changes: Any) -> SimulationRound:
     """Return a simulation of 20 steps in 2 ms."""
-    counts = {"iterations": 20, "steps": 20, "unsolved": 0, "involuntary": 0, "voluntary": 0, "waited": 0.0}
+    counts = {
+        "iterations": 20,
+        "steps": 20,
+        "unsolved": 0,
+        "overlapping": 0,
+        "involuntary": 0,
+        "voluntary": 0,
+        "waited": 0.0,
+    }
     times = {"prepare": [0.0], "solve": [2e-3], "processor": [2e-3]}
     return SimulationRound.read(
         {"status": "solved", "message": "", **counts, **times, "values": VALUES, **changes}, 1.0
