@@ -104,8 +104,8 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
     overlapping = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
-    for point in overlapping.to_dict("records"):
-        note = f"{point['solver']} at {point['tolerance']:.2g}: {overlap_words(int(point['overlapping_steps']))}"
+    for left in overlapping.to_dict("records"):
+        note = f"{left['solver']} at {left['tolerance']:.2g}: {overlap_words(int(left['overlapping_steps']))}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 
