@@ -151,12 +151,15 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def checks(session: nox.Session) -> None:
-    """Check style and types and build the site, in one environment: installing takes longer than each of them."""
+    """Check style and types and build the site, in one environment: installing takes longer than each of them.
+
+    Notebooks are not executed; a slow test does that.
+    """
     session.install(*STYLE)
     _check_style(session)
     session.install(".[test,docs]", *TYPING)
     _check_types(session)
-    _build_site(session)
+    _build_site(session, "-D", "nb_execution_mode=off")
 
 
 def _check_style(session: nox.Session) -> None:
@@ -169,5 +172,5 @@ def _check_types(session: nox.Session) -> None:
     session.run("mypy", *PROGRAMS)
 
 
-def _build_site(session: nox.Session) -> None:
-    session.run("sphinx-build", "-W", "--keep-going", "-j", "auto", "-b", "html", "docs", "build/docs")
+def _build_site(session: nox.Session, *options: str) -> None:
+    session.run("sphinx-build", "-W", "--keep-going", "-j", "auto", *options, "-b", "html", "docs", "build/docs")
