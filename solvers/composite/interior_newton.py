@@ -14,9 +14,9 @@ usually find these digits in a few hundred sweeps, which cost less than two fact
 
 The last four run five times, with growing iteration limits for the path and the sweeps. The path continues where it
 stopped. If it has ended, and in the fourth round, it restarts with series of another order, which may continue where
-the first ones cycle. When no path is left, ``ProximalPoint`` starts from the best impulses. Before the last round,
-which has no limit, ``SemismoothNewton`` starts from zero, because the methods before it may all lead to the same
-iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
+the first ones cycle. When no path is left, ``ProximalPoint`` starts from the best impulses. ``SemismoothNewton`` starts
+from zero before the last round, in which ``HybridNewton`` has no limit, because the methods before it may all lead to
+the same iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ from .sweep_selection import FACTORS_DENSITY, density, refining_sweeps
 from .work import MAX_STEPS, program_seconds, step_seconds
 
 MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS, MAX_NEWTON_STEPS = 80, 500, 40, 500
-"""Iteration limits of ``InteriorPoint``, of sweeps after it and after the path, and of both methods of Newton."""
+"""Limits of iterations: ``InteriorPoint``, sweeps after it and the path, ``ProximalPoint``, ``SemismoothNewton``."""
 
 PATH_ROUNDS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
 """Order and iteration limit of ``CentralPath`` in each round."""

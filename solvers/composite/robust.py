@@ -12,9 +12,9 @@ such as redundant piles and stacks.
 A window costs at most about half of an interior point method (``windows``), on piles of balls about a fifth. The time
 lost in slow sweeps is therefore small compared with what follows. Anderson acceleration often gains more in a few
 sweeps than momentum in a whole window. Newton steps on few rows cost no more than a hundred sweeps. With joints,
-they transmit impulses along chains, which sweeps do one joint at a time. In both cases they are tried after a first
-short window, and the sweeps continue if they fail. No decision depends on the tolerance, nor on the clock except its
-limits.
+they transmit impulses along chains, which sweeps do one joint at a time. In both cases the first windows are
+short: Newton steps are tried after the first of them that gains no digit, and the sweeps continue if they fail. No
+decision depends on the tolerance, nor on the clock except its limits.
 """
 
 from collections.abc import Callable

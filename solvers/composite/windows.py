@@ -26,7 +26,7 @@ WINDOW, WINDOW_PER_CONTACT = 400, 3
 """Sweeps in a window: a constant, and an addition for each block."""
 
 SHORT_WINDOW = 90
-"""Sweeps in the first window if Newton systems are dense or there are joints."""
+"""Sweeps in the first windows if Newton systems are dense or there are joints."""
 
 
 class Window:
