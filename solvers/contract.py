@@ -79,9 +79,9 @@ def form_fault(solver: Any) -> str | None:
         return _missing("model", model, "the model that it solves", "Model.COULOMB")
     if not isinstance(getattr(solver, "has_iterates", True), bool):
         return f"its has_iterates is {_with_article(solver.has_iterates)}; it must be True or False"
-    threads = getattr(solver, "threads", 1)
-    if type(threads) is not int or threads < 1:
-        return f"its threads is {threads!r:.60}; it must be a whole number, at least 1"
+    fault = _threads_fault(getattr(solver, "threads", 1))
+    if fault:
+        return fault
     for method, wanted in _METHODS.items():
         fault = _method_fault(solver, method, wanted, lambda signature: signature.bind(None))
         if fault:
@@ -89,12 +89,20 @@ def form_fault(solver: Any) -> str | None:
     return None
 
 
+def _threads_fault(threads: Any) -> str | None:
+    """Return what is wrong with a number of threads, or None."""
+    if type(threads) is int and threads >= 1:
+        return None
+    return f"its threads is {threads!r:.60}; it must be a whole number, at least 1"
+
+
 def prepared_fault(prepared: Any) -> str | None:
     """Return how the result of ``prepare`` fails to implement ``Prepared``, or None."""
     fault = _method_fault(prepared, "solve", _SOLVE, _bind_solve)
-    if fault is None:
-        return None
-    return f"its prepare returned {_with_article(prepared)}, which {fault.removeprefix('it ')}"
+    if fault is not None:
+        return f"its prepare returned {_with_article(prepared)}, which {fault.removeprefix('it ')}"
+    fault = _threads_fault(getattr(prepared, "threads", 1))
+    return fault and f"its prepare returned {_with_article(prepared)}, of which {fault.removeprefix('its ')}"
 
 
 def reason_fault(reason: Any) -> str | None:

@@ -140,8 +140,11 @@ def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
 
 
 def threads_by_solver(frames: RunFrames) -> "pd.Series[int]":
-    """Return the largest number of threads in which each solver of a run computed on a problem."""
-    return frames.cases.groupby("solver", sort=False)["threads_used"].max()
+    """Return the largest number of threads in which each solver of a run computed; if unknown, that it declares."""
+    cases = frames.cases
+    declared = cases.groupby("solver", sort=False)["threads"].max()
+    used = cases[cases["threads_used"] > 0].groupby("solver")["threads_used"].max()
+    return used.reindex(declared.index).fillna(declared).astype(int)
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:

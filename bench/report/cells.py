@@ -80,7 +80,7 @@ def shown_results(
         cells = zip(shown.index, shown[head].map(duration), strict=True)
         shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
     pairs = zip(shown.pop("threads_used"), shown["threads"], strict=True)
-    shown["threads"] = [f"{used} of {most}" if used < most else str(most) for used, most in pairs]
+    shown["threads"] = [f"{used} of {most}" if 0 < used < most else str(most) for used, most in pairs]
     if (results["threads"] == 1).all():
         shown = shown.drop(columns="threads")
     own = shown.pop("model_residual")

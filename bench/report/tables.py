@@ -83,10 +83,10 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
 
     The best solve has the least residual by the model of the solver. Wrong claims do not count.
 
-    Columns: problem, family, n_contacts, solver, threads (declared), threads_used, model, ``time_to_1e-02`` … (of
-    ``accuracies``), excluded (accuracies whose times have only excluded rounds), residual (by Coulomb's law),
-    model_residual (by the model of the solver) and iterations (all of the best solve), outcome, reason, notes (of the
-    finest point with notes).
+    Columns: problem, family, n_contacts, solver, threads (declared), threads_used (0 if unknown), model,
+    ``time_to_1e-02`` … (of ``accuracies``), excluded (accuracies whose times have only excluded rounds), residual (by
+    Coulomb's law), model_residual (by the model of the solver) and iterations (all of the best solve), outcome, reason,
+    notes (of the finest point with notes).
     """
     times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
     cases = frames.cases[list(_CASE_COLUMNS)]

@@ -41,8 +41,8 @@ class RunFrames:
 
     Attributes:
         folder: its folder, or its bundle.
-        cases: one row per case: the family of the problem, the scalar fields of ``CaseRecord`` (threads_used is
-            threads if it is unknown), is_finished, and is_tried (whether its whole ladder was measured at least once).
+        cases: one row per case: the family of the problem, the scalar fields of ``CaseRecord``, is_finished,
+            and is_tried (whether its whole ladder was measured at least once).
         points: one row per ladder point: problem, family, solver, model, the fields of ``Point`` and ``Measured``
             (median times [s] with their quartiles, the numbers of the verdict), and notes.
         rounds: one row per round of a point: problem, solver, tolerance, and the fields of ``Round``.
@@ -153,7 +153,6 @@ def read_frames(path: Path, problem: str | None = None) -> RunFrames:
         if _pair(case) not in order
     ]
     case_rows = _frame(CaseRecord, cases)
-    case_rows["threads_used"] = case_rows["threads_used"].where(case_rows["threads_used"] > 0, case_rows["threads"])
     case_rows["is_finished"] = pd.Series([case.is_finished(info.plan) for case in cases], dtype=bool)
     case_rows["is_tried"] = pd.Series([case.is_tried(info.plan) for case in cases], dtype=bool)
     points = points_frame(cases)

@@ -77,5 +77,5 @@ class ColouredSORprox(Method):
         begin = begin_with_momentum(partial(ColouredIterates, sweep), self.momentum, self.momentum_delay)
         iteration = PreparedIteration(problem, Residual(problem), begin)
         if sweep.threads < self.threads:
-            return PreparedWithFewerThreads(iteration, self.threads, sweep.threads)
+            return PreparedWithFewerThreads(iteration, self.threads, int(sweep.threads))
         return iteration

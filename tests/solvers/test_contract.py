@@ -1,11 +1,14 @@
 """Properties of every built-in solver."""
 
 import hashlib
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge
 from proxbench.solvers import Solver, Status, Stop, available, create
+from proxbench.solvers.contract import prepared_fault
 from proxbench.solvers.registry import composites
 
 VARIANTS = [
@@ -191,3 +194,14 @@ def test_the_time_limit_is_kept(name: str) -> None:
     solution = create(name).prepare(sample_for(name)).solve(Stop(1e-300, 10**9, max_seconds=1e-6))
     assert solution.status in (Status.TIME_LIMIT, Status.STALLED, Status.OSCILLATING, Status.DIVERGED)
     assert solution.iterations < 10**6
+
+
+def test_a_prepared_object_may_give_its_number_of_threads_but_nothing_else_by_that_name() -> None:
+    def prepared(threads: Any) -> Any:
+        return SimpleNamespace(solve=lambda stop, start=None, observe=None: None, threads=threads)
+
+    assert prepared_fault(prepared(2)) is None
+    for wrong in (0, -1, True, 1.0, "2"):
+        fault = prepared_fault(prepared(wrong))
+        assert fault is not None
+        assert fault.endswith(f"of which threads is {wrong!r}; it must be a whole number, at least 1")

@@ -1,10 +1,10 @@
 """Compare twelve speeds of the installed package with those of accepted commits, side by side.
 
-``python tests/speed/pair.py`` installs the commits of ``results/speed/accepted.toml`` into ``build/speed``, without
-their dependencies. Two processes on one core, one with each state, repeat a figure in turn. The ratio of a figure is
-the median over pairs of processor times, each of ``SAMPLE_SECONDS``. ``ROUNDS`` pairs come from each of up to
-``GENERATIONS`` pairs of processes, because processes that run the same program differ by some per cent. A figure is
-slower if the whole interval of its ratio is above ``SLOWER``.
+``python tests/speed/pair.py`` installs the last base of ``results/speed/accepted.toml``, and commits that accept a
+figure by name, into ``build/speed``, without their dependencies. Two processes on one core, one with each state, repeat
+a figure in turn. The ratio of a figure is the median over pairs of processor times, each of ``SAMPLE_SECONDS``.
+``ROUNDS`` pairs come from each of up to ``GENERATIONS`` pairs of processes, because processes that run the same program
+differ by some per cent. A figure is slower if the whole interval of its ratio is above ``SLOWER``.
 
 Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
 name. Each base has a reason, and earlier ones stay in the file, so that it shows how changes below ``SLOWER`` add up.

@@ -117,14 +117,17 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
         sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
             notes.append(_listing(f"{what}s of {run.folder} alone", [name for name in own if name not in other]))
-    compared = [*CASE, "threads_used", "start"]
+    compared = [*CASE, "threads", "threads_used", "start"]
     both = before.cases[compared].merge(after.cases[compared], on=CASE)
     both = both[~both["problem"].isin(changed)]
     for column, named, difference in (
-        ("threads_used", "solver", "the numbers of threads of these solvers differ"),
+        ("threads", "solver", "the declared numbers of threads of these solvers differ"),
+        ("threads_used", "solver", "the numbers of threads that these solvers use differ"),
         ("start", "problem", "the starts of warm solvers differ on these problems"),
     ):
         is_equal = both[f"{column}_x"] == both[f"{column}_y"]
+        if column == "threads_used":  # 0 is unknown, for example of a case that failed
+            is_equal |= (both["threads_used_x"] == 0) | (both["threads_used_y"] == 0)
         notes.append(_listing(f"omitted because {difference}", list(dict.fromkeys(both[named][~is_equal]))))
         both = both[is_equal]
     return both[CASE], [note for note in notes if note]

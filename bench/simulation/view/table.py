@@ -67,10 +67,12 @@ def windows(simulation: Simulation) -> Iterator[Window]:
 
 
 def summary(simulation: Simulation) -> dict[str, Any]:
-    """Return the summary of a simulation as plain values."""
+    """Return the summary of a simulation as plain values; overlaps are None if a file of an older format lacks them."""
     steps, plan = simulation.steps, simulation.plan
     seconds = simulation.state.time - plan.scene.start.time
     shown = [one.name for one in plan.scene.observables if one.label and len(steps)]
+    overlapping = int(simulation.overlapping.sum())
+    are_known = overlapping > 0 or not np.isnan(steps["overlap"]).any()
 
     def largest(name: str) -> float:
         return float(steps[name].max(initial=0.0))
@@ -98,8 +100,8 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "longest_step": float(steps["length"].max()) if len(steps) else None,
         "deepest_penetration": largest("penetration"),
         "deepest_impact": largest("impact_depth"),
-        "overlapping_steps": int(simulation.overlapping.sum()),
-        "largest_overlap": float(steps["overlap"][simulation.overlapping].max(initial=0.0)),
+        "overlapping_steps": overlapping if are_known else None,
+        "largest_overlap": float(steps["overlap"][simulation.overlapping].max(initial=0.0)) if are_known else None,
         "largest_contacts": int(largest("contacts")),
         **{name: steps[name][-1].item() for name in shown},
         **_final_errors(simulation),

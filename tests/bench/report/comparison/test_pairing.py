@@ -41,6 +41,22 @@ def test_problems_of_other_numbers_are_left_out_and_named(tmp_path: Path, before
     assert not found.slower()
 
 
+def test_cases_of_other_numbers_of_threads_are_left_out_and_named_but_not_those_that_fail(tmp_path: Path) -> None:
+    """The number of threads of a case without a timed solve is unknown."""
+    cases = [
+        msgspec.structs.replace(case, threads=2, threads_used=1) for case in simulated_cases(0, solvers=("A", "B"))
+    ]
+    crashed = {"outcome": Outcome.CRASHED, "points": [], "threads_used": 0}
+    changes = {("A", "p-1"): {"threads_used": 2}, ("B", "p-1"): crashed}
+    changed = [msgspec.structs.replace(case, **changes.get((case.solver, case.problem), {})) for case in cases]
+    found = compare(*(store_run(tmp_path / name, each) for name, each in (("before", cases), ("after", changed))))
+    assert "omitted because the numbers of threads that these solvers use differ: A" in found.notes
+    kept = set(zip(found.cases["solver"], found.cases["problem"], strict=True))
+    assert ("A", "p-1") not in kept
+    assert {("A", "p-2"), ("B", "p-2")} <= kept
+    assert set(found.changed("unsolved")["solver"]) == {"B"}
+
+
 def test_warm_cases_of_other_starts_are_left_out_and_named(tmp_path: Path) -> None:
     runs = []
     for name, start in (("before", "0" * 16), ("after", "1" * 16)):

@@ -106,6 +106,8 @@ def test_overlaps_that_the_projection_leaves_are_counted_with_the_largest() -> N
     assert "overlap" not in printed(made(np.array([0.1, 0.2]), overlap=[0.0, np.nan]))
     found = summary(simulation)
     assert (found["overlapping_steps"], found["largest_overlap"]) == (2, 0.67)
+    unknown = summary(made(np.array([0.1, 0.2]), overlap=[0.0, np.nan]))
+    assert (unknown["overlapping_steps"], unknown["largest_overlap"]) == (None, None)
 
 
 def test_a_step_of_many_radii_leaves_overlaps_and_a_short_one_none() -> None:
