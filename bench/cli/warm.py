@@ -49,7 +49,7 @@ SIMULATIONS = (
     ("spinning_top", "Moreau(step=1e-3)", 2e-3),
     ("four_bar", "Moreau(step=1e-3)", 2e-3),
 )
-"""Scene, stepper and duration [s] of short simulations; each stepper encounters contacts."""
+"""Scene, stepper and duration [s] of short simulations, with contacts of every stepper and every kind of body."""
 
 
 def warm(

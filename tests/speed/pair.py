@@ -33,7 +33,6 @@ from figures import FIGURES, pour
 from proxbench.bench.errors import BenchError
 from proxbench.bench.isolation.fork_server import ONE_THREAD
 from proxbench.bench.report.cells import duration
-from proxbench.bench.report.layout.text import counted
 from proxbench.bench.store.ratios import Ratio, bootstrap_ratio
 
 ROOT = Path(__file__).parents[2]
@@ -301,8 +300,8 @@ def main(words: Sequence[str]) -> int:
         comparisons, bases = accepted(ACCEPTED)
         code = compare(comparisons)
         if len(bases) > 1:
-            first, moved = bases[0][:8], counted(len(bases) - 1, "time")
-            print(f"The base has moved {moved}; python tests/speed/pair.py {first} compares with the first one.")
+            count, first = len(bases) - 1, bases[0][:8]
+            print(f"Earlier bases: {count}; python tests/speed/pair.py {first} compares with the first one.")
         return code
     except BenchError as error:
         print(f"Error: {error}", file=sys.stderr)

@@ -70,12 +70,12 @@ def test_the_last_base_counts_and_the_first_one_is_named_to_see_what_adds_up(
     assert {comparison.commit for comparison in comparisons} == {commits[-1]} == {"200000000"}
     measure_as({}, tmp_path, monkeypatch)
     monkeypatch.setattr("pair.ACCEPTED", tmp_path / "accepted.toml")
-    words = "The base has moved 2 times; python tests/speed/pair.py 00000000 compares with the first one."
+    words = "Earlier bases: 2; python tests/speed/pair.py 00000000 compares with the first one."
     assert main([]) == 0
     assert words in capsys.readouterr().out
     written(tmp_path, bases[0])
     assert main([]) == 0
-    assert "has moved" not in capsys.readouterr().out
+    assert "Earlier bases" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

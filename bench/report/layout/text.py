@@ -88,4 +88,5 @@ def unsolved_words(number: int, steps: int, tolerance: str) -> str:
 
 def overlap_words(number: int) -> str:
     """Return a clause on the number of steps whose projection of positions did not reach its tolerance."""
-    return f"bodies overlap too deeply after {counted(number, 'step')}: the projection of positions is not finished"
+    steps = counted(number, "step")
+    return f"bodies overlap too deeply after {steps}: the projection of positions did not reach its tolerance"

@@ -24,7 +24,7 @@ from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_ov
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
-"""Time of a sweep for each entry of G and each of 20 numbers for every row [s]; a slow core takes half of it."""
+"""Bound of the time of a sweep, per entry of G and per each of 20 numbers of a row [s]; a slow core takes half."""
 
 MAX_SWEEPS = 10**9
 """Iteration limit of a call of the kernel, as a number of 64 bits."""
@@ -72,8 +72,8 @@ class PreparedSmall:
         """Sweep in one kernel; if it stops early, solve with ``Robust``. See ``Prepared.solve``."""
         n_rows = len(self.problem.free_velocity)
         impulses = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
-        is_in_time = stop.max_seconds >= longest_seconds(n_rows)
-        if observe is None and is_in_time and impulses.shape == (n_rows,):
+        has_time = stop.max_seconds >= longest_seconds(n_rows)
+        if observe is None and has_time and impulses.shape == (n_rows,):
             limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS), self._min_sweeps
             is_solved, iterations = self._kernel(*self._arguments, *limits, impulses)
             if is_solved:

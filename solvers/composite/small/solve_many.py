@@ -147,17 +147,26 @@ def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator
             over_matrices.add(index, problem, laws)
         elif problem.factors is not None and problem.factors.has_plain_columns:
             over_columns.add(index, problem, laws)
-    if over_matrices.problems:
-        matrices = [problem.matrix for problem in over_matrices.problems]
+    matrices: list[Any] = [problem.matrix for problem in over_matrices.problems]
+    factors: list[Any] = [problem.factors for problem in over_columns.problems]
+    directions, inverse_masses = [each.directions for each in factors], [each.inverse_mass for each in factors]
+    inverses = [inverse.matrix for inverse in inverse_masses]
+    _require_memory([*over_matrices.problems, *over_columns.problems], [*matrices, *directions, *inverses])
+    if matrices:
         yield over_matrices.batch(solve_over_matrices, matrices, ())
-    if over_columns.problems:
-        factors: list[Any] = [problem.factors for problem in over_columns.problems]
-        inverse_masses = [each.inverse_mass for each in factors]
-        inverses = [inverse.matrix for inverse in inverse_masses]
+    if factors:
         dofs = np.array([0, *accumulate(len(inverse.data) for inverse in inverses)])
         roots = _joined([inverse.root_diagonal for inverse in inverse_masses])
         mass = (dofs, *_joined_matrices(inverses), roots)
-        yield over_columns.batch(solve_over_columns, [each.directions for each in factors], mass)
+        yield over_columns.batch(solve_over_columns, directions, mass)
+
+
+def _require_memory(problems: Sequence[ContactProblem], matrices: Sequence[Any]) -> None:
+    """Raise ``InsufficientMemoryError`` if the available memory does not suffice for joined copies of all batches."""
+    matrix_bytes = sum(one.data.nbytes + one.indices.nbytes + one.indptr.nbytes for one in matrices)
+    vector_bytes = 3 * sum(problem.free_velocity.nbytes for problem in problems)  # c, Λ, and Λ in the solutions
+    purpose = f"solving {len(problems):,} problems in one call"
+    require_memory(matrix_bytes + vector_bytes, purpose, "solve them in several calls")
 
 
 class _Members:
@@ -181,10 +190,6 @@ class _Members:
     def batch(self, kernel: Callable[..., None], matrices: list[Any], extra: tuple[Any, ...]) -> Batch:
         """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
-        joined_bytes = sum(m.data.nbytes + m.indices.nbytes + m.indptr.nbytes for m in matrices)
-        vector_bytes = 8 * rows[-1]  # of c, Λ, and Λ in the solutions
-        purpose = f"solving {len(self.problems):,} problems in one call"
-        require_memory(joined_bytes + 3 * vector_bytes, purpose, "solve them in several calls")
         entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
         free = _joined([problem.free_velocity for problem in self.problems])
         joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries

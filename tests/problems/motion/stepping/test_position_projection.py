@@ -153,7 +153,7 @@ def test_no_projection_makes_the_deepest_penetration_deeper(
     crowding=st.floats(0.2, 30.0),
     dimension=st.sampled_from([2, 3]),
 )
-def test_a_step_tells_the_overlap_that_its_projection_leaves(
+def test_the_overlap_of_a_step_is_the_one_that_its_projection_leaves(
     seed: int, n_balls: int, crowding: float, dimension: int
 ) -> None:
     """Up to 40 balls in the space of one: not all clusters come apart in one step."""

@@ -76,6 +76,22 @@ def test_memory_that_does_not_suffice_for_joined_copies_is_named_before_they_are
     assert solve_many(problems).solutions[0].status is Status.SOLVED
 
 
+def test_memory_for_all_forms_is_checked_before_the_first_problem_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """M⁻¹ counts, too: without it, the copies of the second form would fit."""
+    rng = np.random.default_rng(0)
+    given, factored = random_problem(rng, 4, 3, "matrix"), random_problem(rng, 4, 3, "diagonal")
+    assert given.matrix is not None
+    assert factored.factors is not None
+    matrices = [given.matrix, factored.factors.directions, factored.factors.inverse_mass.matrix]
+    needed = sum(one.data.nbytes + one.indices.nbytes + one.indptr.nbytes for one in matrices) + 6 * 12 * 8
+    monkeypatch.setattr(memory, "SMALL_BYTES", 0)
+    monkeypatch.setattr(memory, "available_bytes", lambda: needed - 1)
+    with pytest.raises(InsufficientMemoryError, match=r"for solving 2 problems in one call"):
+        next(_batches([given, factored], 1.0))
+    monkeypatch.setattr(memory, "available_bytes", lambda: needed)
+    assert len(list(_batches([given, factored], 1.0))) == 2
+
+
 def test_no_problems_have_no_solutions() -> None:
     many = solve_many([])
     assert many.solutions == []
