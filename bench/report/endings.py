@@ -12,6 +12,9 @@ from .accuracy import accuracy_tag
 CASE = ["problem", "solver"]
 """Columns that identify a case."""
 
+POINT = ["tolerance", "outcome", "reason", "status", "model_residual", "notes"]
+"""Columns of a point on which the ending of its case depends."""
+
 
 def attempted_points(frames: RunFrames) -> pd.DataFrame:
     """Return the points of a run that were attempted."""
@@ -25,14 +28,14 @@ def case_endings(frames: RunFrames) -> pd.DataFrame:
     Columns: outcome (the fault of the case, else the worst of its ladder), reason, and notes (of the finest point with
     notes).
     """
-    attempted = attempted_points(frames)
-    ladders = dict(iter(attempted.groupby(CASE, sort=False)))
+    ladders: dict[tuple[str, str], list[dict[Any, Any]]] = {}
+    for point in attempted_points(frames)[[*CASE, *POINT]].to_dict("records"):  # not pandas, which takes ms per case
+        ladders.setdefault((point["problem"], point["solver"]), []).append(point)
     rows = []
-    for case in frames.cases.to_dict("records"):
-        ladder = ladders.get((case["problem"], case["solver"]), attempted.iloc[:0])
-        noted = ladder[ladder["notes"] != ""]
-        notes = "" if noted.empty else f"{_prefix(noted.iloc[-1])}{noted['notes'].iloc[-1]}"
-        rows.append((*_ending(case, ladder), notes))
+    for case in frames.cases[[*CASE, "outcome", "reason", "model", "is_tried"]].to_dict("records"):
+        ladder = ladders.get((case["problem"], case["solver"]), [])
+        noted = [point for point in ladder if point["notes"] != ""]
+        rows.append((*_ending(case, ladder), f"{_prefix(noted[-1])}{noted[-1]['notes']}" if noted else ""))
     return pd.DataFrame(rows, columns=["outcome", "reason", "notes"], index=frames.cases.index)
 
 
@@ -43,27 +46,27 @@ def join_texts(reason: str, notes: str) -> str:
     return "; ".join(filter(None, (reason, rest if has_prefix else notes)))
 
 
-def _prefix(point: "pd.Series[Any]") -> str:
+def _prefix(point: dict[Any, Any]) -> str:
     """Return the beginning of a text about a point, which gives its tolerance."""
     return f"at {accuracy_tag(point['tolerance'])}: "
 
 
-def _ending(case: dict[Any, Any], ladder: pd.DataFrame) -> tuple[str, str]:
+def _ending(case: dict[Any, Any], ladder: list[dict[Any, Any]]) -> tuple[str, str]:
     """Return the outcome of a case with its attempted points, and the reason."""
     if case["outcome"] != Outcome.MEASURED:
         return str(case["outcome"]), str(case["reason"])
     for outcome in (Outcome.WRONG, Outcome.RELAXED):
-        if len(claims := ladder[ladder["outcome"] == outcome]):
-            first = claims.iloc[0]
+        first = next((point for point in ladder if point["outcome"] == outcome), None)
+        if first is not None:
             if first["status"] == Status.INFEASIBLE:
                 return outcome.value, str(first["reason"])
             return outcome.value, claim_reason(outcome, first["tolerance"], case["model"], first["model_residual"])
     if not case["is_tried"]:
-        reached = f"below {accuracy_tag(ladder['tolerance'].iloc[-1])}" if len(ladder) else "yet"
+        reached = f"below {accuracy_tag(ladder[-1]['tolerance'])}" if ladder else "yet"
         return Outcome.UNFINISHED.value, f"not measured {reached}"
-    if ladder.empty:
+    if not ladder:
         return str(case["outcome"]), str(case["reason"])
-    last = ladder.iloc[-1]
+    last = ladder[-1]
     if last["outcome"] == Outcome.SOLVED:
         return Outcome.SOLVED.value, f"to {accuracy_tag(last['tolerance'])}"
     return str(last["outcome"]), f"{_prefix(last)}{last['reason']}"

@@ -84,6 +84,7 @@ def figures_of(comparison: Comparison) -> pd.DataFrame:
         {
             "scene": run.scene,
             "engine": run.engine,
+            "version": comparison.versions[run.engine],
             "setting": run.setting,
             "Δt [ms]": 1e3 * run.time_step,
             WALL: 1e3 * run.wall_seconds if run.wall_seconds <= INTERRUPTED * run.processor_seconds else np.nan,
@@ -218,7 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--figures", type=Path, default=FIGURES, help="file of the runs")
     parser.add_argument("--charts", type=Path, default=DOCS / "images", help="folder of the pictures")
     options = parser.parse_args(arguments)
-    figures = pd.read_csv(options.figures)
+    figures = pd.read_csv(options.figures, dtype={"version": str})
     for file in options.results:
         figures = merged(figures, figures_of(read_comparison(file)))
     if options.results:

@@ -18,7 +18,7 @@ def stored(file: Path, setting: str, ratio: float) -> Path:
     seconds = {"wall_seconds": 7.0 * ratio, "processor_seconds": 7.0}
     run = Measurement(scene="stack", engine="proxbench", setting=setting, time_step=2e-3, errors=errors, **seconds)
     machine = msgspec.to_builtins(this_machine())
-    made = Comparison(measurements=(run,), versions={}, rounds=1, load=(1.5, 0.0), machine=machine)
+    made = Comparison(measurements=(run,), versions={"proxbench": "1.2"}, rounds=1, load=(1.5, 0.0), machine=machine)
     file.write_bytes(msgspec.json.encode(made))
     return file
 
@@ -32,12 +32,13 @@ def test_a_new_run_replaces_the_old_one_and_has_a_wall_time_unless_it_was_interr
     old.to_csv(file, index=False)
     result = stored(tmp_path / "new.json", "1e-4", ratio)
     main(["--figures", str(file), "--results", str(result), "--charts", str(tmp_path)])
-    new = pd.read_csv(file)
+    new = pd.read_csv(file, dtype={"version": str})
     pd.testing.assert_frame_equal(new[KEY], old[KEY])
     changed = new[(new["scene"] == "stack") & (new["engine"] == "proxbench") & (new["setting"] == "1e-4")]
     assert changed["penetration [mm]"].tolist() == [1e-3]
     assert changed[WALL].notna().tolist() == [is_kept]
     assert changed["load"].tolist() == [1.5]
+    assert changed["version"].tolist() == ["1.2"]
 
 
 def test_both_pictures_are_drawn_with_all_engines(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -56,21 +55,14 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
     """
     svg, png = picture_files(path)
     with alt.data_transformers.enable("default", max_rows=None):  # altair limits the rows for web pages
-        drawn = vl_convert.vegalite_to_svg(chart.to_json())
+        drawn = vl_convert.vegalite_to_svg(chart.to_json(validate=False))
     return [write_file(svg, drawn.encode()), write_file(png, vl_convert.svg_to_png(drawn, scale=PNG_SCALE))]
 
 
 def compiled(chart: alt.TopLevelMixin) -> dict[str, Any]:
     """Return the Vega specification of a chart, which a page draws without Vega-Lite."""
-    specification: dict[str, Any] = vl_convert.vegalite_to_vega(chart.to_json())
+    specification: dict[str, Any] = vl_convert.vegalite_to_vega(chart.to_json(validate=False))
     return specification
-
-
-@cache
-def drawing_script() -> str:
-    """Return a script that defines ``vegaEmbed``, which draws Vega specifications in a page without downloads."""
-    script: str = vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")
-    return script
 
 
 def stacked(
@@ -89,17 +81,16 @@ def stacked(
         spacing: distance between two panels [pixels].
         label_width: width of the labels of vertical axes [pixels].
     """
-    chart: alt.VConcatChart = (
-        alt.vconcat(*panels, spacing=spacing)
-        .properties(title=title, background="white", padding=14)
-        .configure_axis(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8")
-        .configure_axisY(minExtent=label_width)
-        .configure_line(strokeJoin="round")  # pointed corners extend beyond the values
-        .configure_view(stroke="#cccccc")
-        .configure_legend(labelFontSize=FONT_SIZE)
-        .resolve_scale(**scales)
+    config = alt.Config(
+        axis=alt.AxisConfig(labelFontSize=11, titleFontSize=12, titleFontWeight="normal", gridColor="#e8e8e8"),
+        axisY=alt.AxisConfig(minExtent=label_width),
+        line=alt.LineConfig(strokeJoin="round"),  # pointed corners extend beyond the values
+        view=alt.ViewConfig(stroke="#cccccc"),
+        legend=alt.LegendConfig(labelFontSize=FONT_SIZE),
     )
-    return chart
+    resolve = alt.Resolve(scale=alt.ScaleResolveMap(**scales))
+    style: dict[str, Any] = {"title": title, "background": "white", "padding": 14, "config": config, "resolve": resolve}
+    return alt.vconcat(*panels, spacing=spacing, **style)  # methods of a chart would copy all its rows each time
 
 
 def side_by_side(panels: Sequence[Panel], spacing: int) -> alt.HConcatChart:

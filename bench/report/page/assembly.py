@@ -14,7 +14,7 @@ from typing import Any
 
 from ...errors import BenchError
 from ...store.frames import JUDGED, RunFrames
-from ..charts.drawing import drawing_script
+from ..charts.drawing_script import drawing_script
 from ..layout.output_file import write_file
 from ..profiles import baseline_of, require_cases
 from .document import page_document
