@@ -122,7 +122,7 @@ def test_a_study_reports_tables_points_and_charts_as_a_run_does(pour: Run) -> No
 def test_points_count_the_steps_whose_projection_leaves_overlaps(tmp_path: Path) -> None:
     """Balls fall many radii in a step of 30 ms, and a tenth of one in a step of 2 ms."""
     methods = {"Moreau with SORprox": (0.03, 0.002)}
-    found = study("pile(balls=30)", results=tmp_path, duration=0.6, members=(0, 1), methods=methods)
+    found = study("pile(balls=15)", results=tmp_path, duration=0.4, members=(0, 1), methods=methods)
     assert (found.points["overlapping_steps"] > 0).tolist() == [True, False]
     console = Console(file=io.StringIO(), width=200)
     print_points(read_frames(found.folder), found.info.plan.trajectories[0], console)
