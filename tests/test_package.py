@@ -88,6 +88,7 @@ def test_a_problem_is_solved_and_judged_with_the_package_alone() -> None:
         ("proxbench.solvers", {"cvxpy", "clarabel", "rerun", "pandas", "altair", "rich", "typer"}),
         ("proxbench.bench", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
         ("proxbench.bench.cli.main", {"numba", "scipy", "clarabel", "pandas", "altair", "rerun"}),
+        ("proxbench.bench.cli.listing", {"scipy.linalg", "scipy.special", "clarabel", "pandas", "altair", "rerun"}),
         ("proxbench.bench.runs", {"scipy.stats", "scipy.spatial", "scipy.integrate", "cvxpy", "altair", "rerun"}),
     ],
 )

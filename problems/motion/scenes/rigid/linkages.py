@@ -9,8 +9,6 @@ from math import acos, atan2, cos, hypot, inf, sin, sqrt
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.special import ellipj, ellipk
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
@@ -79,6 +77,8 @@ def swing_modes(
     Returns:
         Ascending angular frequencies [rad/s], shape (n,), and angles with one column per mode, shape (n, n).
     """
+    from scipy.linalg import eigh  # import takes 0.04 s
+
     levers = np.tril(np.tile(lengths, (len(masses), 1)), -1) + np.diag(offsets)
     inertia = levers.T @ (masses[:, None] * levers) + np.diag(moments)
     squared, modes = eigh(gravity * np.diag(levers.T @ masses), inertia)
@@ -122,6 +122,8 @@ class Pendulum(ClosedFormScene):
     @property
     def period(self) -> float:
         """Period [s], 4 K(k) / ω₀."""
+        from scipy.special import ellipk  # import takes 0.04 s
+
         return 4.0 * float(ellipk(sin(0.5 * self.angle) ** 2)) / self.frequency
 
     def system(self, friction: float = 0.0) -> RigidBodies:
@@ -131,6 +133,8 @@ class Pendulum(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]."""
+        from scipy.special import ellipj  # import takes 0.04 s
+
         k = sin(0.5 * self.angle)
         sn, cn, dn, _ = ellipj(self.frequency * time, k * k)
         angle = 2.0 * np.arcsin(k * cn / dn)
