@@ -3,6 +3,7 @@
 import hashlib
 from contextlib import suppress
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 import vl_convert
@@ -14,6 +15,9 @@ from ..layout.output_file import write_file
 PROGRAM = "window.vegaEmbed = vegaEmbed;"
 """The program that is bundled with the libraries that it uses."""
 
+LIBRARY = "vl-convert-python"
+"""The distribution that has these libraries and bundles them."""
+
 
 @cache
 def drawing_script() -> str:
@@ -23,7 +27,7 @@ def drawing_script() -> str:
     library that bundles it. A file without the digest of its text in its first line is written again, and a folder that
     cannot be written is not used.
     """
-    file = cache_folder() / "scripts" / f"vega-embed-{vl_convert.__version__}.js"
+    file = cache_folder() / "scripts" / f"vega-embed-{metadata.version(LIBRARY)}.js"
     script = _stored(file)
     if script is None:
         script = str(vl_convert.javascript_bundle(PROGRAM))

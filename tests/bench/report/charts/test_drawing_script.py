@@ -1,6 +1,7 @@
 """The script that draws charts is bundled once, and again where its stored file is damaged or cannot be written."""
 
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -60,7 +61,7 @@ def test_a_shortened_file_is_written_again(bundler: Bundler, tmp_path: Path) -> 
 
 def test_another_version_of_the_library_bundles_again(bundler: Bundler, monkeypatch: pytest.MonkeyPatch) -> None:
     drawing_script()
-    monkeypatch.setattr(vl_convert, "__version__", "0.0")
+    monkeypatch.setattr(metadata, "version", lambda name: "0.0")
     asked_again()
     assert bundler.calls == 2
 
