@@ -38,7 +38,7 @@ IMPORTERS = {
     "psutil": ["bench/isolation/", "bench/measure/machine.py"],
     "rerun": ["bench/recordings/"],
     "typer": ["bench/cli/"],
-    "vl_convert": ["bench/report/charts/drawing.py"],
+    "vl_convert": ["bench/report/charts/drawing.py", "bench/report/charts/drawing_script.py"],
     "warp": ["solvers/prox/parallel/"],
 }
 """The folders and files that may import a heavy library."""

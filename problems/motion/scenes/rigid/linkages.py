@@ -9,6 +9,7 @@ from math import acos, atan2, cos, hypot, inf, sin, sqrt
 from typing import ClassVar
 
 import numpy as np
+import scipy  # which imports its parts at their first use
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
@@ -77,11 +78,9 @@ def swing_modes(
     Returns:
         Ascending angular frequencies [rad/s], shape (n,), and angles with one column per mode, shape (n, n).
     """
-    from scipy.linalg import eigh  # import takes 0.04 s
-
     levers = np.tril(np.tile(lengths, (len(masses), 1)), -1) + np.diag(offsets)
     inertia = levers.T @ (masses[:, None] * levers) + np.diag(moments)
-    squared, modes = eigh(gravity * np.diag(levers.T @ masses), inertia)
+    squared, modes = scipy.linalg.eigh(gravity * np.diag(levers.T @ masses), inertia)
     return np.sqrt(squared), modes
 
 
@@ -122,9 +121,7 @@ class Pendulum(ClosedFormScene):
     @property
     def period(self) -> float:
         """Period [s], 4 K(k) / ω₀."""
-        from scipy.special import ellipk  # import takes 0.04 s
-
-        return 4.0 * float(ellipk(sin(0.5 * self.angle) ** 2)) / self.frequency
+        return 4.0 * float(scipy.special.ellipk(sin(0.5 * self.angle) ** 2)) / self.frequency
 
     def system(self, friction: float = 0.0) -> RigidBodies:
         """Return the rod; ``friction`` is the largest moment of friction in its joint [N m]."""
@@ -133,10 +130,8 @@ class Pendulum(ClosedFormScene):
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]."""
-        from scipy.special import ellipj  # import takes 0.04 s
-
         k = sin(0.5 * self.angle)
-        sn, cn, dn, _ = ellipj(self.frequency * time, k * k)
+        sn, cn, dn, _ = scipy.special.ellipj(self.frequency * time, k * k)
         angle = 2.0 * np.arcsin(k * cn / dn)
         rate = -2.0 * k * self.frequency * sqrt(1.0 - k * k) * sn / dn
         half = 0.5 * self.length
