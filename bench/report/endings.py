@@ -29,7 +29,7 @@ def case_endings(frames: RunFrames) -> pd.DataFrame:
     notes).
     """
     ladders: dict[tuple[str, str], list[dict[Any, Any]]] = {}
-    for point in attempted_points(frames)[[*CASE, *POINT]].to_dict("records"):  # not pandas, which takes ms per case
+    for point in attempted_points(frames)[[*CASE, *POINT]].to_dict("records"):  # a data frame per case is slow
         ladders.setdefault((point["problem"], point["solver"]), []).append(point)
     rows = []
     for case in frames.cases[[*CASE, "outcome", "reason", "model", "is_tried"]].to_dict("records"):
