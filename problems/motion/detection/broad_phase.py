@@ -84,6 +84,28 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     return pairs
 
 
+def near_bodies(
+    centres: FloatArray, radii: FloatArray, n_moving: int, margin: float, excluded: IntArray | None = None
+) -> IntArray:
+    """Return the pairs of bodies whose bounding spheres are closer than ``margin``, sorted by i, then j.
+
+    Args:
+        centres: x of all bodies [m], those of fixed ones last, shape (n, 3).
+        radii: radii of the bounding spheres [m], infinite for half-spaces, shape (n,).
+        n_moving: number of moving bodies; pairs of two fixed ones are not returned.
+        margin: distance [m].
+        excluded: i · n + j, ascending, of pairs that are left out.
+
+    Returns:
+        Pairs i < j, shape (n_pairs, 2).
+    """
+    moving = overlapping_pairs(centres[:n_moving], radii[:n_moving] + 0.5 * margin)
+    pairs: IntArray = _with_fixed(moving, centres, radii, n_moving, margin, _NONE if excluded is None else excluded)
+    return pairs
+
+
+_NONE = np.zeros(0, dtype=np.int64)
+
 CELLS_PER_BALL = 64
 """Largest number of cells per ball for which balls are sorted by counting; scattered balls occupy more cells."""
 
@@ -216,3 +238,32 @@ def _sorted_pairs(pairs, n):  # type: ignore[no-untyped-def]
             at -= 1
         found[at, 0], found[at, 1] = i, j
     return found
+
+
+@njit(cache=True)
+def _with_fixed(moving, centres, radii, n_moving, margin, excluded):  # type: ignore[no-untyped-def]
+    """Return sorted pairs of moving bodies, and those of each with fixed bodies, without the excluded ones."""
+    n = len(centres)
+    pairs = np.empty((len(moving) + n_moving * (n - n_moving), 2), dtype=np.int64)
+    count, at, left_out = 0, 0, 0
+    for i in range(n_moving):
+        end = at
+        while end < len(moving) and moving[end, 0] == i:
+            end += 1
+        for k in range(end - at + n - n_moving):
+            if k < end - at:
+                j = moving[at + k, 1]
+            else:
+                j, squared = n_moving + k - (end - at), 0.0
+                for axis in range(3):
+                    squared += (centres[i, axis] - centres[j, axis]) ** 2
+                if not np.sqrt(squared) < radii[i] + radii[j] + margin:
+                    continue
+            while left_out < len(excluded) and excluded[left_out] < i * n + j:
+                left_out += 1
+            if left_out < len(excluded) and excluded[left_out] == i * n + j:
+                continue
+            pairs[count, 0], pairs[count, 1] = i, j
+            count += 1
+        at = end
+    return pairs[:count]

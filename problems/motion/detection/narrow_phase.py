@@ -32,6 +32,9 @@ SLACK = 1e-6
 PARALLEL = 1e-6
 """Sine of the angle between two edges below which they count as parallel."""
 
+BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, NONE = range(6)
+"""Methods for the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders``, coal, and none."""
+
 
 @dataclass(frozen=True, eq=False)
 class ContactSet:
@@ -66,33 +69,48 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     Raises:
         ProblemError: for a half-space as first body, and for pairs that need coal if it is not installed.
     """
-    if not len(pairs):
-        return _contact_set([(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))])
     shapes = tuple(shapes)
     arrays = shape_arrays(shapes)
-    first_kind, second_kind = arrays.round_shapes.kind[pairs].T
-    if (first_kind == PLANE).any():
+    methods, counts = _methods(pairs, arrays.round_shapes.kind, arrays.is_box, arrays.is_ball)
+    if counts[NONE]:
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
-    is_box = arrays.is_box[pairs[:, 0]] & (arrays.is_box[pairs[:, 1]] | (second_kind == PLANE))
-    is_cylinder = (first_kind == CYLINDER) | (second_kind == CYLINDER)
-    is_round = ~is_cylinder & ((first_kind == SEGMENT) | (second_kind == SEGMENT))
-    is_ball = arrays.is_ball[pairs].any(axis=1)
-    is_closed_form = is_cylinder & ((second_kind == PLANE) | is_ball)
-    needs_coal = is_cylinder & ~is_closed_form
-    is_general = ~(is_box | is_cylinder | is_round)
     centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
-    parts = []
-    if is_box.any():
-        parts.append(_find_boxes(arrays, centres, rotations, pairs[is_box], margin))
-    if is_general.any():
-        parts.append(find_polyhedra(shapes, centres, rotations, pairs[is_general], margin))
-    if is_round.any():
-        parts.append(find_round(arrays.round_shapes, arrays.packed, centres, rotations, pairs[is_round], margin=margin))
-    if is_closed_form.any():
-        parts.append(find_cylinders(arrays.round_shapes, centres, rotations, pairs[is_closed_form], margin))
-    if needs_coal.any():
-        parts.append(find_with_coal(shapes, centres, rotations, pairs[needs_coal], margin))
+    round_shapes, parts = arrays.round_shapes, []
+    for method in np.flatnonzero(counts):
+        some = pairs if counts[method] == len(pairs) else pairs[methods == method]
+        if method == BOXES:
+            part = _find_boxes(arrays, centres, rotations, some, margin)
+        elif method == POLYHEDRA:
+            part = find_polyhedra(shapes, centres, rotations, some, margin)
+        elif method == ROUND:
+            part = find_round(round_shapes, arrays.packed, centres, rotations, some, margin=margin)
+        elif method == CYLINDERS:
+            part = find_cylinders(round_shapes, centres, rotations, some, margin)
+        else:
+            part = find_with_coal(shapes, centres, rotations, some, margin)
+        parts.append(part)
     return _contact_set(parts)
+
+
+@njit(cache=True)
+def _methods(pairs, kind, is_box, is_ball):  # type: ignore[no-untyped-def]
+    """Return the method that finds the contacts of each pair, and the number of pairs of each method."""
+    methods, counts = np.empty(len(pairs), dtype=np.int64), np.zeros(NONE + 1, dtype=np.int64)
+    for k in range(len(pairs)):
+        i, j = pairs[k]
+        if kind[i] == PLANE:
+            method = NONE
+        elif is_box[i] and (is_box[j] or kind[j] == PLANE):
+            method = BOXES
+        elif kind[i] == CYLINDER or kind[j] == CYLINDER:
+            method = CYLINDERS if kind[j] == PLANE or is_ball[i] or is_ball[j] else WITH_COAL
+        elif kind[i] == SEGMENT or kind[j] == SEGMENT:
+            method = ROUND
+        else:
+            method = POLYHEDRA
+        methods[k] = method
+        counts[method] += 1
+    return methods, counts
 
 
 def _find_boxes(
@@ -108,11 +126,45 @@ def _find_boxes(
 
 def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
     """Return contacts of several kinds of pairs in the order of bodies and features."""
+    if not parts:
+        return ContactSet(*_in_order(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64)))
+    if len(parts) == 1:
+        (keys, numbers) = parts[0]
+        return ContactSet(*_in_order(keys, numbers, _order(keys)))
     keys, numbers = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-    order = np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))
-    keys, numbers = keys[order], numbers[order]
-    first, second, feature = np.ascontiguousarray(keys.T)
-    return ContactSet(first, second, feature, numbers[:, :3].copy(), numbers[:, 3:6].copy(), numbers[:, 6].copy())
+    return ContactSet(*_in_order(keys, numbers, np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))))
+
+
+@njit(cache=True)
+def _order(keys):  # type: ignore[no-untyped-def]
+    """Return the stable order of keys by an insertion sort, for few keys of the same bodies that are together."""
+    order = np.arange(len(keys))
+    for k in range(1, len(keys)):
+        a, b, c = keys[k]
+        at = k
+        while at > 0:
+            p, q, r = keys[order[at - 1]]
+            if p < a or (p == a and (q < b or (q == b and r <= c))):
+                break
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = k
+    return order
+
+
+@njit(cache=True)
+def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
+    """Return the fields of a ``ContactSet`` of contacts in the given order."""
+    n = len(order)
+    first, second, feature = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    point, normal, gap = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    for k in range(n):
+        c = order[k]
+        first[k], second[k], feature[k] = keys[c]
+        for axis in range(3):
+            point[k, axis], normal[k, axis] = numbers[c, axis], numbers[c, 3 + axis]
+        gap[k] = numbers[c, 6]
+    return first, second, feature, point, normal, gap
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ from ....contact.matrices.pieces import Pieces
 from ...detection.narrow_phase import ContactSet
 from .orientation import rotation_matrices
 
-ROLLING_LANES = ((), (0,), (1, 2), (1, 2, 0))
+ROLLING_LANES = tuple(np.array(axes, dtype=np.int64) for axes in ((), (0,), (1, 2), (1, 2, 0)))
 """Axes of N, T1, T2 about which rolling friction acts: none, spinning, rolling, both."""
 
 
@@ -24,7 +24,7 @@ def force_directions(contacts: ContactSet, poses: FloatArray, n_linear: int, n_r
         n_linear: rows of velocity, 1 or 3.
         n_rolling: rows of angular velocity, 0 to 3, see ``ROLLING_LANES``.
     """
-    turning = np.array(ROLLING_LANES[n_rolling], dtype=np.int64)
+    turning = ROLLING_LANES[n_rolling]
     pairs = (contacts.first, contacts.second, contacts.point, contacts.normal)
     bodies = (np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:]))
     starts, chunks, values = _force_directions(*pairs, *bodies, n_linear, turning)

@@ -19,7 +19,7 @@ from ....arrays import FloatArray, IntArray
 from ....contact.laws import Laws
 from ....contact.matrices.factors import InverseMass
 from ....errors import ProblemError
-from ...detection.broad_phase import overlapping_pairs
+from ...detection.broad_phase import near_bodies
 from ...detection.contact_keys import ContactKeys
 from ...detection.narrow_phase import MAX_FEATURES, ContactSet, find_contacts
 from ..balls import Acceleration, PairCoefficient, Potential, known_potential
@@ -240,6 +240,14 @@ class RigidBodies:
     def _keys(self) -> ContactKeys:
         return ContactKeys(len(self._all_shapes), MAX_FEATURES)
 
+    @cached_property
+    def _joined(self) -> IntArray | None:
+        """The pairs of bodies that a joint connects, which have no contacts, as ``near_bodies`` numbers them."""
+        if self.joints is None:
+            return None
+        codes: IntArray = np.unique(self.joints.pairs @ [len(self._all_shapes), 1])
+        return codes
+
     def poses(self, position: FloatArray) -> FloatArray:
         """Return (x [m], quaternion) of each body, shape (n, 7), of a position vector q, shape (7 n,)."""
         return position.reshape(self.n_bodies, 7)
@@ -312,21 +320,8 @@ class RigidBodies:
     def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
         """Return the contacts with a gap below ``margin`` [m], sorted by bodies and feature."""
         everything = np.concatenate([poses, self._fixed_poses])
-        return find_contacts(self._all_shapes, everything, self._near_pairs(everything[:, :3], margin), margin)
-
-    def _near_pairs(self, centres: FloatArray, margin: float) -> IntArray:
-        """Return the pairs whose bounding spheres are closer than ``margin``, sorted by first, then second body."""
-        n = self.n_bodies
-        near = [overlapping_pairs(centres[:n], self.radii[:n] + 0.5 * margin)]
-        for body in range(n, len(centres)):
-            distance = np.linalg.norm(centres[:n] - centres[body], axis=1)
-            touching = np.flatnonzero(distance < self.radii[:n] + self.radii[body] + margin)
-            near.append(np.column_stack([touching, np.full(len(touching), body)]))
-        pairs = np.concatenate(near)
-        if self.joints is not None and len(self.joints.pairs):
-            codes, joined = (some @ [len(centres), 1] for some in (pairs, self.joints.pairs))
-            pairs = pairs[~np.isin(codes, joined)]
-        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        pairs = near_bodies(everything[:, :3], self.radii, self.n_bodies, margin, self._joined)
+        return find_contacts(self._all_shapes, everything, pairs, margin)
 
     def keys_of(self, found: ContactSet) -> IntArray:
         """Return the keys of contacts that ``assemble`` uses."""

@@ -15,6 +15,7 @@ from proxbench.problems.motion.detection.broad_phase import (
     SPEED_MARGIN,
     NearPairs,
     _cell_numbers,
+    near_bodies,
     overlapping_pairs,
 )
 
@@ -31,6 +32,22 @@ def test_it_agrees_with_looking_at_every_pair(seed: int, n: int, dim: int, sprea
     rng = np.random.default_rng(seed)
     centres, radii = rng.normal(size=(n, dim)) * spread, rng.uniform(0.2, 1.0, n)
     assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), n_moving=st.integers(0, 20), n_fixed=st.integers(0, 4), margin=st.floats(0.0, 1.0))
+def test_bodies_are_near_each_other_and_fixed_ones_unless_they_are_excluded(
+    seed: int, n_moving: int, n_fixed: int, margin: float
+) -> None:
+    rng, n = np.random.default_rng(seed), n_moving + n_fixed
+    centres, radii = rng.normal(size=(n, 3)) * 2.0, rng.uniform(0.2, 1.0, n)
+    radii[n_moving::2] = np.inf  # half-spaces
+    expected = every_pair(centres, radii + 0.5 * margin)
+    expected = expected[expected[:, 0] < n_moving]
+    excluded = np.unique(rng.integers(0, n * n, 3 * n) if n else np.zeros(0, dtype=np.int64))
+    assert np.array_equal(near_bodies(centres, radii, n_moving, margin), expected)
+    kept = expected[~np.isin(expected @ [n, 1], excluded)]
+    assert np.array_equal(near_bodies(centres, radii, n_moving, margin, excluded), kept)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
