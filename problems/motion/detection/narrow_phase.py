@@ -69,6 +69,8 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     Raises:
         ProblemError: for a half-space as first body, and for pairs that need coal if it is not installed.
     """
+    if not len(pairs):
+        return _contact_set([])
     shapes = tuple(shapes)
     arrays = shape_arrays(shapes)
     methods, counts = _methods(pairs, arrays.round_shapes.kind, arrays.is_box, arrays.is_ball)
@@ -127,7 +129,7 @@ def _find_boxes(
 def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
     """Return contacts of several kinds of pairs in the order of bodies and features."""
     if not parts:
-        return ContactSet(*_in_order(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64)))
+        return ContactSet(*[np.zeros(0, dtype=np.int64)] * 3, *[np.zeros((0, 3))] * 2, np.zeros(0))
     if len(parts) == 1:
         (keys, numbers) = parts[0]
         return ContactSet(*_in_order(keys, numbers, _order(keys)))

@@ -132,8 +132,8 @@ def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: Flo
     if isinstance(directions, Pieces):
         free_velocity = directions.free_velocity(assembly.free_motion, velocity, contacts.restitution)
     else:
-        free_velocity = directions.T @ assembly.free_motion
-        free_velocity += contacts.restitution * (directions.T @ velocity)
+        transposed = directions.T
+        free_velocity = transposed @ assembly.free_motion + contacts.restitution * (transposed @ velocity)
     if contacts.drive is not None:
         free_velocity -= contacts.drive
     factors = Factors(directions, assembly.inverse_mass, assembly.free_motion)

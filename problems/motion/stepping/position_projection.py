@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, IntArray
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.memory import require_memory
 from ...contact.matrices.pieces import Pieces
@@ -119,7 +119,8 @@ def _close_joints(
             "the fastest oscillation under the forces in the joints."
         )
     spread, inverse = _joint_inverse(overlaps.inverse_mass, joints)
-    velocity = velocity - spread @ (inverse @ (joints.directions.T @ velocity))
+    rates = _transposed_times(*_entries(joints), velocity)
+    velocity = velocity - spread @ (inverse @ rates)
     overlap = -float(overlaps.gap.min(initial=0.0))
     return Projection(position, velocity, overlap if overlap > tolerated else 0.0)
 
@@ -158,11 +159,29 @@ def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[Floa
     """
     n_rows = len(joints.residual)
     require_memory(joint_bytes(joints), f"closing joints with {n_rows:,} rows", "simulate fewer joints")
-    spread = (inverse_mass.matrix @ joints.directions).toarray()
-    gram = joints.directions.T @ spread
+    directions, matrix = joints.directions.toarray(), inverse_mass.matrix
+    spread = matrix.data[:, None] * directions if inverse_mass.is_diagonal else matrix @ directions
+    gram = _transposed_times(*_entries(joints), spread)
     scale = 1.0 / np.sqrt(gram.diagonal())
-    scaled = np.linalg.pinv(scale[:, None] * gram * scale, rcond=REDUNDANCY_TOLERANCE, hermitian=True)
-    return spread, scale[:, None] * scaled * scale
+    values, vectors = np.linalg.eigh(scale[:, None] * gram * scale)
+    is_kept = values > REDUNDANCY_TOLERANCE * values.max(initial=0.0)
+    kept = scale[:, None] * vectors[:, is_kept]
+    return spread, (kept / values[is_kept]) @ kept.T
+
+
+def _entries(joints: JointErrors) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the entries of W, their dofs, and where each column starts."""
+    return joints.directions.data, joints.directions.indices, joints.directions.indptr
+
+
+@njit(cache=True)
+def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-def]
+    """Return Wᵀ x for a vector, or a matrix with such columns."""
+    product = np.zeros((len(starts) - 1, *vector.shape[1:]))
+    for row in range(len(product)):
+        for k in range(starts[row], starts[row + 1]):
+            product[row] += data[k] * vector[dofs[k]]
+    return product
 
 
 @njit(cache=True)

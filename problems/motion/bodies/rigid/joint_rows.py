@@ -1,105 +1,211 @@
-"""Scalar constraints of joints and their derivatives with respect to the velocities of two bodies.
+"""Scalars of joints and their derivatives with respect to the velocities of two bodies, as the rows of a table.
 
 Let p and p' be points of the two bodies, and d = x + R p − x' − R' p' the vector between them. The scalars are
 
     distance       |d|
     along an axis  (R' n)ᵀ d        for n fixed in the second body
     orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
-    angle          θ about n, by which the first body is rotated in the second one
+    angle          θ about n, by which the first body is rotated in the second one; f points along s at θ = 0
 
 They do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
 """
 
-from dataclasses import dataclass
-from math import atan2
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from numba import njit
 
-from ....arrays import FloatArray
-from .orientation import IDENTITY, rotation_matrices
+from ....arrays import FloatArray, IntArray
+from ....contact.matrices.user_matrices import with_entries
+from .orientation import rotation_matrices
 
+WORLD = -1
+"""The index that stands for the world in place of a body; its body axes are the world axes."""
 
-@dataclass(frozen=True, eq=False)
-class JointRow:
-    """A scalar of a joint, and its derivatives with respect to (v, ω) of each body, shape (6,)."""
-
-    value: float
-    first: FloatArray
-    second: FloatArray
-
-    def reversed_to(self, value: float) -> "JointRow":
-        """Return a scalar with the given value and the negative derivatives of this one."""
-        return JointRow(value, -self.first, -self.second)
-
-
-@dataclass(frozen=True, eq=False)
-class JointPair:
-    """The two bodies of a joint at given poses.
-
-    Attributes:
-        first_rotation: R, shape (3, 3).
-        second_rotation: R'.
-        first_point: p in body axes [m].
-        second_point: p'.
-        distance: the vector d in world axes [m].
-    """
-
-    first_rotation: FloatArray
-    second_rotation: FloatArray
-    first_point: FloatArray
-    second_point: FloatArray
-    distance: FloatArray
-
-    @classmethod
-    def create(
-        cls, first: FloatArray, second: FloatArray | None, first_point: FloatArray, second_point: FloatArray
-    ) -> "JointPair":
-        """Return the pair at the poses of both bodies, shape (7,); the second body is the world if None."""
-        second = np.array([0.0, 0.0, 0.0, *IDENTITY]) if second is None else second
-        one, other = rotation_matrices(np.array([first[3:], second[3:]]))
-        distance = first[:3] + one @ first_point - second[:3] - other @ second_point
-        return cls(one, other, first_point, second_point, distance)
-
-    def length(self) -> JointRow:
-        """Return the length |d|."""
-        length = float(np.linalg.norm(self.distance))
-        return self._along(self.distance / length, length)
-
-    def along_axis(self, axis: FloatArray) -> JointRow:
-        """Return the component of d along an axis that is fixed in the second body."""
-        direction = self.second_rotation @ axis
-        row = self._along(direction, float(direction @ self.distance))
-        turned = np.append(_NOTHING, _cross(axis, self.distance @ self.second_rotation))
-        return JointRow(row.value, row.first, row.second + turned)
-
-    def cosine(self, first_axis: FloatArray, second_axis: FloatArray) -> JointRow:
-        """Return the cosine between an axis of each body."""
-        one, other = self.first_rotation @ first_axis, self.second_rotation @ second_axis
-        first = np.append(_NOTHING, _cross(first_axis, other @ self.first_rotation))
-        second = np.append(_NOTHING, _cross(second_axis, one @ self.second_rotation))
-        return JointRow(float(one @ other), first, second)
-
-    def angle(self, axes: FloatArray, rotation: FloatArray) -> JointRow:
-        """Return θ in (−π, π] about ``axes[0]`` of the second body; ``rotation`` turns first axes there at θ = 0."""
-        side = self.second_rotation.T @ self.first_rotation @ rotation.T @ axes[1]
-        direction = self.second_rotation @ axes[0]
-        first, second = np.append(_NOTHING, direction @ self.first_rotation), -np.append(_NOTHING, axes[0])
-        return JointRow(atan2(side @ axes[2], side @ axes[1]), first, second)
-
-    def _along(self, direction: FloatArray, value: float) -> JointRow:
-        """Return the row with ``value`` of the component of d along a unit vector that is fixed in the world."""
-        first = _cross(self.first_point, direction @ self.first_rotation)
-        second = _cross(self.second_point, direction @ self.second_rotation)
-        return JointRow(value, np.append(direction, first), -np.append(direction, second))
-
+DISTANCE, ALONG_AXIS, ORIENTATION, ANGLE = range(4)
+"""Kinds of scalars."""
 
 _NOTHING = np.zeros(3)
 
+_WORLD_POSE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b of two vectors; ``numpy.cross`` takes ten times as long."""
-    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
-    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+class JointRow(NamedTuple):
+    """One value ± scalar + offset of a joint.
+
+    Attributes:
+        kind: kind of the scalar.
+        bodies: indices of the two bodies; the second one may be ``WORLD``.
+        points: p and p' in body axes [m], shape (2, 3).
+        first_axis: f.
+        second_axis: n.
+        side: s, a unit vector of the second body perpendicular to n.
+        sign: 1 or −1.
+        offset: [m or rad].
+        middle: an angle is taken within π of this one [rad].
+    """
+
+    kind: int
+    bodies: tuple[int, int]
+    points: FloatArray
+    first_axis: FloatArray = _NOTHING
+    second_axis: FloatArray = _NOTHING
+    side: FloatArray = _NOTHING
+    sign: float = 1.0
+    offset: float = 0.0
+    middle: float = 0.0
+
+    def plus(self, offset: float) -> "JointRow":
+        """Return the row of scalar + offset."""
+        return self._replace(offset=offset)
+
+    def minus(self, offset: float) -> "JointRow":
+        """Return the row of offset − scalar."""
+        return self._replace(sign=-1.0, offset=offset)
+
+
+class JointTable(NamedTuple):
+    """Rows as arrays: the attributes of each ``JointRow``, one row after the other."""
+
+    kind: IntArray
+    bodies: IntArray
+    points: FloatArray
+    first_axis: FloatArray
+    second_axis: FloatArray
+    side: FloatArray
+    sign: FloatArray
+    offset: FloatArray
+    middle: FloatArray
+
+    @classmethod
+    def of(cls, rows: Sequence[JointRow]) -> "JointTable":
+        """Return the table of rows."""
+        n = len(rows)
+        kind, bodies, *others = zip(*rows, strict=True) if rows else [()] * len(cls._fields)
+        shapes = (n, 2, 3), (n, 3), (n, 3), (n, 3), (n,), (n,), (n,)
+        numbers = [
+            np.array(given, dtype=np.float64).reshape(shape) for given, shape in zip(others, shapes, strict=True)
+        ]
+        return cls(np.array(kind, dtype=np.int64), np.array(bodies, dtype=np.int64).reshape(n, 2), *numbers)
+
+    def at(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return values, and their derivatives with respect to (v, ω) of each body.
+
+        Args:
+            poses: (x [m], quaternion) of each body, shape (n_bodies, 7).
+
+        Returns:
+            Values [m or rad], shape (n,), and derivatives, shape (n, 2, 6). Those of a distance that is 0 are 0.
+        """
+        everything = np.concatenate([poses, _WORLD_POSE])
+        values, rates = _evaluate(self, everything, rotation_matrices(everything[:, 3:]))
+        return values, rates
+
+
+def columns(bodies: IntArray, rates: FloatArray, n_bodies: int) -> sp.csc_array[Any]:
+    """Return W, shape (6 n_bodies, n): one column for each row with derivatives ``rates``, shape (n, 2, 6)."""
+    return with_entries(_no_entries(6 * n_bodies, len(rates)), *_columns(bodies, rates))
+
+
+@lru_cache(maxsize=64)
+def _no_entries(n_dofs: int, n_rows: int) -> sp.csc_array[Any]:
+    return sp.csc_array((n_dofs, n_rows))
+
+
+@njit(cache=True)
+def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
+    n = len(table.kind)
+    values, rates = np.empty(n), np.zeros((n, 2, 6))
+    for row in range(n):
+        (i, j), kind, side = table.bodies[row], table.kind[row], table.side[row]
+        one, other = rotations[i], rotations[j]
+        p, q = _vector(table.points[row, 0]), _vector(table.points[row, 1])
+        f, n_axis = _vector(table.first_axis[row]), _vector(table.second_axis[row])
+        from_one, from_other = _to_world(one, p), _to_world(other, q)
+        d = (
+            poses[i, 0] + from_one[0] - poses[j, 0] - from_other[0],
+            poses[i, 1] + from_one[1] - poses[j, 1] - from_other[1],
+            poses[i, 2] + from_one[2] - poses[j, 2] - from_other[2],
+        )
+        along, nothing = _to_world(other, n_axis), (0.0, 0.0, 0.0)
+        if kind in (DISTANCE, ALONG_AXIS):
+            value = _dot(along, d)
+            if kind == DISTANCE:
+                value = np.sqrt(_dot(d, d))
+                along = nothing if value == 0.0 else (d[0] / value, d[1] / value, d[2] / value)
+            _write(rates[row, 0], 1.0, along, _cross(p, _to_body(one, along)))
+            turned = _cross(q, _to_body(other, along))
+            if kind == ALONG_AXIS:
+                lever = _cross(n_axis, _to_body(other, d))
+                turned = (turned[0] - lever[0], turned[1] - lever[1], turned[2] - lever[2])
+            _write(rates[row, 1], -1.0, along, turned)
+        elif kind == ORIENTATION:
+            f_world = _to_world(one, f)
+            value = _dot(f_world, along)
+            _write(rates[row, 0], 1.0, nothing, _cross(f, _to_body(one, along)))
+            _write(rates[row, 1], 1.0, nothing, _cross(n_axis, _to_body(other, f_world)))
+        else:
+            now, start = _to_body(other, _to_world(one, f)), _vector(side)
+            value = np.arctan2(_dot(now, _cross(n_axis, start)), _dot(now, start))
+            turns = np.rint((value - table.middle[row]) / (2.0 * np.pi))
+            value -= 2.0 * np.pi * turns
+            _write(rates[row, 0], 1.0, nothing, _to_body(one, along))
+            _write(rates[row, 1], -1.0, nothing, n_axis)
+        values[row] = table.sign[row] * value + table.offset[row]
+        if table.sign[row] < 0.0:
+            rates[row] *= -1.0
+    return values, rates
+
+
+@njit(cache=True)
+def _columns(bodies, rates):  # type: ignore[no-untyped-def]
+    """Return entries other than 0, their dofs, which ascend, and where each column starts; bodies below 0 have none."""
+    n = len(bodies)
+    data, dofs = np.empty(12 * n), np.empty(12 * n, dtype=np.int32)
+    starts, count = np.zeros(n + 1, dtype=np.int32), 0
+    for row in range(n):
+        lower = 0 if bodies[row, 0] < bodies[row, 1] else 1
+        for side in (lower, 1 - lower):
+            for k in range(6):
+                if bodies[row, side] >= 0 and rates[row, side, k] != 0.0:
+                    data[count], dofs[count] = rates[row, side, k], 6 * bodies[row, side] + k
+                    count += 1
+        starts[row + 1] = count
+    return data[:count], dofs[:count], starts
+
+
+@njit(cache=True)
+def _write(rates, sign, linear, angular):  # type: ignore[no-untyped-def]
+    for axis in range(3):
+        rates[axis], rates[3 + axis] = sign * linear[axis], sign * angular[axis]
+
+
+@njit(cache=True)
+def _vector(array):  # type: ignore[no-untyped-def]
+    return array[0], array[1], array[2]
+
+
+@njit(cache=True)
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def _to_world(rotation, vector):  # type: ignore[no-untyped-def]
+    return _dot(rotation[0], vector), _dot(rotation[1], vector), _dot(rotation[2], vector)
+
+
+@njit(cache=True)
+def _to_body(rotation, vector):  # type: ignore[no-untyped-def]
+    return _dot(rotation[:, 0], vector), _dot(rotation[:, 1], vector), _dot(rotation[:, 2], vector)
 
 
 def perpendicular_axes(axis: FloatArray) -> FloatArray:

@@ -12,11 +12,11 @@ which is the angle of a revolute joint or the displacement of a prismatic joint,
     motor       the same with ξ = ṡ − w: a force of at most ``a`` until ṡ reaches the target speed w
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite, pi, remainder
-from typing import Any, Literal
+from math import inf, isfinite, pi
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,12 +24,20 @@ import scipy.sparse as sp
 from ....arrays import FloatArray, IntArray
 from ....contact.laws import LawKind, Laws
 from ....errors import ProblemError
-from .joint_rows import JointPair, JointRow, perpendicular_axes
+from ..system import JointErrors
+from .joint_rows import (
+    ALONG_AXIS,
+    ANGLE,
+    DISTANCE,
+    ORIENTATION,
+    WORLD,
+    JointRow,
+    JointTable,
+    columns,
+    perpendicular_axes,
+)
 from .orientation import IDENTITY, check_orientation, rotation_matrices
 from .rigid_bodies import JointRows
-
-WORLD = -1
-"""The index that stands for the world in place of a body; its body axes are the world axes."""
 
 MAX_CLOSING_ERROR = 1e-6
 """Largest residual of a joint at the start of a motion, in m or, for orientations, rad."""
@@ -39,6 +47,9 @@ Kind = Literal["ball", "revolute", "prismatic", "fixed", "distance", "rope"]
 
 Vector = tuple[float, float, float]
 """x, y and z."""
+
+NO_AXIS: Vector = (0.0, 0.0, 0.0)
+"""Stands for an axis that a scalar does not have."""
 
 _ROWS: dict[str, tuple[int, int]] = {
     "ball": (3, 0),
@@ -180,19 +191,29 @@ class RigidJoints:
         ]
         return np.array(joined, dtype=np.int64).reshape(-1, 2)
 
+    def errors_at(self, poses: FloatArray) -> JointErrors:
+        """Return the residual of the constraints [m or rad], and W, at poses of shape (n, 7).
+
+        Raises:
+            ProblemError: if the points of a distance joint coincide, so that it has no direction.
+        """
+        values, rates = self._held.at(poses)
+        if (self._held.kind == DISTANCE).any() and not rates.any(axis=(1, 2)).all():
+            raise ProblemError("the points of a distance joint coincide; move them apart.")
+        return JointErrors(values, columns(self._held.bodies, rates, self.n_bodies))
+
     def residual(self, poses: FloatArray) -> FloatArray:
         """Return the residual of the constraints [m or rad], shape (n_rows,), at poses of shape (n, 7)."""
-        return np.array([row.value for joint in self.joints for row in _held(joint, _pair(joint, poses))])
+        return self.errors_at(poses).residual
 
     def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
         """Return W, shape (6 n, n_rows): the rate of ``residual`` is Wᵀ u."""
-        return self._columns([(joint, row) for joint in self.joints for row in _held(joint, _pair(joint, poses))])
+        return self.errors_at(poses).directions
 
     def limits_below(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, sp.csc_array[Any]]:
         """Return keys, gaps [m or rad] and W of the limits and ropes with a gap below ``margin``."""
-        reached = list(self._reached(poses, margin))
-        keys, gap = np.array([key for key, *_ in reached], dtype=np.int64), [row.value for _, _, row in reached]
-        return keys, np.array(gap), self._columns([(joint, row) for _, joint, row in reached])
+        reached, gap, rates = self._reached(poses, margin)
+        return self._gap_keys[reached], gap, columns(self._gaps.bodies[reached], rates, self.n_bodies)
 
     def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
         """Return rows, laws and W at poses of shape (n, 7), for a step of ``seconds``.
@@ -200,34 +221,23 @@ class RigidJoints:
         Friction and motor of a joint, bounded by a force times the step, follow its constraints. Limits and ropes with
         a gap below ``margin`` follow all joints.
         """
-        rows: list[_LawRow] = []
-        keys, gaps, counts = [], [], []
-        for key, joint in enumerate(self.joints):
-            own = list(self._law_rows(joint, poses, seconds))
-            if own:
-                keys.append(key)
-                gaps.append(0.0)
-                counts.append(len(own))
-                rows += own
-        for key, joint, row in self._reached(poses, margin):
-            keys.append(key)
-            gaps.append(row.value)
-            counts.append(1)
-            rows.append(_LawRow(joint, row, LawKind.UNILATERAL, restitution=joint.restitution))
-        laws = Laws.in_order(
-            [row.kind for row in rows],
-            np.zeros(len(rows)),
-            np.array([row.bound for row in rows]),
-            np.full(len(rows), -1),
-        )
+        table, active = self._active
+        _, rates = table.at(poses)
+        keys, counts, laws = active.keys, active.counts, self._laws(seconds)
+        reached, gap, limit_rates = self._reached(poses, margin)
+        n_reached = len(reached)
+        if not n_reached:
+            directions = columns(table.bodies, rates, self.n_bodies)
+            return JointRows(keys, np.zeros(len(keys)), counts, laws, directions, active.restitution, active.drive)
+        bodies = np.concatenate([table.bodies, self._gaps.bodies[reached]])
         return JointRows(
-            np.array(keys, dtype=np.int64),
-            np.array(gaps),
-            np.array(counts, dtype=np.int64),
-            laws,
-            self._columns([(row.joint, row.row) for row in rows]),
-            np.array([row.restitution for row in rows]),
-            np.array([row.drive for row in rows]),
+            np.concatenate([keys, self._gap_keys[reached]]),
+            np.concatenate([np.zeros(len(keys)), gap]),
+            np.concatenate([counts, np.ones(n_reached, dtype=np.int64)]),
+            Laws.together([laws, Laws.contacts(0.0, 1, n_reached)]),
+            columns(bodies, np.concatenate([rates, limit_rates]), self.n_bodies),
+            np.concatenate([active.restitution, self._gap_restitution[reached]]),
+            np.concatenate([active.drive, np.zeros(n_reached)]),
         )
 
     def check_start(self, poses: FloatArray) -> None:
@@ -236,68 +246,93 @@ class RigidJoints:
         Raises:
             ProblemError: for the joint with the largest error, if it exceeds ``MAX_CLOSING_ERROR``.
         """
-        pairs = [_pair(joint, poses) for joint in self.joints]
-        errors = [
-            max((abs(row.value) for row in _held(joint, pair)), default=0.0)
-            for joint, pair in zip(self.joints, pairs, strict=True)
-        ]
+        values = np.abs(self._held.at(poses)[0]).tolist()
+        errors = [max((values.pop(0) for _ in range(joint.n_rows)), default=0.0) for joint in self.joints]
         if max(errors, default=0.0) > MAX_CLOSING_ERROR:
             worst = int(np.argmax(errors))
             raise ProblemError(
                 f"joint {worst} does not close at the start: its error is {errors[worst]:.3g} m or rad; correct its "
                 "points and axes, or the poses of its bodies."
             )
-        beyond = [-min((row.value for row in _gaps(joint, _pair(joint, poses))), default=0.0) for joint in self.joints]
-        if max(beyond, default=0.0) > MAX_CLOSING_ERROR:
-            worst = int(np.argmax(beyond))
+        reached, gap, _ = self._reached(poses, -MAX_CLOSING_ERROR)
+        if len(gap):
+            worst = (int(self._gap_keys[reached[gap.argmin()]]) - len(self.joints)) // 2
             raise ProblemError(
-                f"joint {worst} is {beyond[worst]:.3g} m or rad beyond its limit at the start; widen the limit, or "
+                f"joint {worst} is {-gap.min():.3g} m or rad beyond its limit at the start; widen the limit, or "
                 "correct the poses of its bodies."
             )
 
-    def _law_rows(self, joint: Joint, poses: FloatArray, seconds: float) -> "Iterator[_LawRow]":
-        """Yield the rows of a joint that is always active."""
-        pair = _pair(joint, poses)
-        for row in _held(joint, pair):
-            yield _LawRow(joint, row, LawKind.BILATERAL, restitution=self.restitution)
-        if joint.friction:
-            yield _LawRow(joint, _coordinate(joint, pair), LawKind.PLANAR_FRICTION, joint.friction * seconds)
-        if joint.motor_bound:
-            bound = joint.motor_bound * seconds
-            yield _LawRow(joint, _coordinate(joint, pair), LawKind.PLANAR_FRICTION, bound, drive=joint.motor_speed)
+    def _reached(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Return indices, gaps and derivatives of the limits with a gap below ``margin``; a rope needs a direction."""
+        if not len(self._gaps.kind):
+            return self._gap_keys, np.zeros(0), np.zeros((0, 2, 6))
+        values, rates = self._gaps.at(poses)
+        reached = np.flatnonzero((values < margin) & rates.any(axis=(1, 2)))
+        return reached, values[reached], rates[reached]
 
-    def _reached(self, poses: FloatArray, margin: float) -> Iterator[tuple[int, Joint, JointRow]]:
-        """Yield key, joint and row of the limits with a gap below ``margin``; keys follow those of the joints."""
-        for number, joint in enumerate(self.joints):
-            if joint.limits is None and joint.kind != "rope":
-                continue
-            for side, row in enumerate(_gaps(joint, _pair(joint, poses))):
-                if row.value < margin:
-                    yield len(self.joints) + 2 * number + side, joint, row
+    def _laws(self, seconds: float) -> Laws:
+        """Return the laws of the rows that are active at all times, which are kept for steps of equal length."""
+        if seconds not in self._last_laws:
+            _, active = self._active
+            n = len(active.kind)
+            self._last_laws.clear()
+            self._last_laws[seconds] = Laws.in_order(active.kind, np.zeros(n), active.bound * seconds, np.full(n, -1))
+        return self._last_laws[seconds]
 
-    def _columns(self, rows: list[tuple[Joint, JointRow]]) -> sp.csc_array[Any]:
-        parts = [
-            (column, body, part)
-            for column, (joint, row) in enumerate(rows)
-            for body, part in ((joint.first, row.first), (joint.second, row.second))
-            if body != WORLD
+    @cached_property
+    def _last_laws(self) -> dict[float, Laws]:
+        return {}
+
+    @cached_property
+    def _held(self) -> JointTable:
+        """What all joints hold at zero."""
+        return JointTable.of([row for joint in self.joints for row in _held(joint)])
+
+    @cached_property
+    def _gaps(self) -> JointTable:
+        """The gaps to all limits, and of ropes."""
+        return JointTable.of([row for joint in self.joints for row in _gaps(joint)])
+
+    @cached_property
+    def _gap_keys(self) -> IntArray:
+        """Keys of ``_gaps``, which follow those of the joints: two for each joint."""
+        keys = [
+            len(self.joints) + 2 * number + side
+            for number, joint in enumerate(self.joints)
+            for side in range(len(_gaps(joint)))
         ]
-        values = np.array([part for _, _, part in parts]).reshape(-1)
-        first_dofs = 6 * np.array([body for _, body, _ in parts], dtype=np.int32)
-        dofs = (first_dofs[:, None] + np.arange(6, dtype=np.int32)).reshape(-1)
-        columns = np.repeat(np.array([column for column, _, _ in parts], dtype=np.int32), 6)
-        kept = values != 0.0
-        entries = values[kept], (dofs[kept], columns[kept])
-        found: sp.csc_array[Any] = sp.csc_array(entries, shape=(6 * self.n_bodies, len(rows)))
-        found.sort_indices()
-        return found
+        return np.array(keys, dtype=np.int64)
+
+    @cached_property
+    def _gap_restitution(self) -> FloatArray:
+        """ε of ``_gaps``."""
+        return np.array([joint.restitution for joint in self.joints for _ in _gaps(joint)], dtype=np.float64)
+
+    @cached_property
+    def _active(self) -> "tuple[JointTable, _ActiveRows]":
+        """The rows that are active at all times, and their laws."""
+        rows = [(joint, self._active_rows(joint)) for joint in self.joints]
+        keys = np.array([key for key, (_, own) in enumerate(rows) if own], dtype=np.int64)
+        counts = np.array([len(own) for _, own in rows if own], dtype=np.int64)
+        flat = [row for _, own in rows for row in own]
+        numbers = np.array([row[2:] for row in flat], dtype=np.float64).reshape(-1, 3).T.copy()
+        kinds = np.array([row.kind for row in flat], dtype=np.int8)
+        return JointTable.of([row.row for row in flat]), _ActiveRows(keys, counts, kinds, *numbers)
+
+    def _active_rows(self, joint: Joint) -> "list[_LawRow]":
+        """Return the rows of a joint that are active at all times."""
+        rows = [_LawRow(row, LawKind.BILATERAL, restitution=self.restitution) for row in _held(joint)]
+        if joint.friction:
+            rows.append(_LawRow(_coordinate(joint), LawKind.PLANAR_FRICTION, joint.friction))
+        if joint.motor_bound:
+            motor = _LawRow(_coordinate(joint), LawKind.PLANAR_FRICTION, joint.motor_bound, drive=joint.motor_speed)
+            rows.append(motor)
+        return rows
 
 
-@dataclass(frozen=True, eq=False)
-class _LawRow:
-    """A row with its law: its fixed bound [N s or N m s], its ε, and the target speed of a motor."""
+class _LawRow(NamedTuple):
+    """A row with its law: its fixed bound [N or N m], its ε, and the target speed of a motor."""
 
-    joint: Joint
     row: JointRow
     kind: LawKind
     bound: float = 0.0
@@ -305,49 +340,52 @@ class _LawRow:
     drive: float = 0.0
 
 
-def _pair(joint: Joint, poses: FloatArray) -> JointPair:
-    second = None if joint.second == WORLD else poses[joint.second]
-    return JointPair.create(poses[joint.first], second, np.array(joint.first_point), np.array(joint.second_point))
+class _ActiveRows(NamedTuple):
+    """Keys of joints, their numbers of rows, and the laws of all rows; see ``_LawRow``."""
+
+    keys: IntArray
+    counts: IntArray
+    kind: IntArray
+    bound: FloatArray
+    restitution: FloatArray
+    drive: FloatArray
 
 
-def _held(joint: Joint, pair: JointPair) -> list[JointRow]:
+def _row(joint: Joint, kind: int, first_axis: Vector | FloatArray, second_axis: Vector | FloatArray) -> JointRow:
+    points = np.array([joint.first_point, joint.second_point])
+    return JointRow(kind, (joint.first, joint.second), points, np.array(first_axis), np.array(second_axis))
+
+
+def _held(joint: Joint) -> list[JointRow]:
     """Return the scalars that a joint holds at zero."""
     if joint.kind == "rope":
         return []
     if joint.kind == "distance":
-        if not pair.distance.any():
-            raise ProblemError("the points of a distance joint coincide; move them apart.")
-        row = pair.length()
-        return [JointRow(row.value - joint.length, row.first, row.second)]
+        return [_row(joint, DISTANCE, NO_AXIS, NO_AXIS).plus(-joint.length)]
     held = joint.axes[1:] if joint.kind == "prismatic" else np.eye(3)
-    rows = [pair.along_axis(axis) for axis in held]
+    rows = [_row(joint, ALONG_AXIS, NO_AXIS, axis) for axis in held]
     in_first = joint.closing_rotation.T
     if joint.kind == "revolute":
-        rows += [pair.cosine(in_first @ joint.axes[0], axis) for axis in joint.axes[1:]]
+        rows += [_row(joint, ORIENTATION, in_first @ joint.axes[0], axis) for axis in joint.axes[1:]]
     elif joint.kind in ("prismatic", "fixed"):
-        rows += [pair.cosine(in_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
+        rows += [_row(joint, ORIENTATION, in_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
     return rows
 
 
-def _coordinate(joint: Joint, pair: JointPair) -> JointRow:
+def _coordinate(joint: Joint) -> JointRow:
     """Return the angle of a revolute joint or the displacement of a prismatic one."""
+    along, side, _ = joint.axes
     if joint.kind == "prismatic":
-        return pair.along_axis(joint.axes[0])
-    return pair.angle(joint.axes, joint.closing_rotation)
+        return _row(joint, ALONG_AXIS, NO_AXIS, along)
+    return _row(joint, ANGLE, joint.closing_rotation.T @ side, along)._replace(side=side)
 
 
-def _gaps(joint: Joint, pair: JointPair) -> list[JointRow]:
-    """Return the gaps to the limits of a joint, or of a rope, with their rates."""
+def _gaps(joint: Joint) -> list[JointRow]:
+    """Return the gaps to the limits of a joint, or of a rope."""
     if joint.kind == "rope":
-        if not pair.distance.any():
-            return []
-        row = pair.length()
-        return [row.reversed_to(joint.length - row.value)]
+        return [_row(joint, DISTANCE, NO_AXIS, NO_AXIS).minus(joint.length)]
     if joint.limits is None:
         return []
     low, high = joint.limits
-    row = _coordinate(joint, pair)
-    value, middle = row.value, 0.5 * (low + high)
-    if joint.kind == "revolute":
-        value = middle + remainder(value - middle, 2.0 * pi)
-    return [JointRow(value - low, row.first, row.second), row.reversed_to(high - value)]
+    row = _coordinate(joint)._replace(middle=0.5 * (low + high))
+    return [row.plus(-low), row.minus(high)]

@@ -92,12 +92,8 @@ class Joints(Protocol):
         """Return keys, gaps [m or rad] and W of the limits with a gap below ``margin``."""
         ...
 
-    def residual(self, poses: FloatArray) -> FloatArray:
-        """Return the residual of the joints [m or rad]."""
-        ...
-
-    def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
-        """Return W of ``residual``."""
+    def errors_at(self, poses: FloatArray) -> JointErrors:
+        """Return the residual of the joints [m or rad] and its W."""
         ...
 
     def check_start(self, poses: FloatArray) -> None:
@@ -313,9 +309,11 @@ class RigidBodies:
                 return None
             return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass)
         _, limit_gap, limit_normals = self.joints.limits_below(poses, 0.0)
-        normals = sp.csc_array(sp.hstack([force_directions(found, poses, 1, 0).to_csc(), limit_normals]))
-        joined = JointErrors(self.joints.residual(poses), self.joints.jacobian(poses))
-        return Overlaps(np.concatenate([found.gap, limit_gap]), normals, self.inverse_mass, joined)
+        normals = limit_normals
+        if len(found.gap):
+            normals = sp.csc_array(sp.hstack([force_directions(found, poses, 1, 0).to_csc(), limit_normals]))
+        gap = np.concatenate([found.gap, limit_gap])
+        return Overlaps(gap, normals, self.inverse_mass, self.joints.errors_at(poses))
 
     def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
         """Return the contacts with a gap below ``margin`` [m], sorted by bodies and feature."""
