@@ -16,6 +16,7 @@ from numba import njit, uint64
 from ...arrays import FloatArray, IntArray
 from ...compilation import interpretable
 from ..blocks import BlockLayout
+from .user_matrices import compressed_columns
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
 """Candidate chunk lengths: degrees of freedom of discs and balls, without and with rotation."""
@@ -150,11 +151,8 @@ class Pieces:
 
     def to_csc(self) -> sp.csc_array[Any]:
         """Return the matrix without stored zeros, shape (n_chunks · length, n_blocks · width)."""
-        block = np.repeat(np.arange(self.n_blocks), np.diff(self.starts))
-        piece, lane, k = np.nonzero(self.values)
-        rows, columns = self.chunks[piece] * self.length + k, block[piece] * self.width + lane
         shape = (self.n_chunks * self.length, self.n_blocks * self.width)
-        return sp.csc_array(sp.coo_array((self.values[piece, lane, k], (rows, columns)), shape=shape))
+        return compressed_columns(_to_columns(self.starts, self.chunks, self.values), shape)
 
 
 class DeferredPieces(Pieces):
@@ -368,3 +366,35 @@ def cut_columns(indptr, indices, slot, n_blocks, width, data, root):  # type: ig
                 filled[block] += 1
             values[piece, lane, indices[p] - chunk * length] = root[indices[p]] * data[p]
     return starts, chunks, values, n_chunks
+
+
+@interpretable
+@njit(cache=True)
+def _to_columns(starts, chunks, values):  # type: ignore[no-untyped-def]
+    """Return the entries of all columns other than 0, their rows, which ascend in each, and where columns start.
+
+    Entries of a column that lie in the same row are added.
+    """
+    n_blocks, (_, width, length) = len(starts) - 1, values.shape
+    entries, rows = np.empty(values.size), np.empty(values.size, dtype=np.int32)
+    ends, count = np.zeros(n_blocks * width + 1, dtype=np.int32), 0
+    for block in range(n_blocks):
+        for lane in range(width):
+            first = count
+            for piece in range(starts[block], starts[block + 1]):
+                for k in range(length):
+                    entry, row = values[piece, lane, k], chunks[piece] * length + k
+                    if entry == 0.0:
+                        continue
+                    at = count
+                    while at > first and rows[at - 1] > row:
+                        at -= 1
+                    if at > first and rows[at - 1] == row:
+                        entries[at - 1] += entry
+                        continue
+                    for later in range(count, at, -1):
+                        entries[later], rows[later] = entries[later - 1], rows[later - 1]
+                    entries[at], rows[at] = entry, row
+                    count += 1
+            ends[block * width + lane + 1] = count
+    return entries[:count], rows[:count], ends

@@ -85,6 +85,24 @@ def with_entries(matrix: Compressed, data: NDArray[Any], indices: NDArray[Any], 
     return other
 
 
+MAX_TEMPLATE_COLUMNS = 1000
+"""Largest number of columns of a matrix whose empty template is cached."""
+
+
+def compressed_columns(
+    entries: tuple[NDArray[Any], NDArray[Any], NDArray[Any]], shape: tuple[int, int]
+) -> sp.csc_array[Any]:
+    """Return the CSC matrix of (entries, rows, starts) of columns with ascending rows; see ``with_entries``."""
+    if shape[1] > MAX_TEMPLATE_COLUMNS:
+        return sp.csc_array(entries, shape=shape)
+    return with_entries(_empty_columns(shape), *entries)
+
+
+@lru_cache(maxsize=64)
+def _empty_columns(shape: tuple[int, int]) -> sp.csc_array[Any]:
+    return sp.csc_array(shape)
+
+
 def sparse_numbers(label: str, matrix: Any) -> list[tuple[str, np.ndarray[Any, Any]]]:
     """Return the labelled arrays of a canonical CSR or CSC matrix, with index types that do not depend on its size."""
     indices, starts = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)

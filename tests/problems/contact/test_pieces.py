@@ -1,5 +1,7 @@
 """Force directions in pieces are the same matrix as in columns."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -43,6 +45,25 @@ def test_products_agree_with_the_sparse_matrix(
     assert pieces.times(lanes) == pytest.approx(matrix @ lanes, abs=1e-12)
     assert pieces.transposed_times(dofs) == pytest.approx(matrix.T @ dofs, abs=1e-12)
     assert pieces.square_sums().ravel() == pytest.approx((matrix**2).sum(axis=0), abs=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**31), n_blocks=st.sampled_from([0, 1, 5, 500]), width=st.integers(1, 3))
+def test_rows_of_columns_ascend_and_entries_in_one_row_are_added(seed: int, n_blocks: int, width: int) -> None:
+    """Blocks have up to three pieces, in any order and some on one chunk."""
+    rng = np.random.default_rng(seed)
+    starts = np.concatenate([[0], np.cumsum(rng.integers(0, 4, n_blocks))])
+    chunks = rng.integers(0, 5, starts[-1])
+    values = rng.integers(-2, 3, (len(chunks), width, 2)).astype(float)
+    pieces = Pieces(starts, chunks, values, 5)
+    found, expected = pieces.to_csc(), np.zeros((10, n_blocks * width))
+    for block in range(n_blocks):
+        for piece in range(starts[block], starts[block + 1]):
+            columns = slice(block * width, (block + 1) * width)
+            expected[2 * chunks[piece] : 2 * chunks[piece] + 2, columns] += values[piece].T
+    assert np.array_equal(found.toarray(), expected)
+    for begin, end in pairwise(found.indptr):
+        assert (np.diff(found.indices[begin:end]) > 0).all()
 
 
 @settings(max_examples=20, deadline=None)

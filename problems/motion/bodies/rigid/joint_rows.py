@@ -11,7 +11,6 @@ They do not change if both bodies move as one. Rates follow from d(R p)/dt = R (
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ....arrays import FloatArray, IntArray
-from ....contact.matrices.user_matrices import with_entries
+from ....contact.matrices.user_matrices import compressed_columns
 from .orientation import rotation_matrices
 
 WORLD = -1
@@ -107,12 +106,7 @@ class JointTable(NamedTuple):
 
 def columns(bodies: IntArray, rates: FloatArray, n_bodies: int) -> sp.csc_array[Any]:
     """Return W, shape (6 n_bodies, n): one column for each row with derivatives ``rates``, shape (n, 2, 6)."""
-    return with_entries(_no_entries(6 * n_bodies, len(rates)), *_columns(bodies, rates))
-
-
-@lru_cache(maxsize=64)
-def _no_entries(n_dofs: int, n_rows: int) -> sp.csc_array[Any]:
-    return sp.csc_array((n_dofs, n_rows))
+    return compressed_columns(_columns(bodies, rates), (6 * n_bodies, len(rates)))
 
 
 @njit(cache=True)
