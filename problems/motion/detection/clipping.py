@@ -33,10 +33,14 @@ def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-un
         here, there = polygon[k], polygon[(k + 1) % n]
         over, next_over = dot(across, here) - limit, dot(across, there) - limit
         if over <= slack:
-            left[m], left_edges[m] = here, edges[k]
+            left_edges[m] = edges[k]
+            for axis in range(3):
+                left[m, axis] = here[axis]
             m += 1
         if (over <= slack) != (next_over <= slack):
-            left[m] = here + min(max(over / (over - next_over), 0.0), 1.0) * (there - here)
+            share = min(max(over / (over - next_over), 0.0), 1.0)
+            for axis in range(3):
+                left[m, axis] = here[axis] + share * (there[axis] - here[axis])
             left_edges[m] = number if over <= slack else edges[k]
             m += 1
     return m, left, left_edges

@@ -171,16 +171,23 @@ def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
-    """Write the contacts of all pairs; return their number."""
+    """Write the contacts of all pairs; return their number.
+
+    Most pairs are apart, so they are tested before anything else, without views of the arrays.
+    """
     count = 0
     for k in range(len(pairs)):
-        i, j = pairs[k]
-        begin = count
-        bodies = centres[i], axes[i], half_sizes[i], centres[j], axes[j], half_sizes[j]
+        i, j, begin = pairs[k, 0], pairs[k, 1], count
         if is_plane[j]:
-            count = _box_on_plane(*bodies[:5], margin, keys, numbers, count)
+            if _is_above(i, j, centres, axes, half_sizes, margin):
+                continue
+            count = _box_on_plane(centres[i], axes[i], half_sizes[i], centres[j], axes[j], margin, keys, numbers, count)
         else:
-            count = _box_on_box(*bodies, margin, keys, numbers, count)
+            axis, apart = _separating_axis(i, j, centres, axes, half_sizes, margin)
+            if axis < 0:
+                continue
+            bodies = centres[i], axes[i], half_sizes[i], centres[j], axes[j], half_sizes[j]
+            count = _box_on_box(*bodies, axis, apart, margin, keys, numbers, count)
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
     return count
@@ -218,56 +225,75 @@ def _box_on_plane(centre, axes, half, origin, plane_axes, margin, keys, numbers,
 
 
 @njit(cache=True)
-def _reach(direction, axes, half):  # type: ignore[no-untyped-def]
-    """Return the extent of a box from its centre along a direction."""
-    reach = 0.0
+def _is_above(i, j, centres, axes, half_sizes, margin):  # type: ignore[no-untyped-def]
+    """Return whether box i is certainly farther from half-space j than ``margin``."""
+    height, reach = 0.0, 0.0
     for k in range(3):
-        along = 0.0
-        for axis in range(3):
-            along += direction[axis] * axes[k, axis]
-        reach += half[k] * abs(along)
-    return reach
+        height += (centres[i, k] - centres[j, k]) * axes[j, 2, k]
+        reach += half_sizes[i, k] * abs(_along(axes, i, k, axes[j, 2, 0], axes[j, 2, 1], axes[j, 2, 2]))
+    return height - (1.0 + SLACK) * reach > margin
 
 
 @njit(cache=True)
-def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Write the contacts of two boxes in the direction in which they overlap least, faces before edges.
+def _along(axes, body, k, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the component of (x, y, z) along an axis of a body."""
+    return x * axes[body, k, 0] + y * axes[body, k, 1] + z * axes[body, k, 2]
+
+
+@njit(cache=True)
+def _separating_axis(i, j, centres, axes, half_sizes, margin):  # type: ignore[no-untyped-def]
+    """Return the axis along which two boxes overlap least, and their distance along it, negative if they overlap.
+
+    Axes 0 to 2 are those of box i, 3 to 5 those of box j, and 6 to 14 are perpendicular to one of each. The axis is −1
+    if the boxes are apart by at least ``margin``. Of axes that are equal up to ``SLACK``, the first is returned.
+    """
+    slack = SLACK * (half_sizes[i].max() + half_sizes[j].max())
+    dx, dy, dz = centres[j, 0] - centres[i, 0], centres[j, 1] - centres[i, 1], centres[j, 2] - centres[i, 2]
+    best, least = -1, -np.inf
+    for number in range(15):
+        if number < 6:
+            body, k = (i, number) if number < 3 else (j, number - 3)
+            x, y, z = axes[body, k, 0], axes[body, k, 1], axes[body, k, 2]
+        else:
+            k, m = (number - 6) // 3, (number - 6) % 3
+            a, b, c = axes[i, k, 0], axes[i, k, 1], axes[i, k, 2]
+            u, v, w = axes[j, m, 0], axes[j, m, 1], axes[j, m, 2]
+            x, y, z = b * w - c * v, c * u - a * w, a * v - b * u
+            length = np.sqrt(x * x + y * y + z * z)
+            if length < PARALLEL:
+                continue
+            x, y, z = x / length, y / length, z / length
+        reach_i, reach_j = 0.0, 0.0
+        for k in range(3):
+            reach_i += half_sizes[i, k] * abs(_along(axes, i, k, x, y, z))
+            reach_j += half_sizes[j, k] * abs(_along(axes, j, k, x, y, z))
+        apart = abs(dx * x + dy * y + dz * z) - reach_i - reach_j
+        if apart >= margin:
+            return -1, apart
+        if apart > least + (0.0 if best < 0 else slack):
+            best, least = number, apart
+    return best, least
+
+
+@njit(cache=True)
+def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, apart, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of two boxes in the direction in which they overlap least; see ``_separating_axis``.
 
     A box has its centre c, its axes in the rows of r, and its half edge lengths h.
     """
-    offset, slack = c_b - c_a, SLACK * (h_a.max() + h_b.max())
-    best, feature_axis = -np.inf, -1
-    for number in range(6):
-        axis = r_a[number] if number < 3 else r_b[number - 3]
-        apart = abs(dot(offset, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
-        if apart >= margin:
-            return count
-        if apart > best + (0.0 if feature_axis < 0 else slack):
-            best, feature_axis = apart, number
-    for number in range(9):
-        axis = np.cross(r_a[number // 3], r_b[number % 3])
-        length = np.sqrt(dot(axis, axis))
-        if length < PARALLEL:
-            continue
-        axis /= length
-        apart = abs(dot(offset, axis)) - _reach(axis, r_a, h_a) - _reach(axis, r_b, h_b)
-        if apart >= margin:
-            return count
-        if apart > best + slack:
-            best, feature_axis = apart, 6 + number
-    if feature_axis < 3:
-        return _faces(c_a, r_a, h_a, c_b, r_b, h_b, feature_axis, -1.0, margin, keys, numbers, count)
-    if feature_axis < 6:
-        return _faces(c_b, r_b, h_b, c_a, r_a, h_a, feature_axis - 3, 1.0, margin, keys, numbers, count)
-    edges = feature_axis - 6
-    return _edges(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, best, keys, numbers, count)
+    if axis < 3:
+        return _faces(c_a, r_a, h_a, c_b, r_b, h_b, axis, -1.0, margin, keys, numbers, count)
+    if axis < 6:
+        return _faces(c_b, r_b, h_b, c_a, r_a, h_a, axis - 3, 1.0, margin, keys, numbers, count)
+    edges = axis - 6
+    return _edges(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, apart, keys, numbers, count)
 
 
 @njit(cache=True)
 def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Clip the face of the other box that faces the reference face by the sides of the latter."""
-    out = 1.0 if dot(c_o - c_r, r_r[axis]) >= 0.0 else -1.0
-    normal = out * r_r[axis]
+    out = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
+    normal = out * r_r[axis, 0], out * r_r[axis, 1], out * r_r[axis, 2]
     facing, most = 0, -1.0
     for k in range(3):
         along = abs(dot(normal, r_o[k]))
@@ -279,20 +305,25 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
     for corner in range(4):
         s = 1.0 if corner == 1 or corner == 2 else -1.0
         t = 1.0 if corner >= 2 else -1.0
-        polygon[corner] = c_o + side * h_o[facing] * r_o[facing] + s * h_o[p] * r_o[p] + t * h_o[q] * r_o[q]
+        for k in range(3):
+            middle = c_o[k] + side * h_o[facing] * r_o[facing, k]
+            polygon[corner, k] = middle + s * h_o[p] * r_o[p, k] + t * h_o[q] * r_o[q, k]
         edges[corner] = corner
     n = 4
     for plane in range(4):
         k = (axis + 1 + plane // 2) % 3
-        across = (1.0 if plane % 2 else -1.0) * r_r[k]
+        turn = 1.0 if plane % 2 else -1.0
+        across = turn * r_r[k, 0], turn * r_r[k, 1], turn * r_r[k, 2]
         n, polygon, edges = clip(polygon, edges, n, across, dot(across, c_r) + h_r[k], SLACK * h_r[k], 4 + plane)
     reference = (6 if sign > 0.0 else 0) + 2 * axis + (1 if out > 0.0 else 0)
     pair_of_faces = 6 * reference + 2 * facing + (1 if side > 0.0 else 0)
     for k in range(min(n, 8)):
-        gap = dot(polygon[k] - c_r, normal) - h_r[axis]
+        x, y, z = polygon[k, 0], polygon[k, 1], polygon[k, 2]
+        gap = dot((x - c_r[0], y - c_r[1], z - c_r[2]), normal) - h_r[axis]
         if gap < margin:
-            feature = 64 * pair_of_faces + 8 * edges[k - 1 if k else n - 1] + edges[k]
-            count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, normal, sign, gap)
+            feature, half = 64 * pair_of_faces + 8 * edges[k - 1 if k else n - 1] + edges[k], 0.5 * gap
+            point = x - half * normal[0], y - half * normal[1], z - half * normal[2]
+            count = _write(keys, numbers, count, feature, point, normal, sign, gap)
     return count
 
 
