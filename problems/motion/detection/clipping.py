@@ -1,6 +1,5 @@
 """Clipping of polygons by planes, for contacts of faces."""
 
-import numpy as np
 from numba import njit
 
 
@@ -11,24 +10,26 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-untyped-def]
-    """Return the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
+def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # type: ignore[no-untyped-def]
+    """Write the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
 
     An edge with one end within the slack and the other beyond it does not cross the plane, and is cut at the former.
 
     Args:
-        polygon: corners, of which the first ``n`` count; there must be room for one more per cut.
+        polygon: corners, of which the first ``n`` count.
         edges: number of the edge that leaves each of them.
         n: number of corners.
         across: normal of the plane.
         limit: its distance from the origin along the normal.
         slack: distance above the plane up to which a corner stays.
         number: number of the new edge.
+        left: room for the corners of the part, one more than ``n``.
+        left_edges: room for their edges.
 
     Returns:
-        Number of corners, corners and edges.
+        Number of corners of the part.
     """
-    left, left_edges, m = np.empty(polygon.shape), np.empty(len(polygon), dtype=np.int64), 0
+    m = 0
     for k in range(n):
         here, there = polygon[k], polygon[(k + 1) % n]
         over, next_over = dot(across, here) - limit, dot(across, there) - limit
@@ -43,4 +44,4 @@ def clip(polygon, edges, n, across, limit, slack, number):  # type: ignore[no-un
                 left[m, axis] = here[axis] + share * (there[axis] - here[axis])
             left_edges[m] = number if over <= slack else edges[k]
             m += 1
-    return m, left, left_edges
+    return m

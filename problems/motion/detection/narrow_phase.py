@@ -301,7 +301,7 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
             facing, most = k, along
     side = -1.0 if dot(normal, r_o[facing]) > 0.0 else 1.0
     p, q = (facing + 1) % 3, (facing + 2) % 3
-    polygon, edges = np.empty((16, 3)), np.empty(16, dtype=np.int64)
+    (polygon, left), (edges, left_edges) = np.empty((2, 16, 3)), np.empty((2, 16), dtype=np.int64)
     for corner in range(4):
         s = 1.0 if corner == 1 or corner == 2 else -1.0
         t = 1.0 if corner >= 2 else -1.0
@@ -314,7 +314,9 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
         k = (axis + 1 + plane // 2) % 3
         turn = 1.0 if plane % 2 else -1.0
         across = turn * r_r[k, 0], turn * r_r[k, 1], turn * r_r[k, 2]
-        n, polygon, edges = clip(polygon, edges, n, across, dot(across, c_r) + h_r[k], SLACK * h_r[k], 4 + plane)
+        limit, slack = dot(across, c_r) + h_r[k], SLACK * h_r[k]
+        n = clip(polygon, edges, n, across, limit, slack, 4 + plane, left, left_edges)
+        polygon, edges, left, left_edges = left, left_edges, polygon, edges
     reference = (6 if sign > 0.0 else 0) + 2 * axis + (1 if out > 0.0 else 0)
     pair_of_faces = 6 * reference + 2 * facing + (1 if side > 0.0 else 0)
     for k in range(min(n, 8)):

@@ -262,7 +262,8 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
         if along < most - SLACK:
             facing, most = k, along
     begin, end = packed.loop_start[packed.face_start[o] + facing], packed.loop_start[packed.face_start[o] + facing + 1]
-    polygon, edges, n = np.empty((MAX_CONTACTS, 3)), np.empty(MAX_CONTACTS, dtype=np.int64), end - begin
+    (polygon, left), n = np.empty((2, MAX_CONTACTS, 3)), end - begin
+    edges, left_edges = np.empty((2, MAX_CONTACTS), dtype=np.int64)
     for k in range(n):
         polygon[k], edges[k] = corners_o[packed.loops[begin + k]], k
     begin, end = packed.loop_start[packed.face_start[r] + face], packed.loop_start[packed.face_start[r] + face + 1]
@@ -273,7 +274,9 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
         across = np.cross(there - here, normal)
         length = np.sqrt(dot(across, across))
         across /= length
-        n, polygon, edges = clip(polygon, edges, n, across, dot(across, here), SLACK * length, MAX_CORNERS + k)
+        limit, slack = dot(across, here), SLACK * length
+        n = clip(polygon, edges, n, across, limit, slack, MAX_CORNERS + k, left, left_edges)
+        polygon, edges, left, left_edges = left, left_edges, polygon, edges
     number = (face * MAX_FACES + facing) * 2 + (1 if sign > 0.0 else 0)
     for k in range(n):
         gap = dot(polygon[k] - base, normal)

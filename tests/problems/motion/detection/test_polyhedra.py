@@ -129,7 +129,8 @@ def test_a_cut_lies_on_the_edge_whose_ends_lie_on_both_sides_of_the_slack(near: 
     """With both ends beyond the plane, its intersection with the line of the edge lies outside of the edge."""
     polygon = np.zeros((8, 3))
     polygon[:4, :2] = [[near, 0.0], [far, 1.0], [-1.0, 1.0], [-1.0, 0.0]]
-    n, corners, edges = clip(polygon, np.arange(8), 4, np.array([1.0, 0.0, 0.0]), 0.0, 1e-6, 4)
+    corners, edges = np.empty((8, 3)), np.empty(8, dtype=np.int64)
+    n = clip(polygon, np.arange(8), 4, np.array([1.0, 0.0, 0.0]), 0.0, 1e-6, 4, corners, edges)
     assert n == len(set(zip(np.roll(edges[:n], 1).tolist(), edges[:n].tolist(), strict=True))) > 3
     assert corners[:n, 0].max() <= max(1e-6, min(near, far))
     assert corners[:n, 1].min() >= 0.0
