@@ -41,6 +41,11 @@ def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) 
     assert len(list(Path("steps").glob("*.npz"))) == 2
 
 
+def test_the_command_that_measures_the_folder_can_be_copied(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--output", "my steps"]) == 0
+    assert "proxbench run --suite 'my steps'\n" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_a_run_holds_mujocos_solvers_to_the_model_of_the_step_and_can_be_rejudged(
     ball: Path, capsys: pytest.CaptureFixture[str]
