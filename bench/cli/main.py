@@ -144,7 +144,13 @@ def _print_error(message: str, code: int) -> int:
 
 def _usage_error(error: TyperException, arguments: list[str]) -> str:
     """Return the message of typer as one sentence that names the help page of the command."""
-    message = error.format_message().rstrip(".").replace("Input should", "it must").replace("Value error, ", "")
+    message = (
+        " ".join(error.format_message().split())
+        .replace(". Choose from:", "; choose from")
+        .rstrip(".")
+        .replace("Input should", "it must")
+        .replace("Value error, ", "")
+    )
     message = message[:1].lower() + message[1:].partition(", unable to parse")[0].replace(". Did", ", did").rstrip("?")
     context = getattr(error, "ctx", None)
     if context is not None:
