@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from proxbench.bench import load as load_run
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.capture import mujoco_import, rows, step
+from proxbench.problems.capture import mujoco_import, rows, sequence, step
 
 BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
 <body name="ball" pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
@@ -30,6 +30,15 @@ def test_without_mujoco_the_command_says_what_to_install(
     monkeypatch.setattr(mujoco_import, "find_spec", lambda name: None)
     assert run_command(["capture", "model.xml"]) == 2
     assert "capturing needs MuJoCo, which is not installed; run pip install" in capsys.readouterr().err
+
+
+def test_an_interrupted_command_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sequence, "capture", interrupt)
+    assert run_command(["capture", "model.xml"]) == 130
+    assert capsys.readouterr().err == "proxbench: interrupted.\n"
 
 
 def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
