@@ -94,6 +94,9 @@ COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
 }
 """Each command by topic and name, with examples of its arguments."""
 
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C ended."""
+
 app = typer.Typer(
     name="proxbench",
     help="Measure numerical solvers for frictional contact: real problems, one judge, time against true accuracy.",
@@ -117,11 +120,13 @@ def run_command(arguments: list[str]) -> int:
     except TyperException as error:
         return _print_error(_usage_error(error, arguments), 2)
     except (typer.Abort, KeyboardInterrupt):
-        return _print_error("interrupted.", 130)
+        return _print_error("interrupted.", INTERRUPTED)
     except BrokenPipeError:
         return 0
     except Exception as error:
         return _print_error(*_user_error(error))
+    if outcome == INTERRUPTED:  # typer turns KeyboardInterrupt into this code
+        return _print_error("interrupted.", INTERRUPTED)
     return outcome if isinstance(outcome, int) else 0
 
 
@@ -134,7 +139,9 @@ def _user_error(error: Exception) -> tuple[str, int]:
     if not isinstance(error, ProxbenchError):
         raise error
     failed = isinstance(error, FailedSimulationError | StepError)
-    return options.with_option_names(str(error)), 130 if isinstance(error, InterruptedWorkError) else 1 if failed else 2
+    return options.with_option_names(str(error)), INTERRUPTED if isinstance(
+        error, InterruptedWorkError
+    ) else 1 if failed else 2
 
 
 def _print_error(message: str, code: int) -> int:
@@ -144,7 +151,13 @@ def _print_error(message: str, code: int) -> int:
 
 def _usage_error(error: TyperException, arguments: list[str]) -> str:
     """Return the message of typer as one sentence that names the help page of the command."""
-    message = error.format_message().rstrip(".").replace("Input should", "it must").replace("Value error, ", "")
+    message = (
+        " ".join(error.format_message().split())
+        .replace(". Choose from:", "; choose from")
+        .rstrip(".")
+        .replace("Input should", "it must")
+        .replace("Value error, ", "")
+    )
     message = message[:1].lower() + message[1:].partition(", unable to parse")[0].replace(". Did", ", did").rstrip("?")
     context = getattr(error, "ctx", None)
     if context is not None:

@@ -174,7 +174,7 @@ def _ask(
             answer, content = worker.ask(request, *arguments)
         except Fault as fault:
             reason = f"it does not end within {seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
-            raise error(f"{failure}: {reason}.") from None
+            raise error(f"{failure}: {reason}; correct the code that it runs.") from None
     if "refused" in answer:
         raise error(str(answer["refused"]))
     return answer, content

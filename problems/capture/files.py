@@ -58,6 +58,8 @@ def read_step(path: Path | str) -> CapturedStep:
         if about["format"] != FORMAT:
             raise ProblemError(f"{path} has captured data of format {about['format']}, not {FORMAT}; capture it again.")
         refused = tuple(RefusedRow(**one) for one in about["refused"])
+        if problem.engine is None or found["forces"].shape != problem.engine.offset.shape:
+            raise ValueError("the forces are not those of the rows of the engine")
         return CapturedStep(
             problem, found["forces"], str(about["solver"]), int(about["iterations"]), found["anchors"], refused
         )

@@ -127,8 +127,8 @@ def capture(
     model, taken = _read_model(file), _steps_of(output, file.stem)
     if taken and not force:
         raise ProblemError(
-            f"{output} already contains {len(taken)} steps of {file.stem}; choose another `output`, or replace them "
-            f"with `force=True`."
+            f"{output} already contains {counted(len(taken), 'step')} of {file.stem}; choose another `output`, or "
+            f"replace them with `force=True`."
         )
     data = _initial_data(model, file, options.keyframe)
     summary = CaptureSummary()

@@ -129,6 +129,8 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     module = mujoco()
     model, data = getattr(model, "ptr", model), getattr(data, "ptr", data)
     _require_supported_options(module, model)
+    if (data.qpos.size, data.qvel.size, data.ctrl.size) != (model.nq, model.nv, model.nu):
+        raise ProblemError("the data belong to another model; pass mujoco.MjData(model).")
     before, after = data.qvel.copy(), copy.copy(data)
     after.qH[:] = np.nan
     take_step(model, after)

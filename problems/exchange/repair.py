@@ -51,25 +51,6 @@ class AsymmetricError(ProblemError):
         return f"{self.reason}; read it with `symmetry` {self.remedy!r}."
 
 
-@contextmanager
-def named_in_errors(name: str, file_format: str) -> Iterator[None]:
-    """Add the name of a file to a ``ProblemError``, and the command that repairs its matrix.
-
-    Args:
-        name: the path of the file.
-        file_format: its format, as ``proxbench import`` calls it.
-    """
-    command = f"run: proxbench import {file_format} {shlex.quote(name)}"
-    try:
-        yield
-    except IndefiniteError as error:
-        raise ProblemError(f"{name}: {str(error).rstrip('.')}; {command} --indefinite project") from None
-    except AsymmetricError as error:
-        raise ProblemError(f"{name}: {error.reason}; {command} --symmetry {error.remedy}") from None
-    except ProblemError as error:
-        raise ProblemError(f"{name}: {error}") from None
-
-
 @dataclass(frozen=True)
 class Repair:
     """Remedies for the matrices of a file.
@@ -124,6 +105,31 @@ class Repair:
             # an asymmetry within the rounding of M may exceed the rounding of one of its blocks
             matrix = sp.csr_array(0.5 * (matrix + matrix.T))
         return matrix, notes
+
+
+@contextmanager
+def named_in_errors(name: str, file_format: str, repair: Repair) -> Iterator[None]:
+    """Add the name of a file to a ``ProblemError``, and the command that repairs its matrix.
+
+    Args:
+        name: the path of the file.
+        file_format: its format, as ``proxbench import`` calls it.
+        repair: the remedies that were not enough; the command keeps those that were chosen.
+    """
+    command = f"run: proxbench import {file_format} {shlex.quote(name)}"
+    try:
+        yield
+    except IndefiniteError as error:
+        chosen = "" if repair.symmetry == Repair.symmetry else f" --symmetry {repair.symmetry}"
+        raise ProblemError(
+            f"{name}: {str(error).rstrip('.')}; correct the matrix, or, if the negative eigenvalue is a rounding "
+            f"error, {command}{chosen} --indefinite project"
+        ) from None
+    except AsymmetricError as error:
+        chosen = "" if repair.indefinite == Repair.indefinite else f" --indefinite {repair.indefinite}"
+        raise ProblemError(f"{name}: {error.reason}; {command} --symmetry {error.remedy}{chosen}") from None
+    except ProblemError as error:
+        raise ProblemError(f"{name}: {error}") from None
 
 
 def asymmetry(matrix: sp.csr_array[Any]) -> float:

@@ -84,8 +84,8 @@ def read_description(source: str, message: Message) -> SolverFacts:
         )
     interface, model, sides, forms, laws, flags = _DESCRIPTION.unpack_from(message.body)
     check_interface(source, interface)
-    name, _, version = text_of(message.body[_DESCRIPTION.size :]).partition("\n")
-    return SolverFacts.checked(source, name, version.strip(), model, sides, masks=(forms, laws, flags))
+    name, _, version = message.body[_DESCRIPTION.size :].partition(b"\n")
+    return SolverFacts.checked(source, text_of(name), text_of(version), model, sides, masks=(forms, laws, flags))
 
 
 def read_prepared(source: str, message: Message) -> tuple[int, float, str]:

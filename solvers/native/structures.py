@@ -133,8 +133,14 @@ def include_folder() -> Path:
 
 
 def text_of(content: bytes | None, length: int = 200) -> str:
-    """Return the text of a C string of a solver, truncated to ``length`` characters; empty for NULL."""
-    return (content or b"").decode(errors="replace")[:length]
+    """Return the text of a C string of a solver in one line, truncated to ``length`` characters; empty for NULL.
+
+    Control characters, which could end a row of a table or change a terminal, are replaced.
+    """
+    text = (content or b"").decode(errors="replace")[:length]
+    return " ".join(
+        "".join(one if one.isprintable() or one.isspace() else "\N{REPLACEMENT CHARACTER}" for one in text).split()
+    )
 
 
 def sized(kind: Any) -> Any:

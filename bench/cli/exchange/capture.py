@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -136,4 +137,4 @@ def _print_summary(summary: "CaptureSummary", output: Path, is_judged: bool) -> 
         print(f"velocity  largest error after a step {summary.velocity_error:.1e}, relative; {STEP_ERROR:g} is allowed")
     for reason, count in summary.refused.items():
         print(f"refused   {count}: {reason}")
-    print(f"measure   proxbench run --suite {output}")
+    print(f"measure   proxbench run --suite {quote(str(output))}")

@@ -22,8 +22,9 @@ def output_width() -> int:
 
 
 def inline(value: object) -> str:
-    """Return ``value`` as text for a line or a table cell, with HTML markup and cell separators escaped."""
-    return escape(str(value), quote=False).replace("|", r"\|")
+    """Return ``value`` as text in one line or table cell, with HTML markup and cell separators escaped."""
+    line = re.sub(r"\s*[\r\n]\s*", " ", str(value))
+    return escape(line, quote=False).replace("|", r"\|")
 
 
 def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:

@@ -46,7 +46,7 @@ def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefi
     path = Path(path)
     repair = Repair(symmetry, indefinite)
     contents = fclib_contents(path)
-    with named_in_errors(str(path), "fclib"):
+    with named_in_errors(str(path), "fclib", repair):
         problem = problem_of(contents, path.stem, repair, source="FCLIB", file=path.name)
         mismatch = digest_mismatch(contents, problem)
     if mismatch:

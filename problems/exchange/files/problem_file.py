@@ -2,7 +2,8 @@
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
@@ -113,7 +114,8 @@ def read_problem(
         about, arrays = _contents(source)
         if not about and (foreign := read_foreign_arrays(arrays, name, repair, format_name)) is not None:
             return foreign
-        problem, digest = _problem(about, arrays, name)
+        with _prefixed(name):
+            problem, digest = _problem(about, arrays)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
     except ArchiveError as error:
@@ -125,6 +127,15 @@ def read_problem(
     if problem.digest != digest:
         raise ProblemError(f"{name} does not match its digest; {REWRITE_REMEDY}.")
     return problem
+
+
+@contextmanager
+def _prefixed(name: str) -> Iterator[None]:
+    """Put the name of a file before a ``ProblemError``."""
+    try:
+        yield
+    except ProblemError as error:
+        raise ProblemError(f"{name}: {error}") from None
 
 
 def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -195,12 +206,14 @@ def _compressed(label: str, matrix: Any) -> dict[str, Any]:
     return {name: _with_short_indices(array) for name, array in compressed_arrays(label, matrix).items()}
 
 
-def _problem(about: dict[str, Any], arrays: dict[str, Any], name: str) -> tuple[ContactProblem, str]:
+def _problem(about: dict[str, Any], arrays: dict[str, Any]) -> tuple[ContactProblem, str]:
     """Return the problem with a description and arrays, and the digest that the description states."""
     if not (isinstance(about.get("name"), str) and isinstance(about.get("provenance"), dict)):
         raise ValueError("'about' has no name or no provenance")
     if about["format"] not in (CONTACTS_ONLY, ALL_LAWS, FORMAT):
-        raise ProblemError(f"{name} has format {about['format']}, but this version reads formats up to {FORMAT}.")
+        raise ProblemError(
+            f"it has format {about['format']}, but this version reads formats up to {FORMAT}; update Proxbench."
+        )
     laws = Laws(*(arrays[key] for key in _LAW_FIELDS))
     attributes = {
         "name": about["name"],

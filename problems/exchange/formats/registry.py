@@ -17,23 +17,25 @@ class ArrayFormat:
     Attributes:
         name: its name on the command line.
         about: its description in a list.
+        arrays: the names by which its files are recognised, in words.
         recognises: returns whether the arrays have the names of this format.
         problem_of_arrays: returns the problem of the arrays.
     """
 
     name: str
     about: str
+    arrays: str
     recognises: Callable[[Arrays], bool]
     problem_of_arrays: Callable[[Arrays, Repair], ContactProblem]
 
 
 ARRAY_FORMATS = {
-    found.name: found
-    for found in (
-        ArrayFormat("contactbench", "samples of ContactBench", contactbench.recognises, contactbench.problem_of_arrays),
-        ArrayFormat("kamino", "dumps of Kamino's dual problem", kamino.recognises, kamino.problem_of_arrays),
-        ArrayFormat("bodies", "a step of rigid bodies", rigid_bodies.recognises, rigid_bodies.problem_of_arrays),
-        ArrayFormat("plain", "plain arrays: G or W and M, c, mu", plain.recognises, plain.problem_of_arrays),
+    name: ArrayFormat(name, about, arrays, module.recognises, module.problem_of_arrays)
+    for name, about, arrays, module in (
+        ("contactbench", "samples of ContactBench", "g and mus", contactbench),
+        ("kamino", "dumps of Kamino's dual problem", "D and v_f", kamino),
+        ("bodies", "a step of rigid bodies", "mass, inertia and body_1", rigid_bodies),
+        ("plain", "plain arrays: G or W and M, c, mu", "c, mu, and G or W", plain),
     )
 }
 """Formats by name; the first that recognises a file reads it."""
@@ -51,12 +53,16 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
     Raises:
         ProblemError: if an array is missing or does not match the others.
     """
-    known = [ARRAY_FORMATS[format_name]] if format_name else ARRAY_FORMATS.values()
+    known = [ARRAY_FORMATS[format_name]] if format_name else list(ARRAY_FORMATS.values())
     for one in known:
         if one.recognises(arrays):
-            with named_in_errors(name, one.name):
+            with named_in_errors(name, one.name, repair):
                 return one.problem_of_arrays(arrays, repair)
     if format_name:
         held = ", ".join(sorted(arrays)) or "none"
-        raise ProblemError(f"{name} is not a file of the format {format_name!r}; its arrays are {held}.")
+        other = next((one.name for one in ARRAY_FORMATS.values() if one.recognises(arrays)), "")
+        raise ProblemError(
+            f"{name} is not a file of the format {format_name!r}, which has {known[0].arrays}; its arrays are {held}"
+            + (f", as in the format {other!r}." if other else ".")
+        )
     return None

@@ -83,6 +83,7 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     check_version(arrays, VERSION)
     n = arrays["mass"].size
     first, second = (_bodies(arrays, name, n) for name in ("body_1", "body_2"))
+    _check_pairs(first, second)
     count = len(first)
     step, gravity = _positive(arrays, "time_step"), _numbers(arrays, "gravity", (3,))
     velocity = np.hstack([_numbers(arrays, name, (n, 3)) for name in ("velocity", "angular_velocity")]).ravel()
@@ -114,6 +115,13 @@ def _check_names(arrays: Arrays) -> None:
     missing = [name for name in (*NEEDED, *OF_CONTACTS) if name not in arrays]
     if missing:
         raise ProblemError(f"there is no array {missing[0]!r}; add it to the masses, velocities and contacts.")
+
+
+def _check_pairs(first: IntArray, second: IntArray) -> None:
+    same = (first == second) & (first >= 0)
+    if same.any():
+        at = int(np.argmax(same))
+        raise ProblemError(f"contact {at} has body {first[at]} on both sides; 'body_1' and 'body_2' must differ.")
 
 
 def _directions(arrays: Arrays, first: IntArray, second: IntArray, n_bodies: int) -> sp.csc_array[Any]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from proxbench.bench import load as load_run
 from proxbench.bench.cli.main import run_command
-from proxbench.problems.capture import mujoco_import, rows, step
+from proxbench.problems.capture import mujoco_import, rows, sequence, step
 
 BALL = """<mujoco model="ball"><option cone="elliptic"/><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>
 <body name="ball" pos="0 0 0.099"><freejoint/><geom name="ball" size="0.1"/></body></worldbody></mujoco>"""
@@ -32,6 +32,15 @@ def test_without_mujoco_the_command_says_what_to_install(
     assert "capturing needs MuJoCo, which is not installed; run pip install" in capsys.readouterr().err
 
 
+def test_an_interrupted_command_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupt(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sequence, "capture", interrupt)
+    assert run_command(["capture", "model.xml"]) == 130
+    assert capsys.readouterr().err == "proxbench: interrupted.\n"
+
+
 def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["capture", str(ball), "--duration", "0.02", "--every", "5", "--output", "steps"]) == 0
     printed = capsys.readouterr().out
@@ -39,6 +48,11 @@ def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) 
     assert "rows      6 of 6 taken" in printed
     assert "proxbench run --suite steps" in printed
     assert len(list(Path("steps").glob("*.npz"))) == 2
+
+
+def test_the_command_that_measures_the_folder_can_be_copied(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["capture", str(ball), "--duration", "0.01", "--output", "my steps"]) == 0
+    assert "proxbench run --suite 'my steps'\n" in capsys.readouterr().out
 
 
 @pytest.mark.slow

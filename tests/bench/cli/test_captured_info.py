@@ -86,10 +86,12 @@ def test_forces_that_are_not_finite_have_no_number_in_json_and_inf_in_the_table(
     assert (engine["own model"], engine["Coulomb"]) == (None, None)
 
 
-def test_damaged_data_of_an_engine_are_one_sentence(file: Path, capsys: Capture) -> None:
+@pytest.mark.parametrize("damage", ["missing", "short"])
+def test_damaged_data_of_an_engine_are_one_sentence(file: Path, damage: str, capsys: Capture) -> None:
     with np.load(file) as content:
-        arrays = {name: content[name] for name in content if name != "capture.forces"}
-    np.savez(file, **arrays)
+        arrays = dict(content)
+    forces = arrays.pop("capture.forces")
+    np.savez(file, **arrays, **({"capture.forces": forces[:-1]} if damage == "short" else {}))
     assert run_command(["info", str(file)]) == 2
     assert capsys.readouterr().err == f"proxbench: the captured data of {file} are damaged; capture it again.\n"
 

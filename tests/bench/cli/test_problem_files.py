@@ -164,7 +164,9 @@ def test_a_file_of_another_program_is_imported_by_the_name_of_its_format(tmp_pat
     assert run_command(f"import contactbench {tmp_path}/cube.npz --output {tmp_path}/ours.npz".split()) == 0
     assert load(tmp_path / "ours.npz").name == "cube"
     assert run_command(f"import kamino {tmp_path}/cube.npz --output {tmp_path}/no.npz".split()) == 2
-    assert "is not a file of the format 'kamino'; its arrays are G, g, mus" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "is not a file of the format 'kamino', which has D and v_f; its arrays are G, g, mus, as in" in error
+    assert error.endswith("the format 'contactbench'.\n")
 
 
 def test_a_problem_goes_round_through_json(tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
         ("run --quiet=3", "option '--quiet' does not take a value; see proxbench run -h."),
         ("run extra", "got unexpected extra argument(s) (extra); see proxbench run -h."),
         ("record", "missing argument 'PROBLEM|FILE'; see proxbench record -h."),
+        ("import", "missing argument 'FORMAT'; choose from fclib, contactbench, kamino, bodies, plain; see proxbench"),
         ("nosuch", "no such command 'nosuch'; see proxbench -h."),
         (
             "import x a",

@@ -188,7 +188,7 @@ def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
     printed = capfd.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
-    assert words in printed.err
+    assert f"{words}; correct the code that it runs." in printed.err
     assert registered() == []
     assert not (tmp_path / "results").exists()
 

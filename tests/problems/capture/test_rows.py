@@ -181,6 +181,13 @@ def test_a_step_without_contact_is_refused() -> None:
         from_mujoco(model, mujoco.MjData(model))
 
 
+def test_data_of_another_model_are_refused() -> None:
+    model, _ = sphere("")
+    other = mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))
+    with pytest.raises(ProblemError, match=r"the data belong to another model; pass mujoco\.MjData\(model\)"):
+        from_mujoco(model, other)
+
+
 def test_a_step_that_ends_in_another_velocity_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = moving(STACK.format(**PLAIN))
     monkeypatch.setattr(step, "_unbalanced", lambda inverse, data, total: 0.01 * total)

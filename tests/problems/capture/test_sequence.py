@@ -131,6 +131,9 @@ def test_earlier_steps_are_replaced_only_when_asked(boxes: Path, tmp_path: Path)
         capture(boxes, tmp_path, options)
     capture(boxes, tmp_path, replace(options, every=20), force=True)
     assert len(list_folder(tmp_path).members) == 2
+    capture(boxes, tmp_path, replace(options, every=30), force=True)
+    with pytest.raises(ProblemError, match="already contains 1 step of box-stack; "):
+        capture(boxes, tmp_path, options)
 
 
 @pytest.mark.parametrize(

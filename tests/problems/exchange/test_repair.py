@@ -144,7 +144,8 @@ def test_a_delassus_matrix_with_a_small_negative_eigenvalue_is_taken_by_name_onl
     path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-3e-8)))
     with pytest.raises(
         ProblemError,
-        match=r"must be positive semidefinite; run: proxbench import fclib .*p\.hdf5 --indefinite project$",
+        match=r"must be positive semidefinite; correct the matrix, or, if the negative eigenvalue is a rounding error, "
+        r"run: proxbench import fclib .*p\.hdf5 --indefinite project$",
     ):
         read_fclib(path)
     problem = read_fclib(path, indefinite="project")
@@ -152,6 +153,15 @@ def test_a_delassus_matrix_with_a_small_negative_eigenvalue_is_taken_by_name_onl
     values = np.linalg.eigvalsh(problem.delassus().toarray())
     assert values[0] >= -1e-15 * values[-1]
     assert judge(problem, np.zeros(6)).residual > 0.0
+
+
+def test_the_command_for_one_remedy_keeps_the_other(tmp_path: Path) -> None:
+    path = write_data(tmp_path / "p.hdf5", local_data(matrix=np.tril(indefinite(-3e-8))))
+    with pytest.raises(ProblemError, match=r"--symmetry lower --indefinite project$"):
+        read_fclib(path, indefinite="project")
+    with pytest.raises(ProblemError, match=r"--symmetry lower --indefinite project$"):
+        read_fclib(path, "lower")
+    assert read_fclib(path, "lower", "project").n_rows == 6
 
 
 def test_a_matrix_that_is_far_from_semidefinite_is_refused_in_spite_of_the_name(tmp_path: Path) -> None:

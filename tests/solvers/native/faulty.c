@@ -54,7 +54,7 @@ int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *re
     if (!strcmp(fault, "observe"))
         for (int64_t i = 1; i <= 3; i++) request->observe(request->context, i, result->impulses);
     if (!strcmp(fault, "limit")) {
-        result->message = "the limit was small";
+        result->message = "the limit \x1b[31mwas\n small";
         return PB_ITERATION_LIMIT;
     }
     return PB_SOLVED;

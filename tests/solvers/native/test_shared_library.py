@@ -84,9 +84,9 @@ def test_a_refusal_to_prepare_ends_as_unsupported(faulty_library: Path) -> None:
     assert (solution.status, solution.message) == (Status.UNSUPPORTED, "it is not in the mood")
 
 
-def test_a_message_comes_with_its_status(faulty_library: Path) -> None:
+def test_a_message_comes_with_its_status_in_one_line_without_control_characters(faulty_library: Path) -> None:
     solution = faulty(faulty_library, "limit").prepare(ten_contacts()).solve(Stop())
-    assert (solution.status, solution.message) == (Status.ITERATION_LIMIT, "the limit was small")
+    assert (solution.status, solution.message) == (Status.ITERATION_LIMIT, "the limit \ufffd[31mwas small")
 
 
 def test_what_it_writes_to_its_arrays_does_not_reach_the_problem(faulty_library: Path) -> None:

@@ -69,8 +69,14 @@ def read_comparison(file: Path) -> Comparison:
     """
     try:
         return msgspec.json.decode(file.read_bytes(), type=Comparison)
-    except (OSError, msgspec.MsgspecError) as error:
-        raise BenchError(f"cannot read {file} as a result of proxbench engines: {error_text(error)}.") from None
+    except OSError as error:
+        raise BenchError(
+            f"cannot read the result {file}: {error.strerror}; name a .json file of proxbench engines."
+        ) from None
+    except msgspec.MsgspecError as error:
+        raise BenchError(
+            f"{file} is not a result of proxbench engines: {error_text(error)}; name a .json file that it wrote."
+        ) from None
 
 
 Measure = Callable[[str, str, str], Measurement]

@@ -146,6 +146,16 @@ def test_contacts_alone_keep_the_format_that_older_versions_read(
         assert json.loads(arrays["about"].tobytes().decode())["format"] == number
 
 
+def test_a_number_that_is_not_valid_is_named_with_its_file(tmp_path: Path) -> None:
+    save_problem(load("funnel-30"), tmp_path / "p.npz")
+    with np.load(tmp_path / "p.npz") as content:
+        arrays = dict(content)
+    arrays["friction_coefficient"] = -arrays["friction_coefficient"]
+    np.savez(tmp_path / "p.npz", **arrays)
+    with pytest.raises(ProblemError, match=r"p\.npz: laws\.friction_coefficient\[1\] = -0\.3 must be"):
+        read_problem(tmp_path / "p.npz")
+
+
 def test_a_newer_format_is_refused_in_one_sentence(tmp_path: Path) -> None:
     save_problem(load("hard-groove"), tmp_path / "p.npz")
     with pytest.raises(ProblemError, match="has format 4, but this version reads formats up to 3"):

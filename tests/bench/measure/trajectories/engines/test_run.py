@@ -163,10 +163,12 @@ def test_runs_of_another_version_source_or_processor_are_not_mixed(where: str, k
 
 def test_a_file_that_is_no_comparison_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "engines.json"
-    with pytest.raises(BenchError, match=r"cannot read .*engines\.json as a result of proxbench engines: FileNotFound"):
+    with pytest.raises(BenchError, match=r"cannot read the result .*engines\.json: No such file or directory; name a"):
         read_comparison(file)
     file.write_text("{}")
-    with pytest.raises(BenchError, match="missing required field"):
+    with pytest.raises(
+        BenchError, match=r"is not a result of proxbench engines: .*missing required field.*; name a \.json file"
+    ):
         read_comparison(file)
 
 
