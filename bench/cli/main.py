@@ -138,10 +138,10 @@ def _user_error(error: Exception) -> tuple[str, int]:
 
     if not isinstance(error, ProxbenchError):
         raise error
-    failed = isinstance(error, FailedSimulationError | StepError)
-    return options.with_option_names(str(error)), INTERRUPTED if isinstance(
-        error, InterruptedWorkError
-    ) else 1 if failed else 2
+    code = 1 if isinstance(error, FailedSimulationError | StepError) else 2
+    if isinstance(error, InterruptedWorkError):
+        code = INTERRUPTED
+    return options.with_option_names(str(error)), code
 
 
 def _print_error(message: str, code: int) -> int:
