@@ -70,7 +70,7 @@ def contact_errors(
     half: FloatArray | None = None
     for taken in MidpointRule(system, create("Robust"), STOP, step, depth=depth).steps(start, round(seconds / step)):
         poses = system.poses(taken.state.position)
-        opening = max(opening, float(np.abs(system.joints.residual(poses)).max()))
+        opening = max(opening, float(np.abs(system.joints.errors_at(poses).residual).max()))
         penetration = max(penetration, -float(system.contacts_within(poses, 0.0).gap.min(initial=0.0)))
         if half is not None:
             moved = max(moved, float(np.abs(poses[:, :3] - half).max()))

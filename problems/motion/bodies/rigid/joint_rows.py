@@ -21,9 +21,6 @@ from ....arrays import FloatArray, IntArray
 from ....contact.matrices.user_matrices import compressed_columns
 from .orientation import rotation_matrices
 
-WORLD = -1
-"""The index that stands for the world in place of a body; its body axes are the world axes."""
-
 DISTANCE, ALONG_AXIS, ORIENTATION, ANGLE = range(4)
 """Kinds of scalars."""
 
@@ -37,7 +34,7 @@ class JointRow(NamedTuple):
 
     Attributes:
         kind: kind of the scalar.
-        bodies: indices of the two bodies; the second one may be ``WORLD``.
+        bodies: indices of the two bodies; −1 stands for the world.
         points: p and p' in body axes [m], shape (2, 3).
         first_axis: f.
         second_axis: n.

@@ -25,19 +25,12 @@ from ....arrays import FloatArray, IntArray
 from ....contact.laws import LawKind, Laws
 from ....errors import ProblemError
 from ..system import JointErrors
-from .joint_rows import (
-    ALONG_AXIS,
-    ANGLE,
-    DISTANCE,
-    ORIENTATION,
-    WORLD,
-    JointRow,
-    JointTable,
-    columns,
-    perpendicular_axes,
-)
+from .joint_rows import ALONG_AXIS, ANGLE, DISTANCE, ORIENTATION, JointRow, JointTable, columns, perpendicular_axes
 from .orientation import IDENTITY, check_orientation, rotation_matrices
 from .rigid_bodies import JointRows
+
+WORLD = -1
+"""The index that stands for the world in place of a body; its body axes are the world axes."""
 
 MAX_CLOSING_ERROR = 1e-6
 """Largest residual of a joint at the start of a motion, in m or, for orientations, rad."""
@@ -192,7 +185,7 @@ class RigidJoints:
         return np.array(joined, dtype=np.int64).reshape(-1, 2)
 
     def errors_at(self, poses: FloatArray) -> JointErrors:
-        """Return the residual of the constraints [m or rad], and W, at poses of shape (n, 7).
+        """Return the residual of the constraints [m or rad], and W with the rate Wᵀ u, at poses of shape (n, 7).
 
         Raises:
             ProblemError: if the points of a distance joint coincide, so that it has no direction.
@@ -201,14 +194,6 @@ class RigidJoints:
         if (self._held.kind == DISTANCE).any() and not rates.any(axis=(1, 2)).all():
             raise ProblemError("the points of a distance joint coincide; move them apart.")
         return JointErrors(values, columns(self._held.bodies, rates, self.n_bodies))
-
-    def residual(self, poses: FloatArray) -> FloatArray:
-        """Return the residual of the constraints [m or rad], shape (n_rows,), at poses of shape (n, 7)."""
-        return self.errors_at(poses).residual
-
-    def jacobian(self, poses: FloatArray) -> sp.csc_array[Any]:
-        """Return W, shape (6 n, n_rows): the rate of ``residual`` is Wᵀ u."""
-        return self.errors_at(poses).directions
 
     def limits_below(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, sp.csc_array[Any]]:
         """Return keys, gaps [m or rad] and W of the limits and ropes with a gap below ``margin``."""

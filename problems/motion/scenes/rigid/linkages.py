@@ -54,7 +54,7 @@ def joint_opening(system: RigidBodies) -> Observable:
     assert joints is not None
     return Observable(
         "opening",
-        lambda state: float(np.abs(joints.residual(system.poses(state.position))).max()),
+        lambda state: float(np.abs(joints.errors_at(system.poses(state.position)).residual).max()),
         label="opening of joints [m or rad]",
         head="opening",
     )

@@ -38,9 +38,11 @@ def test_the_jacobian_is_the_rate_of_the_residual(kind: str, second: int) -> Non
     joints, poses, step = RigidJoints([some_joint(kind, second)], 2), some_poses(1), 1e-5
     for velocity in np.random.default_rng(2).normal(size=(5, 12)):
         after, before = (
-            joints.residual(moved(poses.ravel(), velocity, sign * step).reshape(2, 7)) for sign in (1.0, -1.0)
+            joints.errors_at(moved(poses.ravel(), velocity, sign * step).reshape(2, 7)).residual for sign in (1.0, -1.0)
         )
-        assert joints.jacobian(poses).T @ velocity == pytest.approx((after - before) / (2.0 * step), abs=1e-8)
+        assert joints.errors_at(poses).directions.T @ velocity == pytest.approx(
+            (after - before) / (2.0 * step), abs=1e-8
+        )
 
 
 @pytest.mark.parametrize("friction", [0.0, 1.0])
@@ -64,7 +66,9 @@ def test_the_residual_is_the_same_after_a_rigid_motion(kind: str) -> None:
     turn = about((0.3, -1.0, 0.5), 1.1)
     turned = product(np.array([turn, turn]), poses[:, 3:])
     shifted = poses[:, :3] @ rotation_matrices(turn[None])[0].T + [1.0, -2.0, 0.5]
-    assert joints.residual(np.hstack([shifted, turned])) == pytest.approx(joints.residual(poses), abs=1e-13)
+    assert joints.errors_at(np.hstack([shifted, turned])).residual == pytest.approx(
+        joints.errors_at(poses).residual, abs=1e-13
+    )
 
 
 @pytest.mark.parametrize(("kind", "n_rows"), [("ball", 3), ("revolute", 5), ("prismatic", 5), ("fixed", 6)])
@@ -73,7 +77,7 @@ def test_a_joint_takes_as_many_degrees_of_freedom_as_it_has_rows(kind: Any, n_ro
     poses = np.array([[0.0, 0.0, -0.5, 1, 0, 0, 0], [0.0, 0.0, 0.5, 1, 0, 0, 0]])
     joints = RigidJoints([joint], 2)
     joints.check_start(poses)
-    assert np.linalg.matrix_rank(joints.jacobian(poses).toarray()) == joint.n_rows == n_rows
+    assert np.linalg.matrix_rank(joints.errors_at(poses).directions.toarray()) == joint.n_rows == n_rows
 
 
 def test_friction_of_a_joint_is_bounded_by_its_moment_times_the_step() -> None:

@@ -29,7 +29,7 @@ def energy(system: RigidBodies, state: State) -> float:
 
 def joint_error(system: RigidBodies, state: State) -> float:
     assert system.joints is not None
-    return float(np.abs(system.joints.residual(system.poses(state.position))).max())
+    return float(np.abs(system.joints.errors_at(system.poses(state.position)).residual).max())
 
 
 def test_a_pendulum_returns_after_its_period() -> None:
@@ -120,7 +120,9 @@ def test_a_four_bar_linkage_follows_its_kinematics_and_keeps_its_energy() -> Non
     system, start = scene.system(), scene.start()
     assert joint_error(system, start) <= 1e-15
     assert system.joints is not None
-    assert system.joints.jacobian(system.poses(start.position)).T @ start.velocity == pytest.approx(0.0, abs=1e-14)
+    assert system.joints.errors_at(system.poses(start.position)).directions.T @ start.velocity == pytest.approx(
+        0.0, abs=1e-14
+    )
     end = last_steps(system, start, 2e-3, 200)[-1].state
     turned = -2.0 * np.arctan2(end.position[5], end.position[3])
     expected = scene.state(turned, -end.velocity[4])
@@ -159,7 +161,7 @@ def test_velocities_do_not_open_the_joints_of_a_linkage_for_long() -> None:
     assert system.joints is not None
     for depth in (None, DEPTH):
         end = last_steps(system, start, 1e-2, 100, depth)[-1].state
-        open_rates.append(np.abs(system.joints.jacobian(system.poses(end.position)).T @ end.velocity).max())
+        open_rates.append(np.abs(system.joints.errors_at(system.poses(end.position)).directions.T @ end.velocity).max())
     assert open_rates[0] > 1e-4
     assert open_rates[1] <= 1e-13
 
