@@ -129,7 +129,7 @@ def _find_boxes(
 def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
     """Return contacts of several kinds of pairs in the order of bodies and features."""
     if not parts:
-        return ContactSet(*[np.zeros(0, dtype=np.int64)] * 3, *[np.zeros((0, 3))] * 2, np.zeros(0))
+        parts = [(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))]
     if len(parts) == 1:
         (keys, numbers) = parts[0]
         return ContactSet(*_in_order(keys, numbers, _order(keys)))

@@ -24,8 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.memory import require_memory
 from ...contact.matrices.pieces import Pieces
@@ -169,7 +170,7 @@ def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[Floa
     return spread, (kept / values[is_kept]) @ kept.T
 
 
-def _entries(joints: JointErrors) -> tuple[FloatArray, IntArray, IntArray]:
+def _entries(joints: JointErrors) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.int32]]:
     """Return the entries of W, their dofs, and where each column starts."""
     return joints.directions.data, joints.directions.indices, joints.directions.indptr
 

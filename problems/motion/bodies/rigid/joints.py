@@ -301,7 +301,7 @@ class RigidJoints:
         counts = np.array([len(own) for _, own in rows if own], dtype=np.int64)
         flat = [row for _, own in rows for row in own]
         numbers = np.array([row[2:] for row in flat], dtype=np.float64).reshape(-1, 3).T.copy()
-        kinds = np.array([row.kind for row in flat], dtype=np.int8)
+        kinds = np.array([row.kind for row in flat], dtype=np.int64)
         return JointTable.of([row.row for row in flat]), _ActiveRows(keys, counts, kinds, *numbers)
 
     def _active_rows(self, joint: Joint) -> "list[_LawRow]":
