@@ -24,7 +24,7 @@ R = TypeVar("R", bound=Record)
 def printable(value: Any) -> Any:
     """Return a JSON value with displayable texts, and None for numbers that are not finite."""
     if isinstance(value, str):
-        return _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", value)
+        return value if value.isprintable() else _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", value)
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):

@@ -20,7 +20,8 @@ from functools import partial
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import resume, run
 from proxbench.bench.store.plans import Limits
-run = partial(run, results={results!r}, run_id="it")
+results = {results!r}
+run = partial(run, results=results, run_id="it")
 """
 
 

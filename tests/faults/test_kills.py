@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 import psutil
 import pytest
-from proxbench.bench import load
+from proxbench.bench import load, resume
 from sandbox import Sandbox, Verdicts, verdicts
 
 KILLS = int(os.environ.get("PROXBENCH_KILLS", "2"))
@@ -50,8 +50,11 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     return Undisturbed(sandbox.done(RUN), time.monotonic() - start)
 
 
-def resumed(sandbox: Sandbox, retry: bool) -> str:
-    return f"resume({str(sandbox.results / 'it')!r}, retry_failed={retry})"
+def resumed(sandbox: Sandbox, retry: bool) -> Verdicts:
+    """Resume the run in this process, after which no file is left over, and return its verdicts."""
+    folder = resume(sandbox.results / "it", retry_failed=retry).folder
+    assert sandbox.left_behind() == []
+    return verdicts(folder)
 
 
 def test_killing_workers_costs_their_own_cases(tmp_path: Path, undisturbed: Undisturbed) -> None:
@@ -69,7 +72,7 @@ def test_killing_workers_costs_their_own_cases(tmp_path: Path, undisturbed: Undi
         for case, verdict in found.items():
             assert verdict == undisturbed.verdicts[case] or verdict[1] == "crashed"
         assert sandbox.left_behind() == []
-        assert sandbox.done(resumed(sandbox, retry=True)) == undisturbed.verdicts
+        assert resumed(sandbox, retry=True) == undisturbed.verdicts
 
 
 def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
@@ -87,13 +90,17 @@ def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
 def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_finished_later(
     tmp_path: Path, undisturbed: Undisturbed
 ) -> None:
-    """It names a point after that is stored, so that all it has named is there, with as many rounds."""
+    """It names a point after that is stored, so that all it has named is there, with as many rounds.
+
+    Every other run is killed in the second half of its time.
+    """
     chance, numbers, kills, named = random.Random(7), itertools.count(), 0, 0
     while kills < KILLS or not named:
-        sandbox = Sandbox(tmp_path / str(next(numbers)))
+        number = next(numbers)
+        sandbox = Sandbox(tmp_path / str(number))
         process = sandbox.start(RUN)
         wait_for_server(sandbox, process)
-        time.sleep(chance.uniform(0.0, undisturbed.seconds))
+        time.sleep((number % 2 + chance.random()) / 2.0 * undisturbed.seconds)
         kills += process.poll() is None
         process.kill()
         output, _ = process.communicate()
@@ -108,7 +115,8 @@ def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_fini
             (found,) = own[own["tolerance"] == float(value)].itertuples()
             assert found.outcome != "solved" or found.rounds >= count
         is_begun = (sandbox.results / "it" / "run.json").exists()
-        assert sandbox.done(resumed(sandbox, retry=False) if is_begun else RUN) == undisturbed.verdicts
+        finished = resumed(sandbox, retry=False) if is_begun else sandbox.done(RUN)
+        assert finished == undisturbed.verdicts
 
 
 def rounds_of_points(folder: Path) -> pd.DataFrame:

@@ -8,7 +8,8 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from random import Random
@@ -18,9 +19,15 @@ import pytest
 from proxbench.bench import load, resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from sandbox import Sandbox, Verdicts, verdicts
+from sandbox import Sandbox, verdicts
 
 SMALL = "['hard-sticking-box', 'funnel-30'], ['SORprox', 'ClarabelSOCP'], tolerances=[1e-1, 1e-3], passes=1"
+
+
+def run_here(results: Path) -> Path:
+    """Execute the small run in this process, which starts its fork server once for all tests."""
+    problems, solvers = ["hard-sticking-box", "funnel-30"], ["SORprox", "ClarabelSOCP"]
+    return run(problems, solvers, results=results, run_id="it", tolerances=[1e-1, 1e-3], passes=1).folder
 
 
 @pytest.fixture
@@ -28,24 +35,9 @@ def sandbox(tmp_path: Path) -> Sandbox:
     return Sandbox(tmp_path)
 
 
-def failing(sandbox: Sandbox, before: Callable[[], None] | None = None) -> str:
-    """Run into a fault of the disk; return the sentence that names it."""
-    done = sandbox.run(f"run({SMALL})", before)
-    assert done.returncode == 1
-    last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("proxbench.bench.errors.BenchError: cannot write")
-    return last
-
-
-def finished(sandbox: Sandbox) -> Verdicts:
-    return sandbox.done(f"resume({str(sandbox.results / 'it')!r})")
-
-
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    sandbox = Sandbox(tmp_path_factory.mktemp("undisturbed"))
-    sandbox.done(f"run({SMALL})")
-    return sandbox.results / "it"
+    return run_here(tmp_path_factory.mktemp("undisturbed"))
 
 
 def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
@@ -58,10 +50,14 @@ def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
         _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (sizes[-1] // 2, most))
 
-    assert "File too large" in failing(sandbox, allow_little)
+    done = sandbox.run(f"run({SMALL})", allow_little)
+    assert done.returncode == 1
+    error = done.stderr.strip().splitlines()[-1]
+    assert error.startswith("proxbench.bench.errors.BenchError: cannot write")
+    assert "File too large" in error
     assert sandbox.left_behind() == []
     assert 1 <= len(list((folder / "cases").iterdir())) < 4
-    assert finished(sandbox) == verdicts(undisturbed)
+    assert verdicts(resume(folder).folder) == verdicts(undisturbed)
 
 
 @pytest.fixture
@@ -77,10 +73,11 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_full_disk_and_a_read_only_one(
-    sandbox: Sandbox, undisturbed: Path, small_disk: Path, capsys: pytest.CaptureFixture[str]
+    undisturbed: Path, small_disk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sandbox.results, folder = small_disk, small_disk / "it"
-    assert "No space left" in failing(sandbox)
+    folder = small_disk / "it"
+    with pytest.raises(BenchError, match=r"cannot write .* No space left"):
+        run_here(small_disk)
     assert not list(folder.rglob("*.part"))
     assert load(folder).damaged == []
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
@@ -93,36 +90,64 @@ def test_a_full_disk_and_a_read_only_one(
     assert [name for name in load(folder).cases["problem"].unique() if f"{name} · " not in printed.out] == []
     assert re.fullmatch(r"proxbench: cannot write .*/tables/.* Read-only file system; .*\n", printed.err)
     subprocess.run(["mount", "-o", "remount,rw,size=4m", str(small_disk)], check=True)
-    assert finished(sandbox) == verdicts(undisturbed)
+    assert verdicts(resume(folder).folder) == verdicts(undisturbed)
 
 
 SPOILED = {
-    "vanishes": "shutil.rmtree({folder!r}, ignore_errors=True)",
-    "is emptied": "[os.truncate(file, 0) for file in glob.glob({folder!r} + '/**/*.json', recursive=True)]",
-    "is written over": "[open(file, 'w').write('[]') for file in glob.glob({folder!r} + '/**/*.json', recursive=True)]",
-    "gets pipes": "[(os.unlink(file), os.mkfifo(file)) for file in glob.glob({folder!r} + '/*/*.json')]",
+    "removed": "shutil.rmtree(folder, ignore_errors=True)",
+    "emptied": "[os.truncate(file, 0) for file in glob.glob(folder + '/**/*.json', recursive=True)]",
+    "overwritten": "[open(file, 'w').write('[]') for file in glob.glob(folder + '/**/*.json', recursive=True)]",
+    "pipes": "[(os.unlink(file), os.mkfifo(file)) for file in glob.glob(folder + '/*/*.json')]",
 }
 """What another program, a plugin perhaps, does to the folder of a run again and again."""
 
 
+SPOILED_RUNS = f"""
+import glob, os, pathlib, shutil
+
+for how, spoiling in {SPOILED!r}.items():
+    folder = results + "/" + how
+    run({SMALL}, run_id=how, on_event=lambda event: exec(spoiling))
+
+folder = results + "/it"
+run({SMALL}, on_event=lambda event: (shutil.rmtree(folder, True), pathlib.Path(folder).touch()))
+"""
+"""Runs whose folders are spoiled at each event; that of the last one cannot be made again."""
+
+
+@dataclass
+class SpoiledRuns:
+    """The folder of the spoiled runs, the last line of standard error, and what they left behind."""
+
+    results: Path
+    error: str
+    left_behind: list[str]
+
+
+@pytest.fixture(scope="module")
+def spoiled(tmp_path_factory: pytest.TempPathFactory) -> SpoiledRuns:
+    sandbox = Sandbox(tmp_path_factory.mktemp("spoiled"))
+    done = sandbox.run(SPOILED_RUNS)
+    left_behind = sandbox.left_behind(lambda file: file == sandbox.results / "it")
+    return SpoiledRuns(sandbox.results, done.stderr.strip().splitlines()[-1], left_behind)
+
+
 @pytest.mark.parametrize("how", SPOILED)
-def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(how: str, sandbox: Sandbox, undisturbed: Path) -> None:
-    folder = sandbox.results / "it"
-    spoiling = SPOILED[how].format(folder=str(folder))
-    spoil = f"import glob, os, shutil\ndef spoil(event):\n    {spoiling}\n"
-    assert sandbox.done(f"{spoil}run({SMALL}, on_event=spoil)") == verdicts(undisturbed)
+def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(
+    how: str, spoiled: SpoiledRuns, undisturbed: Path
+) -> None:
+    folder = spoiled.results / how
+    assert verdicts(folder) == verdicts(undisturbed), spoiled.error
     assert load(folder).is_finished
 
 
-def test_a_folder_that_cannot_be_made_again_ends_the_run_with_an_error(sandbox: Sandbox) -> None:
-    folder = sandbox.results / "it"
-    spoil = (
-        "import pathlib, shutil\n"
-        f"def spoil(event):\n    shutil.rmtree({str(folder)!r}, True); pathlib.Path({str(folder)!r}).touch()\n"
-    )
-    done = sandbox.run(f"{spoil}run({SMALL}, on_event=spoil)")
-    assert "BenchError: cannot write" in done.stderr.strip().splitlines()[-1]
-    assert sandbox.left_behind(lambda file: file == folder) == []
+def test_a_folder_that_cannot_be_made_again_ends_the_run_with_an_error(spoiled: SpoiledRuns) -> None:
+    assert "BenchError: cannot write" in spoiled.error
+    assert (spoiled.results / "it").is_file()
+
+
+def test_spoiled_runs_leave_no_process_and_no_temporary_file(spoiled: SpoiledRuns) -> None:
+    assert spoiled.left_behind == []
 
 
 def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) -> None:
@@ -158,8 +183,7 @@ def test_a_clock_that_jumps_changes_no_result(
 ) -> None:
     monkeypatch.setattr("proxbench.bench.measure.execution.local.datetime", JumpingClock)
     monkeypatch.setattr(time, "time", lambda: JumpingClock.now(UTC).timestamp())
-    problems, solvers = ["hard-sticking-box", "funnel-30"], ["SORprox", "ClarabelSOCP"]
-    folder = run(problems, solvers, results=tmp_path, run_id="it", tolerances=[1e-1, 1e-3], passes=1).folder
+    folder = run_here(tmp_path)
     monkeypatch.undo()
     assert verdicts(folder) == verdicts(undisturbed)
     assert load(folder).cases["wall_seconds"].between(0.0, 3600.0).all()

@@ -125,7 +125,8 @@ def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def _by_side(rows: pd.DataFrame) -> list[FloatArray]:
-    return [rows["time"][rows["side"] == side].to_numpy() for side in (0, 1)]
+    times, sides = rows["time"].to_numpy(), rows["side"].to_numpy()
+    return [times[sides == side] for side in (0, 1)]
 
 
 def _cases(points: pd.DataFrame) -> pd.DataFrame:

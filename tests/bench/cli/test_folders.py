@@ -57,9 +57,9 @@ def check_run(folder: Path, results: Path, captured: pytest.CaptureFixture[str],
 def test_broken_files_of_a_folder_are_listed_and_the_others_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    check_run(collection(tmp_path / "mine", 12, 8), tmp_path / "results", capsys, 20)
+    check_run(collection(tmp_path / "mine", 3, 2), tmp_path / "results", capsys, 5)
     table = pd.read_csv(tmp_path / "results" / "it" / "tables" / "results.csv")
-    assert table["family"].tolist() == ["boxes"] * 12 + ["rocks"] * 8
+    assert table["family"].tolist() == ["boxes"] * 3 + ["rocks"] * 2
 
 
 @pytest.mark.slow

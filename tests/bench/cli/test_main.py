@@ -79,7 +79,7 @@ def test_a_quiet_run_without_a_page_prints_where_its_files_are_and_draws_none(
 ) -> None:
     run = tmp_path / "one"
     line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --output {tmp_path} --run-id one"
-    assert run_command([*line.split(), "--quiet", "--no-page"]) == 0
+    assert run_command([*line.split(), "--passes", "1", "--quiet", "--no-page"]) == 0
     printed = capsys.readouterr()
     assert printed.out == f"results  {run}\ntables   {run}/tables\n"
     assert printed.err == ""

@@ -1,5 +1,6 @@
 """The worked examples of the documentation, installed as packages of their own, appear everywhere without an option."""
 
+import contextlib
 import json
 import os
 import re
@@ -7,8 +8,9 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -17,7 +19,16 @@ pytestmark = pytest.mark.slow
 DOCS = Path(__file__).parents[3] / "docs" / "how-to"
 SOLVER_LINES = 20
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
+
+class Answer(NamedTuple):
+    """The exit code of a command line, and what it printed."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+Command = Callable[..., Answer]
 
 
 def block(page: str, language: str) -> str:
@@ -50,29 +61,55 @@ def build_wheel(folder: Path, project: str, modules: dict[str, str]) -> Path:
     return wheel
 
 
-def command_with(*wheels: Path, site: Path) -> Command:
-    """Install wheels into a folder of their own; return the command line that sees it."""
+SERVE = """
+import contextlib, io, json, sys
+from proxbench.bench.cli.main import run_command
+from proxbench.bench.conformance import run
+
+run.CHECKS = {kind: checks[:4] for kind, checks in run.CHECKS.items()}
+for line in sys.stdin:
+    with contextlib.redirect_stdout(io.StringIO()) as output, contextlib.redirect_stderr(io.StringIO()) as errors:
+        code = run_command(json.loads(line))
+    print(json.dumps([code, output.getvalue(), errors.getvalue()]), flush=True)
+"""
+"""A process that answers one command line after another; the page of the solver runs all its checks from its file."""
+
+
+@contextlib.contextmanager
+def command_with(*wheels: Path, site: Path) -> Iterator[Command]:
+    """Install wheels into a folder of their own; yield the command line of a process that sees it."""
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-compile"]
     environment = {**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
     subprocess.run([*pip, "--target", str(site), *map(str, wheels)], check=True, timeout=600, env=environment)
+    path = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}  # names stay in one piece
+    server = subprocess.Popen(
+        [sys.executable, "-c", SERVE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    )
+    assert server.stdin is not None
+    assert server.stdout is not None
+    requests, answers = server.stdin, server.stdout
 
-    def run(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
-        line = [sys.executable, "-c", f"{before}from proxbench.bench.cli.main import main; main()", *words]
-        environment = {**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200"}  # names stay in one piece
-        return subprocess.run(line, capture_output=True, text=True, timeout=600, env=environment, check=False)
+    def command(*words: str) -> Answer:
+        print(json.dumps(words), file=requests, flush=True)
+        return Answer(*json.loads(answers.readline()))
 
-    return run
+    try:
+        yield command
+    finally:
+        server.communicate()
 
 
 @pytest.fixture(scope="module")
-def proxbench(tmp_path_factory: pytest.TempPathFactory) -> Command:
+def proxbench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Command]:
     """The command line where both worked examples are installed."""
     folder = tmp_path_factory.mktemp("packages")
     solver = build_wheel(
         folder, block("add-a-solver.md", "toml"), {"fixed_step_gradient": block("add-a-solver.md", "python")}
     )
     problem = build_wheel(folder, block("add-a-problem.md", "toml"), {"bricks": block("add-a-problem.md", "python")})
-    return command_with(solver, problem, site=folder / "site")
+    with command_with(solver, problem, site=folder / "site") as command:
+        yield command
 
 
 def test_the_worked_solver_has_at_most_twenty_lines() -> None:
@@ -108,16 +145,9 @@ def test_both_are_run_and_stand_in_the_table_and_in_the_record(proxbench: Comman
     }
 
 
-FIRST_CHECKS = """
-from proxbench.bench.conformance import run
-run.CHECKS = {kind: checks[:4] for kind, checks in run.CHECKS.items()}
-"""
-"""The page of the solver runs all its checks from its file."""
-
-
 @pytest.mark.parametrize("target", ["FixedStepGradient(relaxation=1.5)", "brick-on-slope"])
 def test_both_can_be_checked_by_name(proxbench: Command, target: str) -> None:
-    done = proxbench("check", target, "--json", before=FIRST_CHECKS)
+    done = proxbench("check", target, "--json")
     assert done.returncode == 0, done.stdout
     (subject,) = json.loads(done.stdout)
     assert subject["name"] == target
@@ -151,7 +181,12 @@ def test_names_that_are_not_free_and_packages_that_do_not_import_are_listed_with
         project("second", 'Same = "second:Same"\nGone = "no_such_module:Gone"\nText = "second:TEXT"'),
         {"second": good + "TEXT = 'abc'\n"},
     )
-    proxbench = command_with(first, second, site=tmp_path / "site")
+    with command_with(first, second, site=tmp_path / "site") as proxbench:
+        check_errors(proxbench, tmp_path / "results")
+
+
+def check_errors(proxbench: Command, results: Path) -> None:
+    """Check that faults of packages are listed, refused by name, and no hindrance to other solvers."""
     done = proxbench("list", "solvers", "--json")
     assert done.returncode == 0
     rows = json.loads(done.stdout)["solvers"]
@@ -167,7 +202,7 @@ def test_names_that_are_not_free_and_packages_that_do_not_import_are_listed_with
     assert errors[("Text", two)].startswith(f"solver Text of {two} is a str; offer the class")
     assert sum(row["name"] == "SORprox" and not row["error"] for row in rows) == 1
     for name in ("Same", "Gone", "Text"):
-        done = proxbench("run", "--solver", name, "--output", str(tmp_path / "results"))
+        done = proxbench("run", "--solver", name, "--output", str(results))
         assert done.returncode == 2
         assert done.stderr.strip() in {f"proxbench: {error}" for error in errors.values()}
-    assert proxbench("check", "SORprox", before=FIRST_CHECKS).returncode == 0
+    assert proxbench("check", "SORprox").returncode == 0

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from proxbench.bench.measure.contacts.answers import judge_answers
-from proxbench.bench.measure.points import keep_finest_impulses, quartiles, times_from_rounds
+from proxbench.bench.measure.points import keep_finest_impulses, times_from_rounds
+from proxbench.bench.store.fields import Quartiles
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, Round
 from proxbench.problems import ContactProblem
@@ -17,7 +17,7 @@ def timed_round(number: int, seconds: float, **others: Any) -> Round:
     times = {
         "prepare_seconds": 0.0,
         "solve_seconds": seconds,
-        "total_seconds": quartiles(np.array([seconds])),
+        "total_seconds": Quartiles(min=seconds, q1=seconds, median=seconds, q3=seconds),
         "wall_seconds": seconds,
         "processor_seconds": seconds,
     }

@@ -66,6 +66,17 @@ def declining(frames: RunFrames, problem: str, solver: str) -> RunFrames:
     return replace(frames, **tables)
 
 
+@pytest.fixture(scope="module")
+def reference() -> RunFrames:
+    """A run of fifteen solvers on eight problems."""
+    return load(REFERENCE)
+
+
+@pytest.fixture(scope="module")
+def reference_tables(reference: RunFrames) -> dict[str, pd.DataFrame]:
+    return profile_tables(reference, "NSGS")
+
+
 @pytest.fixture
 def declined(finished_run: Path) -> RunFrames:
     """The little run, in which ClarabelSOCP supports two of three problems."""
@@ -246,45 +257,45 @@ def test_solvers_that_solve_nothing_give_profiles_of_zero() -> None:
 
 
 @pytest.mark.slow
-def test_times_and_residuals_are_those_of_points_that_count() -> None:
-    run = load(REFERENCE)
-    seconds, residuals = seconds_matrix(run, 1e-6), residual_matrix(run)
+def test_times_and_residuals_are_those_of_points_that_count(reference: RunFrames) -> None:
+    seconds, residuals = seconds_matrix(reference, 1e-6), residual_matrix(reference)
     assert seconds.shape == residuals.shape == (8, 15)
-    times = times_to_accuracies(run.points, [1e-6], run.info.plan.limits.solve_seconds)[1e-6]
-    for problem, solver in run.points.groupby(["problem", "solver"]).groups:
+    times = times_to_accuracies(reference.points, [1e-6], reference.info.plan.limits.solve_seconds)[1e-6]
+    for problem, solver in reference.points.groupby(["problem", "solver"]).groups:
         expected = times.get((problem, solver), np.nan)
         assert seconds.at[problem, solver] == pytest.approx(expected, nan_ok=True)
         assert (residuals.at[problem, solver] <= 1e-6) == np.isfinite(expected)
 
 
 @pytest.mark.slow
-def test_families_are_profiled_as_the_problems_of_each_alone() -> None:
-    run = load(REFERENCE)
-    tables = profile_tables(run, "NSGS")
-    funnel = run.only([name for name in run.info.plan.problems if name.startswith("funnel")])
+def test_families_are_profiled_as_the_problems_of_each_alone(
+    reference: RunFrames, reference_tables: dict[str, pd.DataFrame]
+) -> None:
+    funnel = reference.only([name for name in reference.info.plan.problems if name.startswith("funnel")])
     for name, table in profile_tables(funnel, "NSGS").items():
         alone = table[table["family"] == ALL].drop(columns="family").reset_index(drop=True)
-        of_family = tables[name][tables[name]["family"] == "funnel"].drop(columns="family").reset_index(drop=True)
+        whole = reference_tables[name]
+        of_family = whole[whole["family"] == "funnel"].drop(columns="family").reset_index(drop=True)
         pd.testing.assert_frame_equal(of_family, alone)
 
 
 @pytest.mark.slow
-def test_every_chart_has_its_numbers_beside_it(tmp_path: Path) -> None:
-    run = load(REFERENCE)
-    files = {file.name for file in write_profiles(run, "NSGS", tmp_path)}
+def test_every_chart_has_its_numbers_beside_it(
+    reference: RunFrames, reference_tables: dict[str, pd.DataFrame], tmp_path: Path
+) -> None:
+    files = {file.name for file in write_profiles(reference, "NSGS", tmp_path)}
     for name in ("performance", "data", "accuracy", "speedup"):
         assert {f"profile-{name}{ending}" for ending in (".svg", ".png", ".csv")} <= files
     assert {"profile-families.svg", "profile-budgets.csv"} <= files
     stored = pd.read_csv(tmp_path / "profile-performance.csv")
-    pd.testing.assert_frame_equal(stored, profile_tables(run, "NSGS")["performance"])
+    pd.testing.assert_frame_equal(stored, reference_tables["performance"])
 
 
 @pytest.mark.slow
-def test_a_baseline_that_is_not_named_solves_most() -> None:
-    run = load(REFERENCE)
-    solved = seconds_matrix(run, 1e-8).notna().sum()
-    assert solved[baseline_of(run)] == solved.max()
-    assert baseline_of(run, "Lemke") == "Lemke"
+def test_a_baseline_that_is_not_named_solves_most(reference: RunFrames) -> None:
+    solved = seconds_matrix(reference, 1e-8).notna().sum()
+    assert solved[baseline_of(reference)] == solved.max()
+    assert baseline_of(reference, "Lemke") == "Lemke"
 
 
 def test_a_run_without_cases_has_no_profiles(finished_run: Path, tmp_path: Path) -> None:

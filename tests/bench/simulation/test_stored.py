@@ -33,13 +33,7 @@ class Broken:
         return Solution(np.full(self._rows, np.nan), Status.SOLVED, 1)
 
 
-@pytest.fixture(
-    params=[
-        "raises",
-        pytest.param("exits", marks=pytest.mark.slow),
-        pytest.param("nan", marks=pytest.mark.slow),
-    ]
-)
+@pytest.fixture
 def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Let every solver fail from its fortieth problem on."""
     prepare, calls = StepSolver.prepare, []
@@ -57,7 +51,12 @@ def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.slow
-@both
+@pytest.mark.parametrize(
+    ("line", "failing"),
+    [(FIXED, "raises"), (VARIABLE, "raises"), (FIXED, "exits"), (VARIABLE, "nan")],
+    ids=["raises-fixed", "raises-variable", "exits-fixed", "nan-variable"],
+    indirect=["failing"],
+)
 def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solver(
     line: str, failing: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -16,9 +16,9 @@ from proxbench.bench.measure.execution.events import Event, ProblemPassFinished
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems.exchange.catalog import suite_members
 
-SOLVERS = ["NSGS", "SORprox", "SafeguardedSORprox"]
+SOLVERS = ["NSGS", "SORprox"]
 
-N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "5"))
+N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "4"))
 """Problems of the sweep; with PROXBENCH_CLUSTER=200 it is as large as one that needs a cluster."""
 
 

@@ -1,7 +1,8 @@
 """A run on an executor is the run on one machine: each problem is a task, and lost tasks are done again or named."""
 
 import multiprocessing
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -52,28 +53,31 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return measured(None, tmp_path_factory.mktemp("here"), run_id="here")
 
 
+@pytest.fixture(scope="module")
+def processes() -> Iterator[Executor]:
+    """Two processes that know only what a task tells them."""
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
+        yield executor
+
+
 @pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.slow)])
-def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine(workers: str, here: Run, tmp_path: Path) -> None:
+def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine_in_one_session(
+    workers: str, here: Run, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     events: list[Event] = []
-    fresh = multiprocessing.get_context("spawn")
-    with ThreadPoolExecutor(2) if workers == "threads" else ProcessPoolExecutor(2, fresh) as executor:
-        made = measured(executor, tmp_path, on_event=events.append)
+    executor = ThreadPoolExecutor(2) if workers == "threads" else request.getfixturevalue("processes")
+    made = measured(executor, tmp_path, on_event=events.append)
     assert made.is_finished
     assert made.points["residual"].equals(here.points["residual"])
     assert made.points["outcome"].tolist() == here.points["outcome"].tolist()
     assert made.info.plan == here.info.plan
     assert [event.done for event in events if isinstance(event, CaseFinished)] == list(range(1, 7))
     assert [event.done for event in events if isinstance(event, ProblemPassFinished)] == [1, 2, 3]
-    assert rejudge(bundle(made, tmp_path / "it.bundle")).disagreements == []
-
-
-@pytest.mark.slow
-def test_a_machine_has_one_session_with_its_other_cores(tmp_path: Path) -> None:
-    made = measured(Inline(), tmp_path)
     (session,) = made.info.sessions
     assert len(session.busy_cores) >= len(PROBLEMS)
     assert session.finished
     assert set(made.rounds["session"]) == {0}
+    assert rejudge(bundle(made, tmp_path / "it.bundle")).disagreements == []
 
 
 def elsewhere(host: str) -> Callable[[problem_task.ProblemTask], problem_task.MeasuredProblem]:
@@ -86,12 +90,17 @@ def elsewhere(host: str) -> Callable[[problem_task.ProblemTask], problem_task.Me
     return measure
 
 
+@pytest.fixture(scope="module")
+def away(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A run on two other machines."""
+    return measured(Inline(*map(elsewhere, ("one", "two", "one"))), tmp_path_factory.mktemp("away"), run_id="it")
+
+
 @pytest.mark.slow
-def test_every_problem_is_of_one_machine_and_rounds_name_its_session(tmp_path: Path) -> None:
-    made = measured(Inline(elsewhere("one"), elsewhere("two"), elsewhere("one")), tmp_path)
-    assert hosts(made) == {"one": 2, "two": 1}
-    assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
-    assert any(sentence.startswith("MACHINES: measured on 2 machines") for sentence in warnings(made))
+def test_every_problem_is_of_one_machine_and_rounds_name_its_session(away: Run) -> None:
+    assert hosts(away) == {"one": 2, "two": 1}
+    assert away.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
+    assert any(sentence.startswith("MACHINES: measured on 2 machines") for sentence in warnings(away))
 
 
 @pytest.mark.slow
@@ -160,10 +169,9 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
 
 
 @pytest.mark.slow
-def test_a_worker_needs_nothing_but_its_task(tmp_path: Path) -> None:
+def test_a_worker_needs_nothing_but_its_task(processes: Executor, tmp_path: Path) -> None:
     mine = ContactProblem.from_delassus(np.eye(3), (-1.0, 0.5, 0.0), 0.3, name="mine")
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
-        made = measured(executor, tmp_path, problems=[mine])
+    made = measured(processes, tmp_path, problems=[mine])
     assert made.is_finished
     assert made.info.carried == {"mine": mine.digest}
 
@@ -187,38 +195,39 @@ def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.
     assert inside == []
 
 
-def begun_elsewhere(results: Path) -> Path:
-    """Return a run of which one problem is measured with one solver of two, on another machine."""
-    made = measured(Inline(*[elsewhere("away")] * len(PROBLEMS)), results, run_id="it")
-    next((made.folder / "cases").glob("hard-groove-*NSGS*.json")).unlink()
-    return made.folder
+@pytest.fixture
+def begun_elsewhere(away: Run, tmp_path: Path) -> Path:
+    """A run of which one problem is measured with one solver of two, on another machine."""
+    folder = Path(shutil.copytree(away.folder, tmp_path / "it"))
+    next((folder / "cases").glob("hard-groove-*NSGS*.json")).unlink()
+    return folder
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("executor", [None, Inline()])
 def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
-    executor: Executor | None, tmp_path: Path
+    executor: Executor | None, begun_elsewhere: Path
 ) -> None:
-    made = resume(begun_elsewhere(tmp_path), executor=executor)
+    made = resume(begun_elsewhere, executor=executor)
     assert made.is_finished
     assert made.rounds.groupby("problem")["session"].nunique().tolist() == [1, 1, 1]
-    assert hosts(made)["away"] == 2
+    assert [count for host, count in hosts(made).items() if host not in ("one", "two")] == [1]
 
 
 @pytest.mark.slow
-def test_what_crashes_here_does_not_keep_what_another_machine_measured(tmp_path: Path) -> None:
+def test_what_crashes_here_does_not_keep_what_another_machine_measured(begun_elsewhere: Path) -> None:
     def crashing(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
         found = problem_task.measure_problem(given)
         cases = [replace(case, points=[], outcome=Outcome.CRASHED) for case in found.cases]
         return problem_task.MeasuredProblem(found.session, tuple(cases))
 
-    made = resume(begun_elsewhere(tmp_path), executor=Inline(crashing))
+    made = resume(begun_elsewhere, executor=Inline(crashing))
     own = made.cases[made.cases["problem"] == "hard-groove"]
     assert set(own["outcome"]) == {Outcome.CRASHED}
 
 
 @pytest.mark.slow
-def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(tmp_path: Path) -> None:
-    made = resume(begun_elsewhere(tmp_path), executor=Inline(), mix=True)
+def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(begun_elsewhere: Path) -> None:
+    made = resume(begun_elsewhere, executor=Inline(), mix=True)
     assert made.rounds[made.rounds["problem"] == "hard-groove"]["session"].nunique() == 2
     assert any(sentence.startswith("MIXED") for sentence in warnings(made))

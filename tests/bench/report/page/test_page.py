@@ -39,9 +39,19 @@ def browser() -> Iterator[Chromium]:
 
 
 @pytest.fixture(scope="module")
-def reference(browser: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def frames() -> RunFrames:
+    return load(REFERENCE)
+
+
+@pytest.fixture(scope="module")
+def tables(frames: RunFrames) -> dict[str, pd.DataFrame]:
+    return profile_tables(frames, "NSGS")
+
+
+@pytest.fixture(scope="module")
+def reference(browser: Chromium, frames: RunFrames, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("page") / "report.html"
-    file.write_text(page(load(REFERENCE), "NSGS"), encoding="utf-8")
+    file.write_text(page(frames, "NSGS"), encoding="utf-8")
     return file
 
 
@@ -95,10 +105,10 @@ def without(frames: RunFrames, solvers: list[str], families: list[str]) -> RunFr
     return replace(kept, info=msgspec.structs.replace(kept.info, plan=left), **chosen)
 
 
-def profile_of(frames: RunFrames, name: str, view: str = COMMON) -> pd.DataFrame:
-    """The numbers of a profile over all families to 1e-6, in a view that has problems."""
-    table = profile_tables(frames, "NSGS")[name]
-    own = table[(table["family"] == ALL) & (table["accuracy"] == 1e-6 if "accuracy" in table else True)]
+def profile_of(tables: dict[str, pd.DataFrame], name: str, view: str = COMMON, family: str = ALL) -> pd.DataFrame:
+    """The numbers of a profile to 1e-6, over all families or one, in a view that has problems."""
+    table = tables[name]
+    own = table[(table["family"] == family) & (table["accuracy"] == 1e-6 if "accuracy" in table else True)]
     if "view" in own:
         own = own[own["view"] == (view if (own["view"] == view).any() else EVERY)]
     labels = ["accuracy", "family", "view", "problems", "baseline"]
@@ -123,11 +133,12 @@ def test_it_opens_without_errors_and_without_requests(browser: Chromium, referen
     ],
 )
 def test_filters_give_what_the_tables_compute(
-    browser: Chromium, reference: Path, solvers: list[str], families: list[str]
+    browser: Chromium, reference: Path, frames: RunFrames, solvers: list[str], families: list[str]
 ) -> None:
     opened(browser, reference)
     uncheck(browser, [*solvers, *families])
-    left = without(load(REFERENCE), solvers, families)
+    left = without(frames, solvers, families)
+    tables = profile_tables(left, "NSGS")
     expected = summary_table(left).set_index("solver")
     found = shown(browser, "summary-table").set_index("solver")
     assert list(found.index) == list(expected.index)
@@ -142,7 +153,7 @@ def test_filters_give_what_the_tables_compute(
     for view, chosen in ((COMMON, "common problems"), (EVERY, "all problems")):
         enter(browser, PROFILES_OVER, chosen, "change")
         for name in ("performance", "data", "accuracy", "speedup"):
-            profile = profile_of(left, name, view)
+            profile = profile_of(tables, name, view)
             rows = pd.DataFrame(browser.evaluate(f"proxbench.figures.{name}.rows()"))
             pd.testing.assert_frame_equal(rows[profile.columns], profile, rtol=1e-6, check_dtype=False)
     wins = (seconds.eq(seconds.min(axis=1), axis=0)).sum()
@@ -151,13 +162,14 @@ def test_filters_give_what_the_tables_compute(
 
 
 @pytest.mark.slow
-def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium, reference: Path) -> None:
+def test_size_law_model_name_and_accuracy_choose_what_is_shown(
+    browser: Chromium, reference: Path, frames: RunFrames
+) -> None:
     opened(browser, reference)
     uncheck(browser, ["planar friction (2 rows)", "convex", "pyramid(4)"])
     enter(browser, "input[placeholder='at most']", "1000", "change")
     enter(browser, "input[type='search']", "FUNNEL", "input")
     enter(browser, "#filters select", "1e-4", "change")
-    frames = load(REFERENCE)
     cases = frames.cases
     kept = cases["problem"].str.contains("funnel") & (cases["n_rows"] != 2 * cases["n_contacts"])
     kept &= cases["n_contacts"] <= 1000
@@ -176,14 +188,14 @@ def test_size_law_model_name_and_accuracy_choose_what_is_shown(browser: Chromium
 
 
 @pytest.mark.slow
-def test_profiles_by_family_are_those_of_each_family(browser: Chromium, reference: Path) -> None:
+def test_profiles_by_family_are_those_of_each_family(
+    browser: Chromium, reference: Path, tables: dict[str, pd.DataFrame]
+) -> None:
     opened(browser, reference)
     uncheck(browser, ["profiles by family"])
     rows = pd.DataFrame(browser.evaluate("proxbench.figures.performance.rows()"))
-    frames = load(REFERENCE)
     for family, own in rows.groupby("family"):
-        members = [name for name, of in frames.info.plan.families.items() if of == family]
-        profile = profile_of(frames.only(members), "performance")
+        profile = profile_of(tables, "performance", family=str(family))
         pd.testing.assert_frame_equal(own[profile.columns].reset_index(drop=True), profile, rtol=1e-6)
     assert browser.errors == []
 
@@ -215,14 +227,14 @@ def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_r
 
 
 @pytest.mark.slow
-def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, reference: Path) -> None:
+def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, reference: Path, frames: RunFrames) -> None:
     opened(browser, reference)
-    uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
+    uncheck(browser, list(dict.fromkeys(frames.info.plan.families.values())))
     assert browser.errors == []
     assert browser.evaluate("proxbench.figures.performance.rows().length") == 0
     counts = browser.evaluate("document.getElementById('counts').textContent")
     assert counts.endswith("; nothing matches the filters: select more")
-    uncheck(browser, list(dict.fromkeys(load(REFERENCE).info.plan.families.values())))
+    uncheck(browser, list(dict.fromkeys(frames.info.plan.families.values())))
     assert browser.evaluate("proxbench.figures.performance.rows().length") > 0
     assert browser.errors == []
 
@@ -239,9 +251,10 @@ def test_heads_sort_tables_by_their_numbers(browser: Chromium, reference: Path) 
 
 
 @pytest.mark.slow
-def test_an_address_opens_a_case_with_all_that_is_known_of_it(browser: Chromium, reference: Path) -> None:
+def test_an_address_opens_a_case_with_all_that_is_known_of_it(
+    browser: Chromium, reference: Path, frames: RunFrames
+) -> None:
     opened(browser, reference)
-    frames = load(REFERENCE)
     go(browser, "#problem=funnel-100&case=NSGS")
     text = browser.evaluate("document.getElementById('case-view').textContent")
     case = frames.cases[(frames.cases["problem"] == "funnel-100") & (frames.cases["solver"] == "NSGS")].iloc[0]
@@ -275,9 +288,9 @@ def test_the_address_keeps_filters_by_their_names(browser: Chromium, reference: 
 
 
 @pytest.mark.slow
-def test_unsupported_cases_are_apart_from_failures(browser: Chromium, reference: Path) -> None:
+def test_unsupported_cases_are_apart_from_failures(browser: Chromium, reference: Path, frames: RunFrames) -> None:
     opened(browser, reference)
-    cases = load(REFERENCE).cases
+    cases = frames.cases
     unsupported = cases[cases["outcome"] == "unsupported"]
     assert len(unsupported)
     assert "unsupported" not in set(shown(browser, "failures-table")["outcome"])
@@ -331,8 +344,7 @@ def renamed(table: pd.DataFrame, names: dict[str, dict[str, str]]) -> pd.DataFra
 
 
 @pytest.mark.slow
-def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path) -> None:
-    frames = load(REFERENCE)
+def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path, frames: RunFrames) -> None:
     attack = (
         '<img src=x onerror="window.hacked=1"></script><script>window.hacked=2</script>{{datum}}\'"`${window.hacked=3}'
     )
@@ -381,11 +393,13 @@ def test_the_policy_of_the_page_stops_other_scripts_and_requests(browser: Chromi
 
 
 @pytest.mark.slow
-def test_the_numbers_of_a_chart_are_saved_as_csv(browser: Chromium, reference: Path) -> None:
+def test_the_numbers_of_a_chart_are_saved_as_csv(
+    browser: Chromium, reference: Path, tables: dict[str, pd.DataFrame]
+) -> None:
     opened(browser, reference)
     save = """new Promise((done) => { URL.createObjectURL = (blob) => { blob.text().then(done); return '#summary'; };
         document.querySelector('#performance .tools button').click(); })"""
     lines = browser.evaluate(save).splitlines()
     assert lines[0] == "solver,ratio,share"
-    assert len(lines) == 1 + len(profile_of(load(REFERENCE), "performance"))
+    assert len(lines) == 1 + len(profile_of(tables, "performance"))
     assert not np.isnan(float(lines[1].rsplit(",", 1)[1]))
