@@ -16,7 +16,7 @@ from .checks import Check, Violation, checks, requires_iterates
 from .samples import supported
 from .trial import require_known_answer, run_trial
 
-HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
+HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.2)
 """Limits of the solve of each hard case."""
 
 CYCLING = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
