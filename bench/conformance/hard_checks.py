@@ -16,8 +16,11 @@ from .checks import Check, Violation, checks, requires_iterates
 from .samples import supported
 from .trial import require_known_answer, run_trial
 
-HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.5)
+HARD = Stop(1e-8, max_iterations=20_000, max_seconds=0.2)
 """Limits of the solve of each hard case."""
+
+CYCLING = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
+"""Limits of a solve whose last iterates are compared."""
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances in descending order."""
@@ -59,10 +62,9 @@ def improves_with_tolerance(solver: Solver) -> None:
 @requires_iterates
 def reports_cycles(solver: Solver) -> None:
     """A solve whose iterates alternate between two values ends as OSCILLATING, not at the iteration limit."""
-    stop = Stop(1e-10, max_iterations=2000, max_seconds=2.0)
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
-        status = solver.prepare(problem).solve(stop, observe=partial(_record_iterate, shown)).status
+        status = solver.prepare(problem).solve(CYCLING, observe=partial(_record_iterate, shown)).status
         if status is Status.ITERATION_LIMIT and _is_cycle(shown):
             raise Violation(
                 f"on {problem.name} its last {REPETITIONS} iterates repeat in a cycle of two, and it ends "

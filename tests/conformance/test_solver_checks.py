@@ -92,7 +92,7 @@ def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> 
     assert "\n" not in sentence
 
 
-FEW = ("remembers tangents of any direction", "counts copies twice", "moves")
+FEW = ("counts copies twice", "moves")
 """Faults that run through all checks without the full profile too."""
 
 

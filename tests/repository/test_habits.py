@@ -41,6 +41,19 @@ def test_the_workflow_runs_what_continuous_integration_runs_on_the_oldest_and_a_
     assert all(f"Programming Language :: Python :: {version}" in classifiers for version in versions)
 
 
+def test_every_folder_of_tests_that_reads_the_profile_runs_with_the_full_one_each_week() -> None:
+    workflow = content(".github/workflows/weekly.yml")
+    (job,) = workflow["jobs"].values()
+    assert job["env"]["PROXBENCH_PROFILE"] == "full"
+    assert "schedule" in workflow[True]  # YAML 1.1 reads the key `on` as a truth value
+    readers = {
+        path.relative_to(ROOT / "tests").parts[0]
+        for path in (ROOT / "tests").glob("*/**/*.py")
+        if path != Path(__file__) and re.search("PROXBENCH_PROFILE|import.*given", path.read_text(encoding="utf-8"))
+    }
+    assert readers <= set(job["strategy"]["matrix"]["tests"])
+
+
 def test_a_release_is_built_and_checked_before_it_is_published_without_a_password() -> None:
     jobs = content(".github/workflows/release.yml")["jobs"]
     assert commands(jobs["build"])[-2:] == ["python -m build", "python -m twine check --strict dist/*"]
@@ -49,7 +62,7 @@ def test_a_release_is_built_and_checked_before_it_is_published_without_a_passwor
     assert "secrets." not in (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("workflow", ["ci.yml", "release.yml"])
+@pytest.mark.parametrize("workflow", ["ci.yml", "release.yml", "weekly.yml"])
 def test_a_checkout_brings_the_tags_that_the_version_comes_from(workflow: str) -> None:
     jobs = content(f".github/workflows/{workflow}")["jobs"].values()
     checkouts = [step for job in jobs for step in job["steps"] if step.get("uses", "").startswith("actions/checkout")]

@@ -3,6 +3,7 @@
 A file from elsewhere has no checksum, so that a changed number which still makes sense gives another problem.
 """
 
+import os
 import re
 import tracemalloc
 from pathlib import Path
@@ -12,7 +13,8 @@ import pytest
 from handmade_fclib import Data, global_data, global_jointed_data, jointed_data, rolling_data, write_data
 from proxbench.problems import ContactProblem, ProblemError, load, read_fclib, write_fclib
 
-MUTATIONS = [100, pytest.param(1000, marks=pytest.mark.slow)]
+MUTATIONS = [100, pytest.param(1000 if os.environ.get("PROXBENCH_PROFILE") == "full" else 250, marks=pytest.mark.slow)]
+"""How many damaged files are read; other numbers give other damage."""
 METADATA = re.compile(rb"TREE|HEAP|SNOD|\x89HDF|\x01\x00.\x00\x01\x00\x00\x00", re.DOTALL)
 """Where parts of the file's structure begin: signatures, and headers of data sets and groups."""
 
@@ -46,7 +48,7 @@ def outcome(path: Path) -> str:
 @pytest.mark.parametrize("mutations", MUTATIONS)
 @pytest.mark.parametrize("name", ["hard-sticking-box", "hard-linked-2-axes", "hard-four-bar-redundant"])
 def test_no_damage_to_a_file_of_ours_gives_other_numbers(name: str, mutations: int, tmp_path: Path) -> None:
-    path, rng = tmp_path / "p.hdf5", np.random.default_rng(14)
+    path, rng = tmp_path / "p.hdf5", np.random.default_rng((14, mutations))
     write_fclib(load(name), path)
     content, digest = path.read_bytes(), read_fclib(path).digest
     outcomes = []
@@ -62,7 +64,7 @@ def test_no_damage_to_a_file_of_ours_gives_other_numbers(name: str, mutations: i
 def test_damage_to_a_file_from_elsewhere_is_refused_or_gives_another_valid_problem(
     data: Data, mutations: int, tmp_path: Path
 ) -> None:
-    path, rng = tmp_path / "p.hdf5", np.random.default_rng(15)
+    path, rng = tmp_path / "p.hdf5", np.random.default_rng((15, mutations))
     content = write_data(path, data).read_bytes()
     for _ in range(mutations):
         path.write_bytes(mutated(content, rng))
