@@ -60,13 +60,18 @@ def processes() -> Iterator[Executor]:
         yield executor
 
 
+@pytest.fixture(scope="module")
+def threads() -> Iterator[Executor]:
+    with ThreadPoolExecutor(2) as executor:
+        yield executor
+
+
 @pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.slow)])
 def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine_in_one_session(
     workers: str, here: Run, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     events: list[Event] = []
-    executor = ThreadPoolExecutor(2) if workers == "threads" else request.getfixturevalue("processes")
-    made = measured(executor, tmp_path, on_event=events.append)
+    made = measured(request.getfixturevalue(workers), tmp_path, on_event=events.append)
     assert made.is_finished
     assert made.points["residual"].equals(here.points["residual"])
     assert made.points["outcome"].tolist() == here.points["outcome"].tolist()
