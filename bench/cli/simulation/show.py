@@ -49,7 +49,7 @@ class Request:
 
 
 def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool) -> int:
-    """Run the simulation, print its tables, and draw it; return 1 if the judge found a step unsolved.
+    """Run the simulation, print its tables, and draw it; return its exit code, see ``_outcome``.
 
     Raises:
         BenchError: if the arguments contradict each other, or a file cannot be written.
@@ -68,7 +68,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
 
 
 def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
-    """Print the tables of a stored simulation, and draw and record it; return 1 if the judge found a step unsolved.
+    """Print the tables of a stored simulation, and draw and record it; return its exit code, see ``_outcome``.
 
     Raises:
         FailedSimulationError: if a step failed.
@@ -88,14 +88,19 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
 
 
 def _outcome(simulation: Simulation) -> int:
-    """Return 1 if the judge found a step unsolved, else 0; raise ``FailedSimulationError`` if a step failed."""
+    """Return 1 if the judge found a step unsolved, or the scene ended otherwise than intended, else 0.
+
+    Raises:
+        FailedSimulationError: if a step failed.
+    """
     if simulation.failure is not None:
         raise simulation.failure.error(simulation.file)
-    return int(simulation.unsolved.any())
+    by_scene = simulation.scene_ending
+    return int(simulation.unsolved.any() or (by_scene is not None and not by_scene.is_success))
 
 
 def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
-    """Print the table of a stored simulation, and draw its chart and recording again; return 1 if a step is unsolved.
+    """Print the table of a stored simulation, and draw its chart and recording again; return its exit code.
 
     If they cannot be written, the table is still printed, and a sentence on standard error gives the reason.
 

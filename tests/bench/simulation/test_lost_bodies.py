@@ -27,8 +27,9 @@ def test_a_box_that_leaves_the_world_ends_the_simulation_and_its_steps_are_kept(
 ) -> None:
     file = tmp_path / "lost.npz"
     words = ["simulate", "thrown_box(speed=2e6)", "--duration", "1", "--output", str(file)]
-    assert run_command([*words, "--stepper", "Moreau(step=1e-3)", "--no-progress"]) == 0
+    assert run_command([*words, "--stepper", "Moreau(step=1e-3)", "--no-progress"]) == 1
     assert "ended at 0.006 s: a body is 1.2e+04 m from the origin" in capsys.readouterr().out
+    assert run_command(["report", str(file), "--quiet"]) == 1
     stored = read_simulation(file)
     assert stored.ending == "left-world"
     assert stored.is_finished
@@ -44,7 +45,7 @@ def test_a_body_of_a_plugin_that_leaves_the_world_ends_the_simulation(
     plugin, file = tmp_path / "lost.py", tmp_path / "lost.npz"
     plugin.write_text(PLUGIN)
     words = ["simulate", "lost", "--plugin", str(plugin), "--duration", "1"]
-    assert run_command([*words, "--output", str(file), "--no-progress"]) == 0
+    assert run_command([*words, "--output", str(file), "--no-progress"]) == 1
     assert "m from the origin, beyond the limit of" in capsys.readouterr().out
     stored = read_simulation(file)
     assert (stored.ending, stored.n_steps) == ("left-world", int(1e4 / 2e6 / 5e-4) + 1)
