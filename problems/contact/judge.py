@@ -294,7 +294,9 @@ def _cone_violation(problem: ContactProblem, residual: Residual, impulses: Float
     bounds = laws.friction_bounds(impulses)[laws.is_friction]
     excess, hidden = laws.friction_norms(impulses) - bounds, PROJECTION_ROUNDINGS * UNIT * bounds
     excess = np.where(excess < -hidden, excess, np.maximum(excess, hidden))
-    return float(max(pulling, (excess / residual.lengths[laws.is_friction]).max(initial=0.0)))
+    lengths = residual.lengths[laws.is_friction]  # 0 if α_N/α_i underflows
+    excess = np.divide(excess, lengths, out=np.where(excess > 0.0, np.inf, 0.0), where=lengths > 0.0)
+    return float(max(pulling, excess.max(initial=0.0)))
 
 
 def _largest_ratio(values: FloatArray, scales: FloatArray) -> float:

@@ -276,6 +276,15 @@ def test_rolling_friction_by_hand(c: tuple[float, ...], impulses: tuple[float, .
     assert judge(rolling_contact(c), impulses).cone_violation == pytest.approx(cone, abs=1e-15)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("moment", "violation"), [(0.0, 0.0), (0.04, 0.0), (0.06, np.inf)])
+def test_a_moment_beyond_its_bound_is_infinite_where_its_length_vanishes(moment: float, violation: float) -> None:
+    """ℓ = √(α_N/α_R) underflows, so a moment of any size is larger than all forces."""
+    laws = Laws.contacts(0.5, 2, 1).with_rolling(0.05, 1)
+    problem = ContactProblem.from_delassus(np.diag([1e-300, 1e-300, 1e30]), np.zeros(3), laws=laws)
+    assert judge(problem, (1.0, 0.0, moment)).cone_violation == violation
+
+
 def test_the_natural_map_of_rolling_friction_is_that_of_both_cones() -> None:
     """‖Λ − P_K(Λ − ū)‖ with ū_N = ξ_N + μ‖ξ_T‖ + μ_r‖ξ_R‖, at a point that P_K moves onto both bounds."""
     problem, impulses = rolling_contact((-1.0, 3.0, 2.0)), np.array([0.5, 0.5, 0.2])
