@@ -46,12 +46,14 @@ def name_of(file: Path, fault: str) -> str:
 FAULTS = (
     ("faulty", "crash", Outcome.CRASHED, "SIGSEGV"),
     ("faulty", "exit", Outcome.CRASHED, "exit code 7"),
+    ("faulty", "license", Outcome.CRASHED, "exit code 4; the last line of its output is 'license \ufffdexpired'"),
     ("faulty", "hang", Outcome.TIMEOUT, "longer than"),
     ("faulty", "overrun", Outcome.MISBEHAVED, "wrote beyond the 10 impulses"),
     ("faulty", "short", Outcome.MISBEHAVED, "not finite"),
     ("faulty", "status", Outcome.MISBEHAVED, "returned status 99"),
     ("faulty", "count", Outcome.MISBEHAVED, "number of iterations that is negative"),
     ("program", "exit", Outcome.CRASHED, "ended with exit code 3"),
+    ("program", "license", Outcome.CRASHED, "with exit code 1; it wrote 'license \ufffdexpired' to standard error"),
     ("program", "crash", Outcome.CRASHED, "killed by signal 11"),
     ("program", "hang", Outcome.TIMEOUT, "longer than"),
     ("program", "garbage", Outcome.MISBEHAVED, "does not begin an answer"),
@@ -127,6 +129,11 @@ def test_what_is_no_solver_is_refused_in_one_sentence(faulty: Path, capsys: pyte
     )
     with pytest.raises(PluginError, match=r"cannot be loaded as a shared library"):
         solver_spec(f"Shared({__file__})")
+
+
+def test_a_program_that_ends_at_its_start_is_refused_with_its_own_words(program: Path) -> None:
+    with pytest.raises(PluginError, match="ended with exit code 1; it wrote 'there is no license' to standard error"):
+        solver_spec(name_of(program, "unlicensed"))
 
 
 def test_a_library_solves_where_solves_follow_each_other(sweeps: Path) -> None:
