@@ -169,6 +169,17 @@ def test_a_file_of_another_program_is_imported_by_the_name_of_its_format(tmp_pat
     assert error.endswith("the format 'contactbench'.\n")
 
 
+def test_a_file_of_rigid_bodies_that_is_named_plain_gets_the_name_of_its_format(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    vectors = {name: np.zeros((1, 3)) for name in ("inertia", "position", "velocity", "angular_velocity")}
+    np.savez(tmp_path / "step.npz", mass=np.ones(1), mu=np.array(0.5), **vectors)
+    assert run_command(f"import plain {tmp_path}/step.npz --output {tmp_path}/no.npz".split()) == 2
+    error = capsys.readouterr().err
+    assert "step.npz is not a file of the format 'plain', which has c, mu, and G or W; its arrays are" in error
+    assert error.endswith("velocity, as in the format 'bodies'.\n")
+
+
 def test_a_problem_goes_round_through_json(tmp_path: Path) -> None:
     assert run_command(f"export json funnel-30 --output {tmp_path}".split()) == 0
     assert load(tmp_path / "funnel-30.json").digest == load("funnel-30").digest
