@@ -117,7 +117,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
                 task = pickle.loads(assignment.task)
             answer, numbers = task.answer(request, arguments)
         except (MisbehaviourError, BrokenInterfaceError) as error:
-            answer = _fault(Outcome.MISBEHAVED, str(error))
+            answer = _fault(Outcome.MISBEHAVED, str(error).removesuffix("."))
         except BaseException as error:
             reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MiB of memory"
             if isinstance(error, InsufficientMemoryError):

@@ -155,7 +155,7 @@ class Program:
         if kind not in kinds or length > max_body(n_rows):
             raise BrokenInterfaceError(
                 f"{self.source} sent {head!r}, which does not begin an answer; write answers to standard output "
-                "as messages of the protocol, and all else to standard error"
+                "as messages of the protocol, and all else to standard error."
             )
         return Message(kind, code, self._read(length))
 

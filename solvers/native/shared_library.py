@@ -151,7 +151,9 @@ class PreparedLibrary:
         result.iterations, result.message = 0, None
         code = self._call(self._handle, *self._addresses) if observe is None else self._observed(observe)
         if self._guard_before.tobytes() != _GUARD_BYTES or self._guard_after.tobytes() != _GUARD_BYTES:
-            raise BrokenInterfaceError(f"{self._source} wrote beyond the {self._n_rows} impulses of the problem")
+            raise BrokenInterfaceError(
+                f"{self._source} wrote beyond the {self._n_rows} impulses of the problem; write n_rows numbers."
+            )
         if not 0 <= code < len(STATUSES):
             status_of(self._source, code)
         message = result.message
