@@ -19,6 +19,7 @@ import psutil
 from ...problems.errors import InsufficientMemoryError, error_text, first_line
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import Names, register
+from ...solvers.native.captured_output import last_line, output_size
 from ...solvers.native.native_solver import BrokenInterfaceError
 from ..store.outcome import Outcome
 from .pipe import read_message, write_message
@@ -116,7 +117,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
                 task = pickle.loads(assignment.task)
             answer, numbers = task.answer(request, arguments)
         except (MisbehaviourError, BrokenInterfaceError) as error:
-            answer = _fault(Outcome.MISBEHAVED, str(error))
+            answer = _fault(Outcome.MISBEHAVED, str(error).removesuffix("."))
         except BaseException as error:
             reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MiB of memory"
             if isinstance(error, InsufficientMemoryError):
@@ -141,14 +142,28 @@ def _answer(pipe: int, answer: dict[str, Any], numbers: bytes = b"") -> None:
 
 def _fork_copy(pipe: int) -> bool:
     """Fork and return whether this is the copy; the original waits for the copy, and reports its failure."""
+    printed = output_size(2)
     own, copy = os.getpid(), os.fork()
     if copy == 0:
         end_with_parent(own)
         return True
     _, status = os.waitpid(copy, 0)
     if status:
-        _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": describe_exit(status), "traceback": ""})
+        reason = exit_reason(status, 2, printed)
+        _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": reason, "traceback": ""})
     return False
+
+
+def exit_reason(status: int, output: int, start: int) -> str:
+    """Return how a process ended, with the last line of its output if it exited; a signal prints a stack instead.
+
+    Args:
+        status: its wait status.
+        output: file descriptor of its standard output and standard error.
+        start: size of the output before the request that it was answering [bytes].
+    """
+    line = last_line(output, start) if os.WIFEXITED(status) else ""
+    return describe_exit(status) + (f"; the last line of its output is {line!r}" if line else "")
 
 
 def _is_caused_by_memory(error: BaseException) -> bool:

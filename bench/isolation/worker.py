@@ -27,12 +27,13 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.exchange.plugins.offers import registered
+from ...solvers.native.captured_output import output_size
 from ..errors import BenchError
 from ..store.outcome import FAULTS, Outcome
-from .child import Assignment
+from .child import Assignment, exit_reason
 from .fork_server import fork_supervisor
 from .pipe import NoMessageError, read_message, read_object, write_message
-from .process_tree import descendants, describe_exit, processor_seconds, running, send_signal, writers
+from .process_tree import descendants, processor_seconds, running, send_signal, writers
 from .supervisor import CONTINUE, END, STOP
 
 REQUEST_SECONDS = 60.0
@@ -108,6 +109,7 @@ class Worker:
         self.case_seconds, self.busy_seconds, self.peak_memory_bytes = case_seconds, 0.0, 0
         self._memory_bytes = memory_bytes
         self._is_stopped = False
+        self._output_before = 0  # bytes of output before the present request
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
@@ -127,6 +129,7 @@ class Worker:
         """
         began, pipe = time.monotonic(), self._supervisor.pipe.fileno()
         deadline = began + max(self.case_seconds - self.busy_seconds, 0.0)
+        self._output_before = output_size(self._output)
         try:
             if self._is_stopped:
                 self._supervisor.send(CONTINUE)
@@ -209,8 +212,10 @@ class Worker:
         status, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")
-        reason = "its process ended together with its supervisor" if status is None else describe_exit(status)
-        if has_filled_memory and status is not None and os.WIFSIGNALED(status):
+        if status is None:
+            return Fault(Outcome.CRASHED, "its process ended together with its supervisor")
+        reason = exit_reason(status, self._output, self._output_before)
+        if has_filled_memory and os.WIFSIGNALED(status):
             return Fault(Outcome.OUT_OF_MEMORY, f"{reason} when its {self._megabytes} MiB of memory were full")
         return Fault(Outcome.CRASHED, reason)
 

@@ -1,4 +1,8 @@
-"""Detect truncated ELF files before loading them: a read beyond the end of a mapped file kills the process."""
+"""Detect ELF files that cannot be loaded.
+
+A read beyond the end of a truncated file kills the process. For a library of another processor, the loader of glibc
+reports a missing file.
+"""
 
 import struct
 from pathlib import Path
@@ -6,6 +10,41 @@ from pathlib import Path
 _HEADER_LENGTH = 64
 _LOADED = 1
 """Type of a segment that is mapped into memory (PT_LOAD of elf(5))."""
+
+_MACHINES = {
+    3: "x86 (32 bits)",
+    8: "MIPS",
+    20: "PowerPC (32 bits)",
+    21: "PowerPC (64 bits)",
+    22: "s390",
+    40: "ARM (32 bits)",
+    62: "x86-64",
+    183: "AArch64",
+    243: "RISC-V",
+    258: "LoongArch",
+}
+"""Processors by the machine number of an ELF header (e_machine of elf(5))."""
+
+OWN_PROGRAM = Path("/proc/self/exe")
+"""The program of this process, on Linux."""
+
+
+def processor_of(file: Path) -> str:
+    """Return the processor that an ELF file is built for; empty for other files."""
+    with file.open("rb") as stream:
+        header = stream.read(_HEADER_LENGTH)
+    if header[:4] != b"\x7fELF" or len(header) < _HEADER_LENGTH:
+        return ""
+    (number,) = struct.unpack_from("<H" if header[5:6] == b"\x01" else ">H", header, 18)
+    return _MACHINES.get(number, f"the processor with ELF machine number {number}")
+
+
+def own_processor() -> str:
+    """Return the processor that this process is built for; empty if the system has no ELF files."""
+    try:
+        return processor_of(OWN_PROGRAM)
+    except OSError:
+        return ""
 
 
 def elf_length(file: Path) -> int:

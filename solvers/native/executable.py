@@ -19,6 +19,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
 from ...problems.errors import ProblemError
+from .captured_output import last_line, output_size
 from .messages import (
     DESCRIBE,
     HEAD,
@@ -53,6 +54,9 @@ _ALL_THREADS = 2
 
 START_SECONDS = 30.0
 """Wall time within which a program must start to describe itself [s]."""
+
+_STANDARD_ERROR = 2
+"""Descriptor of the standard error that programs inherit."""
 
 END_SECONDS = 1.0
 """Wall time for a program to exit after closing its output [s]."""
@@ -151,12 +155,13 @@ class Program:
         if kind not in kinds or length > max_body(n_rows):
             raise BrokenInterfaceError(
                 f"{self.source} sent {head!r}, which does not begin an answer; write answers to standard output "
-                "as messages of the protocol, and all else to standard error"
+                "as messages of the protocol, and all else to standard error."
             )
         return Message(kind, code, self._read(length))
 
     def _start(self) -> SolverFacts:
         """Start the program, and return its description of itself."""
+        self._output_before = output_size(_STANDARD_ERROR)
         try:
             child = subprocess.Popen(self._command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except OSError as error:
@@ -197,7 +202,9 @@ class Program:
         except subprocess.TimeoutExpired:
             return SolverError(f"{self.source} closed its standard output; answer on it until standard input ends.")
         how = f"with exit code {code}" if code >= 0 else f"killed by signal {-code}"
-        return SolverError(f"{self.source} ended {how}; answer messages until standard input ends.")
+        line = last_line(_STANDARD_ERROR, self._output_before)
+        remedy = f"it wrote {line!r} to standard error" if line else "answer messages until standard input ends"
+        return SolverError(f"{self.source} ended {how}; {remedy}.")
 
 
 class PreparedProgram:

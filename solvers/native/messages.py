@@ -80,7 +80,7 @@ def read_description(source: str, message: Message) -> SolverFacts:
     """
     if len(message.body) < _DESCRIPTION.size:
         raise BrokenInterfaceError(
-            f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name"
+            f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name."
         )
     interface, model, sides, forms, laws, flags = _DESCRIPTION.unpack_from(message.body)
     check_interface(source, interface)
@@ -96,7 +96,7 @@ def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
     """
     if len(message.body) < _SECONDS.size:
         raise BrokenInterfaceError(
-            f"{source} sent {len(message.body)} bytes as the answer to prepare; send seconds and a text"
+            f"{source} sent {len(message.body)} bytes as the answer to prepare; send seconds and a text."
         )
     (seconds,) = _SECONDS.unpack_from(message.body)
     return message.code, seconds, text_of(message.body[_SECONDS.size :])
@@ -112,7 +112,7 @@ def read_answer(source: str, message: Message) -> Answer:
     iterations, count, seconds = _COUNTS.unpack_from(message.body) if size >= 0 else (0, -1, 0.0)
     if not 0 <= 8 * count <= size:
         raise BrokenInterfaceError(
-            f"{source} sent {len(message.body)} bytes as a solution; send iterations, n_rows, seconds and impulses"
+            f"{source} sent {len(message.body)} bytes as a solution; send iterations, n_rows, seconds and impulses."
         )
     impulses = np.frombuffer(message.body, np.float64, count, _COUNTS.size).copy()
     return Answer(message.code, iterations, seconds, impulses, text_of(message.body[_COUNTS.size + 8 * count :], 2000))
@@ -126,6 +126,6 @@ def read_iterate(source: str, message: Message, n_rows: int) -> tuple[int, Float
     """
     if len(message.body) != _ITERATION.size + 8 * n_rows:
         raise BrokenInterfaceError(
-            f"{source} sent {len(message.body)} bytes as an iterate; send the iteration and {n_rows} impulses"
+            f"{source} sent {len(message.body)} bytes as an iterate; send the iteration and {n_rows} impulses."
         )
     return _ITERATION.unpack_from(message.body)[0], np.frombuffer(message.body, np.float64, n_rows, _ITERATION.size)

@@ -17,7 +17,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
 from ...problems.errors import ProblemError
-from .elf import elf_length
+from .elf import elf_length, own_processor, processor_of
 from .native_solver import (
     BrokenInterfaceError,
     NativeSolver,
@@ -52,8 +52,8 @@ class Shared(NativeSolver):
         library: the loaded library.
 
     Raises:
-        SolverError: if the file is missing, truncated or not a shared library, lacks a function of ``proxbench.h``, or
-            has another version of the interface.
+        SolverError: if the file is missing, truncated, built for another processor or not a shared library, lacks a
+            function of ``proxbench.h``, or has another version of the interface.
     """
 
     library: ctypes.CDLL = field(init=False, repr=False, compare=False)
@@ -62,7 +62,7 @@ class Shared(NativeSolver):
     example: ClassVar[str] = "Shared(./libmine.so)"
 
     def _describe(self) -> SolverFacts:
-        self._check_length()
+        self._check_file()
         try:
             library = ctypes.CDLL(str(self.file))
         except OSError as error:
@@ -92,14 +92,20 @@ class Shared(NativeSolver):
             source, text_of(about.name), text_of(about.version), about.model, about.sides, masks=masks
         )
 
-    def _check_length(self) -> None:
-        """Raise ``SolverError`` if the file is truncated, because loading it would kill this process."""
+    def _check_file(self) -> None:
+        """Raise ``SolverError`` if the file is truncated, which would kill this process, or of another processor."""
         try:
             length, found = elf_length(self.file), self.file.stat().st_size
+            processor, own = processor_of(self.file), own_processor()
         except OSError as error:
             raise SolverError(f"cannot read {self.path}: {error.strerror}; make it readable.") from None
         if found < length:
             raise SolverError(f"shared library {self.path} is truncated after {found} bytes; build or copy it again.")
+        if processor and own and processor != own:
+            raise SolverError(
+                f"shared library {self.path} is built for {processor}, but this process runs on {own}; "
+                f"build it for {own}."
+            )
 
     def prepare(self, problem: ContactProblem) -> Prepared:
         """Copy the arrays that the library requests, and call ``proxbench_prepare`` with them."""
@@ -145,7 +151,9 @@ class PreparedLibrary:
         result.iterations, result.message = 0, None
         code = self._call(self._handle, *self._addresses) if observe is None else self._observed(observe)
         if self._guard_before.tobytes() != _GUARD_BYTES or self._guard_after.tobytes() != _GUARD_BYTES:
-            raise BrokenInterfaceError(f"{self._source} wrote beyond the {self._n_rows} impulses of the problem")
+            raise BrokenInterfaceError(
+                f"{self._source} wrote beyond the {self._n_rows} impulses of the problem; write n_rows numbers."
+            )
         if not 0 <= code < len(STATUSES):
             status_of(self._source, code)
         message = result.message

@@ -39,21 +39,31 @@ def capture(
     """Simulate a model with MuJoCo and store steps as contact problems, with the forces that MuJoCo found.
 
     If a step cannot be captured, the earlier ones are kept and the exit code is 1.
+    Ctrl-C keeps them too.
     """
     from ....problems.capture.sequence import CaptureOptions
     from ....problems.capture.sequence import capture as simulate
-    from ...report.layout.text import print_json
+    from ...errors import InterruptedWorkError
+    from ...report.layout.text import counted, print_json
 
     rows: list[dict[str, Any]] = []
+    n_kept = 0
 
     def show(step: "CapturedStep") -> None:
+        nonlocal n_kept
+        n_kept += 1
+        if not judge:
+            return
         row = _step_row(step)
         rows.append(row)
         if not as_json:
             _print_row(row, is_first=len(rows) == 1)
 
     simulated = CaptureOptions(duration, every, keyframe, seed)
-    summary = simulate(model, output, simulated, force=force, **({"on_step": show} if judge else {}))
+    try:
+        summary = simulate(model, output, simulated, force=force, on_step=show)
+    except KeyboardInterrupt:
+        raise InterruptedWorkError(f"interrupted; kept {counted(n_kept, 'step')} in {output}.") from None
     if as_json:
         print_json({**_as_json(summary), **({"steps": rows} if judge else {})})
     else:

@@ -136,7 +136,7 @@ def export_files(
         for problem in problems:
             contents_of(problem)  # raises before any file is written
     suffix = EXPORT_SUFFIXES[file_format]
-    is_file = output.suffix == suffix and not output.is_dir()
+    is_file = _is_file(output, suffix)
     stems = [Path(name).stem if is_path(name) else name for name in names]  # the name inside a file is arbitrary
     targets = [output] if is_file else [output / f"{stem}{suffix}" for stem in stems]
     _check_targets(targets, list(names), is_file)
@@ -203,12 +203,13 @@ def _import_targets(
     """Return the problem file of each file; files of a folder keep their relative paths.
 
     Raises:
-        BenchError: if two files have the same target, or a target exists and ``force`` is not given.
+        BenchError: if two files have the same target, a target exists and ``force`` is not given, or the output has the
+            suffix of another format.
         ProblemError: if a folder has no files of the format.
     """
     from ...report.layout.output_file import check_writable
 
-    is_file = output.suffix == PROBLEM_SUFFIX and not output.is_dir()
+    is_file = _is_file(output, PROBLEM_SUFFIX)
     targets = {}
     for source in sources:
         for file in files_of(source):
@@ -217,6 +218,24 @@ def _import_targets(
     _check_targets(list(targets.values()), [str(file) for file in targets], is_file)
     check_writable(targets.values(), force)
     return targets
+
+
+def _is_file(output: Path, suffix: str) -> bool:
+    """Return whether the output is one file, and not a folder.
+
+    Raises:
+        BenchError: if it has another suffix and no such folder exists; a number, as in ``v1.2``, is not a suffix.
+    """
+    from ...errors import BenchError
+
+    if output.is_dir() or not output.suffix or output.suffix[1:].isdecimal():
+        return False
+    if output.suffix != suffix:
+        raise BenchError(
+            f"{output} is neither a {suffix} file nor a folder that exists; name a file that ends in {suffix}, or a "
+            "folder without a suffix, with --output."
+        )
+    return True
 
 
 def _check_targets(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:

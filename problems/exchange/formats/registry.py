@@ -53,16 +53,19 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
     Raises:
         ProblemError: if an array is missing or does not match the others.
     """
-    known = [ARRAY_FORMATS[format_name]] if format_name else list(ARRAY_FORMATS.values())
-    for one in known:
-        if one.recognises(arrays):
-            with named_in_errors(name, one.name, repair):
-                return one.problem_of_arrays(arrays, repair)
-    if format_name:
-        held = ", ".join(sorted(arrays)) or "none"
-        other = next((one.name for one in ARRAY_FORMATS.values() if one.recognises(arrays)), "")
-        raise ProblemError(
-            f"{name} is not a file of the format {format_name!r}, which has {known[0].arrays}; its arrays are {held}"
-            + (f", as in the format {other!r}." if other else ".")
-        )
-    return None
+    inferred = next((one for one in ARRAY_FORMATS.values() if one.recognises(arrays)), None)
+    chosen = ARRAY_FORMATS[format_name] if format_name else inferred
+    if chosen is None:
+        return None
+    if chosen.recognises(arrays):
+        try:
+            with named_in_errors(name, chosen.name, repair):
+                return chosen.problem_of_arrays(arrays, repair)
+        except ProblemError:
+            if chosen is inferred:
+                raise
+    held = ", ".join(sorted(arrays)) or "none"
+    raise ProblemError(
+        f"{name} is not a file of the format {chosen.name!r}, which has {chosen.arrays}; its arrays are {held}"
+        + (f", as in the format {inferred.name!r}." if inferred else ".")
+    )

@@ -1,6 +1,8 @@
 """``proxbench capture``: problem files, both residuals of each step, and one sentence for a mistake."""
 
 import json
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +34,36 @@ def test_without_mujoco_the_command_says_what_to_install(
     assert "capturing needs MuJoCo, which is not installed; run pip install" in capsys.readouterr().err
 
 
-def test_an_interrupted_command_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupt(*arguments: object, **options: object) -> None:
+@pytest.mark.parametrize(("n_steps", "words"), [(0, "0 steps"), (1, "1 step"), (3, "3 steps")])
+def test_an_interrupted_command_says_so(
+    n_steps: int, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*arguments: object, on_step: Callable[[object], None], **options: object) -> None:
+        for _ in range(n_steps):
+            on_step(None)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sequence, "capture", interrupt)
     assert run_command(["capture", "model.xml"]) == 130
-    assert capsys.readouterr().err == "proxbench: interrupted.\n"
+    assert capsys.readouterr().err == f"proxbench: interrupted; kept {words} in captured.\n"
+
+
+@pytest.mark.parametrize("more", [[], ["--judge"], ["--json"]])
+def test_an_interrupted_command_counts_the_steps_that_it_keeps(
+    ball: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], more: list[str]
+) -> None:
+    take, taken = sequence.take_step, Counter[str]()
+
+    def interrupted(*state: object) -> None:
+        taken["steps"] += 1
+        if taken["steps"] == 8:
+            raise KeyboardInterrupt
+        take(*state)
+
+    monkeypatch.setattr(sequence, "take_step", interrupted)
+    assert run_command(["capture", str(ball), "--duration", "0.1", "--every", "3", "--output", "steps", *more]) == 130
+    assert capsys.readouterr().err == "proxbench: interrupted; kept 3 steps in steps.\n"
+    assert len(list(Path("steps").glob("*.npz"))) == 3
 
 
 def test_the_files_make_a_suite(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:

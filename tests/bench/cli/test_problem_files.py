@@ -118,6 +118,15 @@ def test_a_file_that_calls_its_problem_like_a_path_is_exported_under_its_own_nam
         ("import fclib {folder}/crooked.hdf5", "crooked.hdf5 --symmetry lower"),
         ("import fclib {folder}/local-rows.hdf5 --symmetry twist", "--symmetry 'twist' is unknown"),
         ("import fclib {folder}/local-rows.hdf5 --output taken.npz", "taken.npz exists already"),
+        (
+            "import fclib {folder}/local-rows.hdf5 --output y.txt",
+            "y.txt is neither a .npz file nor a folder that exists",
+        ),
+        ("import fclib {folder}/local-rows.hdf5 --output y.json", "y.json is neither a .npz file"),
+        (
+            "export json hard-sticking-box --output y.npz",
+            "name a file that ends in .json, or a folder without a suffix",
+        ),
         ("export fclib no-such-problem", "'no-such-problem'"),
         ("export fclib hard-sticking-box hard-tresca-joint --output out", "fixed friction bound"),
         ("export fclib hard-sticking-box --output taken.hdf5", "taken.hdf5 exists already"),
@@ -167,6 +176,25 @@ def test_a_file_of_another_program_is_imported_by_the_name_of_its_format(tmp_pat
     error = capsys.readouterr().err
     assert "is not a file of the format 'kamino', which has D and v_f; its arrays are G, g, mus, as in" in error
     assert error.endswith("the format 'contactbench'.\n")
+
+
+@pytest.mark.parametrize("name", ["existing.d", "version-1.2", "plain"])
+def test_a_folder_may_have_a_dot_in_its_name(name: str, tmp_path: Path) -> None:
+    if name == "existing.d":
+        (tmp_path / name).mkdir()
+    assert run_command(["export", "json", "hard-sticking-box", "--output", str(tmp_path / name)]) == 0
+    assert [file.name for file in (tmp_path / name).iterdir()] == ["hard-sticking-box.json"]
+
+
+def test_a_file_of_rigid_bodies_that_is_named_plain_gets_the_name_of_its_format(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    vectors = {name: np.zeros((1, 3)) for name in ("inertia", "position", "velocity", "angular_velocity")}
+    np.savez(tmp_path / "step.npz", mass=np.ones(1), mu=np.array(0.5), **vectors)
+    assert run_command(f"import plain {tmp_path}/step.npz --output {tmp_path}/no.npz".split()) == 2
+    error = capsys.readouterr().err
+    assert "step.npz is not a file of the format 'plain', which has c, mu, and G or W; its arrays are" in error
+    assert error.endswith("velocity, as in the format 'bodies'.\n")
 
 
 def test_a_problem_goes_round_through_json(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import pickle
 import shutil
 from pathlib import Path
+from typing import Any, cast
 
 import native_builds
 import pytest
@@ -10,7 +11,8 @@ from proxbench.bench import load as load_run
 from proxbench.bench import resume, run
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
-from proxbench.bench.plugins import native_files
+from proxbench.bench.isolation.worker import REQUEST_SECONDS
+from proxbench.bench.plugins import descriptions, native_files
 from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.plugins.files import check_plugins_unchanged, plugin_uses, use_plugin_files
 from proxbench.bench.plugins.remote_solver import FailedSolveError, RemoteSolver
@@ -19,6 +21,7 @@ from proxbench.bench.store.plans import Limits
 from proxbench.problems import load
 from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.problems.errors import PluginError
+from proxbench.solvers.native.executable import START_SECONDS
 
 PROBLEM = "hard-stack-10"
 
@@ -46,12 +49,14 @@ def name_of(file: Path, fault: str) -> str:
 FAULTS = (
     ("faulty", "crash", Outcome.CRASHED, "SIGSEGV"),
     ("faulty", "exit", Outcome.CRASHED, "exit code 7"),
+    ("faulty", "license", Outcome.CRASHED, "exit code 4; the last line of its output is 'license \ufffdexpired'"),
     ("faulty", "hang", Outcome.TIMEOUT, "longer than"),
     ("faulty", "overrun", Outcome.MISBEHAVED, "wrote beyond the 10 impulses"),
     ("faulty", "short", Outcome.MISBEHAVED, "not finite"),
     ("faulty", "status", Outcome.MISBEHAVED, "returned status 99"),
     ("faulty", "count", Outcome.MISBEHAVED, "number of iterations that is negative"),
     ("program", "exit", Outcome.CRASHED, "ended with exit code 3"),
+    ("program", "license", Outcome.CRASHED, "with exit code 1; it wrote 'license \ufffdexpired' to standard error"),
     ("program", "crash", Outcome.CRASHED, "killed by signal 11"),
     ("program", "hang", Outcome.TIMEOUT, "longer than"),
     ("program", "garbage", Outcome.MISBEHAVED, "does not begin an answer"),
@@ -71,6 +76,7 @@ def test_a_fault_costs_its_own_process(
             prepared.solve(Stop(max_seconds=1.0))
     assert failed.value.outcome is outcome
     assert reason in failed.value.reason
+    assert not failed.value.reason.endswith(".")
 
 
 def test_the_process_that_judges_knows_a_library_as_data(sweeps: Path) -> None:
@@ -127,6 +133,28 @@ def test_what_is_no_solver_is_refused_in_one_sentence(faulty: Path, capsys: pyte
     )
     with pytest.raises(PluginError, match=r"cannot be loaded as a shared library"):
         solver_spec(f"Shared({__file__})")
+
+
+def test_a_program_that_ends_at_its_start_is_refused_with_its_own_words(program: Path) -> None:
+    with pytest.raises(PluginError, match="ended with exit code 1; it wrote 'there is no license' to standard error"):
+        solver_spec(name_of(program, "unlicensed"))
+
+
+def test_a_library_that_hangs_when_it_is_loaded_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = tmp_path / "hang.c"
+    source.write_text(
+        "#include <unistd.h>\n__attribute__((constructor)) static void hang(void) { for (;;) pause(); }\n"
+    )
+    library = native_builds.build_in_c(tmp_path / "libhang.so", source)
+    monkeypatch.setitem(cast("Any", descriptions._ask).__kwdefaults__, "seconds", 1.0)
+    with pytest.raises(PluginError, match="cannot be created: it does not end within 1 s; correct the code"):
+        solver_spec(f"Shared({library})")
+
+
+def test_the_documented_limits_are_those_in_force() -> None:
+    page = (native_builds.EXAMPLES.parent / "how-to" / "solver-in-c.md").read_text(encoding="utf-8")
+    assert f"takes longer than {REQUEST_SECONDS:g} s to load (a library)" in page
+    assert f"does not answer within {START_SECONDS:g} s of its start (a program)" in page
 
 
 def test_a_library_solves_where_solves_follow_each_other(sweeps: Path) -> None:

@@ -43,6 +43,10 @@ int32_t proxbench_solve(void *prepared, const pb_request *request, pb_result *re
     result->iterations = (int64_t)request->threads;
     if (!strcmp(fault, "crash")) raise(SIGSEGV);
     if (!strcmp(fault, "exit")) exit(7);
+    if (!strcmp(fault, "license")) {
+        fprintf(stderr, "checking\nlicense \033expired\n\n");
+        exit(4);
+    }
     if (!strcmp(fault, "hang")) for (;;) result->iterations = 0;
     if (!strcmp(fault, "lie")) return PB_SOLVED;
     if (!strcmp(fault, "overrun")) result->impulses[n] = 1.0;

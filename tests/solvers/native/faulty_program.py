@@ -13,6 +13,8 @@ def send(kind: int, code: int, body: bytes) -> None:
     sys.stdout.buffer.flush()
 
 
+if fault == "unlicensed":
+    sys.exit("there is no license")
 while fault == "sleep":
     signal.pause()
 if fault == "print":
@@ -28,6 +30,8 @@ while head := sys.stdin.buffer.read(16):
     else:
         if fault == "exit":
             sys.exit(3)
+        if fault == "license":
+            sys.exit("checking\nlicense \x1bexpired\n")  # on standard error, with exit code 1
         if fault == "crash":
             os.kill(os.getpid(), signal.SIGSEGV)
         while fault == "hang":

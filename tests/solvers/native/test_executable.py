@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,14 @@ from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.solvers import create
 from proxbench.solvers.contract import solution_fault
 from proxbench.solvers.native.executable import Executable
+from proxbench.solvers.native.messages import (
+    SOLVE,
+    Message,
+    read_answer,
+    read_description,
+    read_iterate,
+    read_prepared,
+)
 from proxbench.solvers.native.native_solver import BrokenInterfaceError
 
 
@@ -71,10 +80,27 @@ def test_a_program_that_ends_is_an_error_of_the_solve(faulty_program: Path, faul
 
 
 def test_what_it_prints_beside_its_answers_is_refused(faulty_program: Path) -> None:
-    with pytest.raises(BrokenInterfaceError, match="does not begin an answer; write answers to standard output"):
+    with pytest.raises(
+        BrokenInterfaceError, match=r"does not begin an answer; write answers to standard output .* error\.$"
+    ):
         faulty(faulty_program, "garbage").prepare(load("hard-stack-10")).solve(Stop())
     with pytest.raises(SolverError, match="sent b'Welcome to my so', which does not begin an answer"):
         faulty(faulty_program, "print")
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda message: read_description("mine", message),
+        lambda message: read_prepared("mine", message),
+        lambda message: read_answer("mine", message),
+        lambda message: read_iterate("mine", message, 3),
+    ],
+    ids=["description", "prepared", "answer", "iterate"],
+)
+def test_a_message_that_is_too_short_is_refused_in_a_sentence(read: Callable[[Message], object]) -> None:
+    with pytest.raises(BrokenInterfaceError, match=r"^mine (sent|describes itself in) 3 bytes.*; send .*[a-z]\.$"):
+        read(Message(SOLVE, 0, b"abc"))
 
 
 @pytest.mark.parametrize(("fault", "shape"), [("short", r"\(9,\)"), ("long", r"\(11,\)")])

@@ -1,6 +1,7 @@
 """Shared libraries as solvers: what they are given, what is made of their answers, and what is refused."""
 
 import pickle
+import platform
 import sys
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from proxbench.problems.contact.solver import SolverError, Status, Stop
 from proxbench.problems.errors import ProblemError
 from proxbench.solvers import create
 from proxbench.solvers.contract import solution_fault
-from proxbench.solvers.native.elf import elf_length
+from proxbench.solvers.native.elf import elf_length, own_processor
 from proxbench.solvers.native.native_solver import BrokenInterfaceError
 from proxbench.solvers.native.shared_library import Shared
 
@@ -156,3 +157,30 @@ def test_a_library_that_is_cut_off_is_refused_before_it_is_loaded(
     sentence = f"is truncated after {cut.stat().st_size} bytes; build or copy it again"
     with pytest.raises(SolverError, match=sentence):
         create(f"Shared({cut})")
+
+
+@pytest.mark.parametrize(
+    ("number", "processor"),
+    [(8, "MIPS"), (22, "s390"), (4242, "the processor with ELF machine number 4242")],
+)
+def test_a_library_for_another_processor_is_refused_with_both_processors(
+    faulty_library: Path, tmp_path: Path, number: int, processor: str
+) -> None:
+    own = own_processor()
+    if not own:
+        pytest.skip("the system has no ELF files")
+    content = bytearray(faulty_library.read_bytes())
+    content[18:20] = number.to_bytes(2, sys.byteorder)
+    foreign = tmp_path / "foreign.so"
+    foreign.write_bytes(content)
+    with pytest.raises(SolverError) as refused:
+        create(f"Shared({foreign})")
+    assert str(refused.value) == (
+        f"shared library {foreign} is built for {processor}, but this process runs on {own}; build it for {own}."
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the file of a process")
+def test_the_processor_of_this_process_is_that_of_the_machine() -> None:
+    names = {"x86_64": "x86-64", "aarch64": "AArch64"}
+    assert own_processor() == names.get(platform.machine(), own_processor())
