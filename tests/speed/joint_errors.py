@@ -73,8 +73,9 @@ def joint_errors(name: str, step: float, seconds: float, depth: float | None) ->
         scene.start, round(seconds / step)
     ):
         poses, velocity = system.poses(taken.state.position), taken.state.velocity
-        opening = max(opening, float(np.abs(system.joints.errors_at(poses).residual).max()))
-        speed = max(speed, float(np.abs(system.joints.errors_at(poses).directions.T @ velocity).max()))
+        errors = system.joints.errors_at(poses)
+        opening = max(opening, float(np.abs(errors.residual).max()))
+        speed = max(speed, float(np.abs(errors.directions.T @ velocity).max()))
         moving = scene.kinetic_energy(velocity)
         error = max(error, abs(moving + scene.potential_energy(taken.state.position) - begin))
         kinetic = max(kinetic, moving)

@@ -84,9 +84,7 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     return pairs
 
 
-def near_bodies(
-    centres: FloatArray, radii: FloatArray, n_moving: int, margin: float, excluded: IntArray | None = None
-) -> IntArray:
+def near_bodies(centres: FloatArray, radii: FloatArray, n_moving: int, margin: float, excluded: IntArray) -> IntArray:
     """Return the pairs of bodies whose bounding spheres are closer than ``margin``, sorted by i, then j.
 
     Args:
@@ -94,17 +92,15 @@ def near_bodies(
         radii: radii of the bounding spheres [m], infinite for half-spaces, shape (n,).
         n_moving: number of moving bodies; pairs of two fixed ones are not returned.
         margin: distance [m].
-        excluded: i · n + j, ascending, of pairs that are left out.
+        excluded: i · n + j, ascending, of pairs that are left out, shape (n_excluded,).
 
     Returns:
         Pairs i < j, shape (n_pairs, 2).
     """
     moving = overlapping_pairs(centres[:n_moving], radii[:n_moving] + 0.5 * margin)
-    pairs: IntArray = _with_fixed(moving, centres, radii, n_moving, margin, _NONE if excluded is None else excluded)
+    pairs: IntArray = _with_fixed(moving, centres, radii, n_moving, margin, excluded)
     return pairs
 
-
-_NONE = np.zeros(0, dtype=np.int64)
 
 CELLS_PER_BALL = 64
 """Largest number of cells per ball for which balls are sorted by counting; scattered balls occupy more cells."""

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from .round_bodies import PLANE, SEGMENT, RoundShapes, dot, write_contact
+from .clipping import dot
+from .round_bodies import PLANE, SEGMENT, RoundShapes, write_contact
 
 RIM_POINTS = 8
 """Number of points of each rim that are fixed in the body."""

@@ -32,8 +32,10 @@ SLACK = 1e-6
 PARALLEL = 1e-6
 """Sine of the angle between two edges below which they count as parallel."""
 
-BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, NONE = range(6)
-"""Methods for the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders``, coal, and none."""
+BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, REFUSED = range(6)
+"""Methods that find the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders`` and coal.
+
+A pair with a half-space as first body is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     shapes = tuple(shapes)
     arrays = shape_arrays(shapes)
     methods, counts = _methods(pairs, arrays.round_shapes.kind, arrays.is_box, arrays.is_ball)
-    if counts[NONE]:
+    if counts[REFUSED]:
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
     centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
     round_shapes, parts = arrays.round_shapes, []
@@ -97,11 +99,11 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
 @njit(cache=True)
 def _methods(pairs, kind, is_box, is_ball):  # type: ignore[no-untyped-def]
     """Return the method that finds the contacts of each pair, and the number of pairs of each method."""
-    methods, counts = np.empty(len(pairs), dtype=np.int64), np.zeros(NONE + 1, dtype=np.int64)
+    methods, counts = np.empty(len(pairs), dtype=np.int64), np.zeros(REFUSED + 1, dtype=np.int64)
     for k in range(len(pairs)):
         i, j = pairs[k]
         if kind[i] == PLANE:
-            method = NONE
+            method = REFUSED
         elif is_box[i] and (is_box[j] or kind[j] == PLANE):
             method = BOXES
         elif kind[i] == CYLINDER or kind[j] == CYLINDER:
@@ -131,7 +133,7 @@ def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
     if not parts:
         parts = [(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))]
     if len(parts) == 1:
-        (keys, numbers) = parts[0]
+        keys, numbers = parts[0]
         return ContactSet(*_in_order(keys, numbers, _order(keys)))
     keys, numbers = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     return ContactSet(*_in_order(keys, numbers, np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))))
@@ -139,7 +141,7 @@ def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
 
 @njit(cache=True)
 def _order(keys):  # type: ignore[no-untyped-def]
-    """Return the stable order of keys by an insertion sort, for few keys of the same bodies that are together."""
+    """Return the stable order of keys by an insertion sort; pairs of bodies ascend, so only their few features move."""
     order = np.arange(len(keys))
     for k in range(1, len(keys)):
         a, b, c = keys[k]

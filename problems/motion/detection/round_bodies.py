@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
+from .clipping import dot
 from .polyhedra import MAX_CONTACTS, PackedPolyhedra
 
 PLANE, POLYHEDRON, SEGMENT, CYLINDER = range(4)
@@ -73,12 +74,6 @@ def find_round(
         if count <= capacity:
             return keys[:count], numbers[:count]
         capacity = count
-
-
-@njit(cache=True)
-def dot(a, b):  # type: ignore[no-untyped-def]
-    """Return a·b of vectors of length 3."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True)

@@ -37,8 +37,6 @@ from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
 from simulated_runs import simulated_cases, store_run
 
-REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
-
 
 def random_seconds(seed: int, problems: int = 17, solvers: int = 5) -> pd.DataFrame:
     """Times of solvers on problems, a third of them failures, with ties and a problem that no solver solves."""
@@ -64,17 +62,6 @@ def declining(frames: RunFrames, problem: str, solver: str) -> RunFrames:
         table.loc[is_own, "outcome"] = Outcome.UNSUPPORTED
         tables[name] = table[~is_own] if name == "points" else table
     return replace(frames, **tables)
-
-
-@pytest.fixture(scope="module")
-def reference() -> RunFrames:
-    """A run of fifteen solvers on eight problems."""
-    return load(REFERENCE)
-
-
-@pytest.fixture(scope="module")
-def reference_tables(reference: RunFrames) -> dict[str, pd.DataFrame]:
-    return profile_tables(reference, "NSGS")
 
 
 @pytest.fixture
@@ -257,11 +244,11 @@ def test_solvers_that_solve_nothing_give_profiles_of_zero() -> None:
 
 
 @pytest.mark.slow
-def test_times_and_residuals_are_those_of_points_that_count(reference: RunFrames) -> None:
-    seconds, residuals = seconds_matrix(reference, 1e-6), residual_matrix(reference)
+def test_times_and_residuals_are_those_of_points_that_count(reference_run: RunFrames) -> None:
+    seconds, residuals = seconds_matrix(reference_run, 1e-6), residual_matrix(reference_run)
     assert seconds.shape == residuals.shape == (8, 15)
-    times = times_to_accuracies(reference.points, [1e-6], reference.info.plan.limits.solve_seconds)[1e-6]
-    for problem, solver in reference.points.groupby(["problem", "solver"]).groups:
+    times = times_to_accuracies(reference_run.points, [1e-6], reference_run.info.plan.limits.solve_seconds)[1e-6]
+    for problem, solver in reference_run.points.groupby(["problem", "solver"]).groups:
         expected = times.get((problem, solver), np.nan)
         assert seconds.at[problem, solver] == pytest.approx(expected, nan_ok=True)
         assert (residuals.at[problem, solver] <= 1e-6) == np.isfinite(expected)
@@ -269,9 +256,9 @@ def test_times_and_residuals_are_those_of_points_that_count(reference: RunFrames
 
 @pytest.mark.slow
 def test_families_are_profiled_as_the_problems_of_each_alone(
-    reference: RunFrames, reference_tables: dict[str, pd.DataFrame]
+    reference_run: RunFrames, reference_tables: dict[str, pd.DataFrame]
 ) -> None:
-    funnel = reference.only([name for name in reference.info.plan.problems if name.startswith("funnel")])
+    funnel = reference_run.only([name for name in reference_run.info.plan.problems if name.startswith("funnel")])
     for name, table in profile_tables(funnel, "NSGS").items():
         alone = table[table["family"] == ALL].drop(columns="family").reset_index(drop=True)
         whole = reference_tables[name]
@@ -281,9 +268,9 @@ def test_families_are_profiled_as_the_problems_of_each_alone(
 
 @pytest.mark.slow
 def test_every_chart_has_its_numbers_beside_it(
-    reference: RunFrames, reference_tables: dict[str, pd.DataFrame], tmp_path: Path
+    reference_run: RunFrames, reference_tables: dict[str, pd.DataFrame], tmp_path: Path
 ) -> None:
-    files = {file.name for file in write_profiles(reference, "NSGS", tmp_path)}
+    files = {file.name for file in write_profiles(reference_run, "NSGS", tmp_path)}
     for name in ("performance", "data", "accuracy", "speedup"):
         assert {f"profile-{name}{ending}" for ending in (".svg", ".png", ".csv")} <= files
     assert {"profile-families.svg", "profile-budgets.csv"} <= files
@@ -292,10 +279,10 @@ def test_every_chart_has_its_numbers_beside_it(
 
 
 @pytest.mark.slow
-def test_a_baseline_that_is_not_named_solves_most(reference: RunFrames) -> None:
-    solved = seconds_matrix(reference, 1e-8).notna().sum()
-    assert solved[baseline_of(reference)] == solved.max()
-    assert baseline_of(reference, "Lemke") == "Lemke"
+def test_a_baseline_that_is_not_named_solves_most(reference_run: RunFrames) -> None:
+    solved = seconds_matrix(reference_run, 1e-8).notna().sum()
+    assert solved[baseline_of(reference_run)] == solved.max()
+    assert baseline_of(reference_run, "Lemke") == "Lemke"
 
 
 def test_a_run_without_cases_has_no_profiles(finished_run: Path, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from numba import njit
 
 from ....arrays import FloatArray, IntArray
 from ....contact.matrices.user_matrices import compressed_columns
+from ...detection.clipping import dot
 from .orientation import rotation_matrices
 
 DISTANCE, ALONG_AXIS, ORIENTATION, ANGLE = range(4)
@@ -123,9 +124,9 @@ def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
         )
         along, nothing = _to_world(other, n_axis), (0.0, 0.0, 0.0)
         if kind in (DISTANCE, ALONG_AXIS):
-            value = _dot(along, d)
+            value = dot(along, d)
             if kind == DISTANCE:
-                value = np.sqrt(_dot(d, d))
+                value = np.sqrt(dot(d, d))
                 along = nothing if value == 0.0 else (d[0] / value, d[1] / value, d[2] / value)
             _write(rates[row, 0], 1.0, along, _cross(p, _to_body(one, along)))
             turned = _cross(q, _to_body(other, along))
@@ -135,12 +136,12 @@ def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
             _write(rates[row, 1], -1.0, along, turned)
         elif kind == ORIENTATION:
             f_world = _to_world(one, f)
-            value = _dot(f_world, along)
+            value = dot(f_world, along)
             _write(rates[row, 0], 1.0, nothing, _cross(f, _to_body(one, along)))
             _write(rates[row, 1], 1.0, nothing, _cross(n_axis, _to_body(other, f_world)))
         else:
             now, start = _to_body(other, _to_world(one, f)), _vector(side)
-            value = np.arctan2(_dot(now, _cross(n_axis, start)), _dot(now, start))
+            value = np.arctan2(dot(now, _cross(n_axis, start)), dot(now, start))
             turns = np.rint((value - table.middle[row]) / (2.0 * np.pi))
             value -= 2.0 * np.pi * turns
             _write(rates[row, 0], 1.0, nothing, _to_body(one, along))
@@ -180,23 +181,18 @@ def _vector(array):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True)
 def _cross(a, b):  # type: ignore[no-untyped-def]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True)
 def _to_world(rotation, vector):  # type: ignore[no-untyped-def]
-    return _dot(rotation[0], vector), _dot(rotation[1], vector), _dot(rotation[2], vector)
+    return dot(rotation[0], vector), dot(rotation[1], vector), dot(rotation[2], vector)
 
 
 @njit(cache=True)
 def _to_body(rotation, vector):  # type: ignore[no-untyped-def]
-    return _dot(rotation[:, 0], vector), _dot(rotation[:, 1], vector), _dot(rotation[:, 2], vector)
+    return dot(rotation[:, 0], vector), dot(rotation[:, 1], vector), dot(rotation[:, 2], vector)
 
 
 def perpendicular_axes(axis: FloatArray) -> FloatArray:

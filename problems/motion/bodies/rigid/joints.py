@@ -191,7 +191,7 @@ class RigidJoints:
             ProblemError: if the points of a distance joint coincide, so that it has no direction.
         """
         values, rates = self._held.at(poses)
-        if (self._held.kind == DISTANCE).any() and not rates.any(axis=(1, 2)).all():
+        if ((self._held.kind == DISTANCE) & ~rates.any(axis=(1, 2))).any():
             raise ProblemError("the points of a distance joint coincide; move them apart.")
         return JointErrors(values, columns(self._held.bodies, rates, self.n_bodies))
 
@@ -231,8 +231,9 @@ class RigidJoints:
         Raises:
             ProblemError: for the joint with the largest error, if it exceeds ``MAX_CLOSING_ERROR``.
         """
-        values = np.abs(self._held.at(poses)[0]).tolist()
-        errors = [max((values.pop(0) for _ in range(joint.n_rows)), default=0.0) for joint in self.joints]
+        values = np.abs(self._held.at(poses)[0])
+        ends = np.cumsum([joint.n_rows for joint in self.joints], dtype=np.int64)
+        errors = [own.max(initial=0.0) for own in np.split(values, ends)[:-1]]
         if max(errors, default=0.0) > MAX_CLOSING_ERROR:
             worst = int(np.argmax(errors))
             raise ProblemError(
@@ -271,12 +272,12 @@ class RigidJoints:
     @cached_property
     def _held(self) -> JointTable:
         """What all joints hold at zero."""
-        return JointTable.of([row for joint in self.joints for row in _held(joint)])
+        return JointTable.of([row for joint in self.joints for row in _held_rows(joint)])
 
     @cached_property
     def _gaps(self) -> JointTable:
         """The gaps to all limits, and of ropes."""
-        return JointTable.of([row for joint in self.joints for row in _gaps(joint)])
+        return JointTable.of([row for joint in self.joints for row in _gap_rows(joint)])
 
     @cached_property
     def _gap_keys(self) -> IntArray:
@@ -284,14 +285,14 @@ class RigidJoints:
         keys = [
             len(self.joints) + 2 * number + side
             for number, joint in enumerate(self.joints)
-            for side in range(len(_gaps(joint)))
+            for side in range(len(_gap_rows(joint)))
         ]
         return np.array(keys, dtype=np.int64)
 
     @cached_property
     def _gap_restitution(self) -> FloatArray:
         """ε of ``_gaps``."""
-        return np.array([joint.restitution for joint in self.joints for _ in _gaps(joint)], dtype=np.float64)
+        return np.array([joint.restitution for joint in self.joints for _ in _gap_rows(joint)], dtype=np.float64)
 
     @cached_property
     def _active(self) -> "tuple[JointTable, _ActiveRows]":
@@ -306,11 +307,11 @@ class RigidJoints:
 
     def _active_rows(self, joint: Joint) -> "list[_LawRow]":
         """Return the rows of a joint that are active at all times."""
-        rows = [_LawRow(row, LawKind.BILATERAL, restitution=self.restitution) for row in _held(joint)]
+        rows = [_LawRow(row, LawKind.BILATERAL, restitution=self.restitution) for row in _held_rows(joint)]
         if joint.friction:
-            rows.append(_LawRow(_coordinate(joint), LawKind.PLANAR_FRICTION, joint.friction))
+            rows.append(_LawRow(_coordinate_row(joint), LawKind.PLANAR_FRICTION, joint.friction))
         if joint.motor_bound:
-            motor = _LawRow(_coordinate(joint), LawKind.PLANAR_FRICTION, joint.motor_bound, drive=joint.motor_speed)
+            motor = _LawRow(_coordinate_row(joint), LawKind.PLANAR_FRICTION, joint.motor_bound, drive=joint.motor_speed)
             rows.append(motor)
         return rows
 
@@ -341,7 +342,7 @@ def _row(joint: Joint, kind: int, first_axis: Vector | FloatArray, second_axis: 
     return JointRow(kind, (joint.first, joint.second), points, np.array(first_axis), np.array(second_axis))
 
 
-def _held(joint: Joint) -> list[JointRow]:
+def _held_rows(joint: Joint) -> list[JointRow]:
     """Return the scalars that a joint holds at zero."""
     if joint.kind == "rope":
         return []
@@ -357,7 +358,7 @@ def _held(joint: Joint) -> list[JointRow]:
     return rows
 
 
-def _coordinate(joint: Joint) -> JointRow:
+def _coordinate_row(joint: Joint) -> JointRow:
     """Return the angle of a revolute joint or the displacement of a prismatic one."""
     along, side, _ = joint.axes
     if joint.kind == "prismatic":
@@ -365,12 +366,12 @@ def _coordinate(joint: Joint) -> JointRow:
     return _row(joint, ANGLE, joint.closing_rotation.T @ side, along)._replace(side=side)
 
 
-def _gaps(joint: Joint) -> list[JointRow]:
+def _gap_rows(joint: Joint) -> list[JointRow]:
     """Return the gaps to the limits of a joint, or of a rope."""
     if joint.kind == "rope":
         return [_row(joint, DISTANCE, NO_AXIS, NO_AXIS).minus(joint.length)]
     if joint.limits is None:
         return []
     low, high = joint.limits
-    row = _coordinate(joint)._replace(middle=0.5 * (low + high))
+    row = _coordinate_row(joint)._replace(middle=0.5 * (low + high))
     return [row.plus(-low), row.minus(high)]

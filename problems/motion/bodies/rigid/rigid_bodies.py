@@ -237,12 +237,11 @@ class RigidBodies:
         return ContactKeys(len(self._all_shapes), MAX_FEATURES)
 
     @cached_property
-    def _joined(self) -> IntArray | None:
-        """The pairs of bodies that a joint connects, which have no contacts, as ``near_bodies`` numbers them."""
-        if self.joints is None:
-            return None
-        codes: IntArray = np.unique(self.joints.pairs @ [len(self._all_shapes), 1])
-        return codes
+    def _joined(self) -> IntArray:
+        """Numbers, as in ``near_bodies``, of the pairs that a joint connects; they have no contacts."""
+        pairs = np.zeros((0, 2), dtype=np.int64) if self.joints is None else self.joints.pairs
+        numbers: IntArray = np.unique(pairs @ [len(self._all_shapes), 1])
+        return numbers
 
     def poses(self, position: FloatArray) -> FloatArray:
         """Return (x [m], quaternion) of each body, shape (n, 7), of a position vector q, shape (7 n,)."""

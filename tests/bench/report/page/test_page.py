@@ -23,8 +23,6 @@ pytestmark = pytest.mark.skipif(
     not chromium(), reason="no Chromium is installed; put one on the path, or name it by PROXBENCH_CHROMIUM"
 )
 
-REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
-
 MEANS = ("mean_time", "own_mean_time")
 """Prefixes of the means of a summary."""
 
@@ -39,19 +37,9 @@ def browser() -> Iterator[Chromium]:
 
 
 @pytest.fixture(scope="module")
-def frames() -> RunFrames:
-    return load(REFERENCE)
-
-
-@pytest.fixture(scope="module")
-def tables(frames: RunFrames) -> dict[str, pd.DataFrame]:
-    return profile_tables(frames, "NSGS")
-
-
-@pytest.fixture(scope="module")
-def reference(browser: Chromium, frames: RunFrames, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def reference(browser: Chromium, reference_run: RunFrames, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("page") / "report.html"
-    file.write_text(page(frames, "NSGS"), encoding="utf-8")
+    file.write_text(page(reference_run, "NSGS"), encoding="utf-8")
     return file
 
 
@@ -133,11 +121,11 @@ def test_it_opens_without_errors_and_without_requests(browser: Chromium, referen
     ],
 )
 def test_filters_give_what_the_tables_compute(
-    browser: Chromium, reference: Path, frames: RunFrames, solvers: list[str], families: list[str]
+    browser: Chromium, reference: Path, reference_run: RunFrames, solvers: list[str], families: list[str]
 ) -> None:
     opened(browser, reference)
     uncheck(browser, [*solvers, *families])
-    left = without(frames, solvers, families)
+    left = without(reference_run, solvers, families)
     tables = profile_tables(left, "NSGS")
     expected = summary_table(left).set_index("solver")
     found = shown(browser, "summary-table").set_index("solver")
@@ -163,19 +151,19 @@ def test_filters_give_what_the_tables_compute(
 
 @pytest.mark.slow
 def test_size_law_model_name_and_accuracy_choose_what_is_shown(
-    browser: Chromium, reference: Path, frames: RunFrames
+    browser: Chromium, reference: Path, reference_run: RunFrames
 ) -> None:
     opened(browser, reference)
     uncheck(browser, ["planar friction (2 rows)", "convex", "pyramid(4)"])
     enter(browser, "input[placeholder='at most']", "1000", "change")
     enter(browser, "input[type='search']", "FUNNEL", "input")
     enter(browser, "#filters select", "1e-4", "change")
-    cases = frames.cases
+    cases = reference_run.cases
     kept = cases["problem"].str.contains("funnel") & (cases["n_rows"] != 2 * cases["n_contacts"])
     kept &= cases["n_contacts"] <= 1000
     problems = cases["problem"][kept].unique()
     solvers = cases["solver"][~cases["model"].isin(["convex", "pyramid(4)"])].unique()
-    seconds = seconds_matrix(frames, 1e-4).loc[problems, solvers]
+    seconds = seconds_matrix(reference_run, 1e-4).loc[problems, solvers]
     assert set(problems) == {"funnel-100", "funnel-frictionless-300"}
     found = shown(browser, "problems-table")
     assert found["problem"].tolist() == list(problems)
@@ -189,13 +177,13 @@ def test_size_law_model_name_and_accuracy_choose_what_is_shown(
 
 @pytest.mark.slow
 def test_profiles_by_family_are_those_of_each_family(
-    browser: Chromium, reference: Path, tables: dict[str, pd.DataFrame]
+    browser: Chromium, reference: Path, reference_tables: dict[str, pd.DataFrame]
 ) -> None:
     opened(browser, reference)
     uncheck(browser, ["profiles by family"])
     rows = pd.DataFrame(browser.evaluate("proxbench.figures.performance.rows()"))
     for family, own in rows.groupby("family"):
-        profile = profile_of(tables, "performance", family=str(family))
+        profile = profile_of(reference_tables, "performance", family=str(family))
         pd.testing.assert_frame_equal(own[profile.columns].reset_index(drop=True), profile, rtol=1e-6)
     assert browser.errors == []
 
@@ -227,14 +215,16 @@ def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_r
 
 
 @pytest.mark.slow
-def test_nothing_chosen_shows_nothing_and_fails_nowhere(browser: Chromium, reference: Path, frames: RunFrames) -> None:
+def test_nothing_chosen_shows_nothing_and_fails_nowhere(
+    browser: Chromium, reference: Path, reference_run: RunFrames
+) -> None:
     opened(browser, reference)
-    uncheck(browser, list(dict.fromkeys(frames.info.plan.families.values())))
+    uncheck(browser, list(dict.fromkeys(reference_run.info.plan.families.values())))
     assert browser.errors == []
     assert browser.evaluate("proxbench.figures.performance.rows().length") == 0
     counts = browser.evaluate("document.getElementById('counts').textContent")
     assert counts.endswith("; nothing matches the filters: select more")
-    uncheck(browser, list(dict.fromkeys(frames.info.plan.families.values())))
+    uncheck(browser, list(dict.fromkeys(reference_run.info.plan.families.values())))
     assert browser.evaluate("proxbench.figures.performance.rows().length") > 0
     assert browser.errors == []
 
@@ -252,16 +242,17 @@ def test_heads_sort_tables_by_their_numbers(browser: Chromium, reference: Path) 
 
 @pytest.mark.slow
 def test_an_address_opens_a_case_with_all_that_is_known_of_it(
-    browser: Chromium, reference: Path, frames: RunFrames
+    browser: Chromium, reference: Path, reference_run: RunFrames
 ) -> None:
     opened(browser, reference)
     go(browser, "#problem=funnel-100&case=NSGS")
     text = browser.evaluate("document.getElementById('case-view').textContent")
-    case = frames.cases[(frames.cases["problem"] == "funnel-100") & (frames.cases["solver"] == "NSGS")].iloc[0]
+    cases = reference_run.cases
+    case = cases[(cases["problem"] == "funnel-100") & (cases["solver"] == "NSGS")].iloc[0]
     for part in ("NSGS on funnel-100", case["digest"], "--problem funnel-100", "--solver NSGS", "coulomb"):
         assert part in text
     assert browser.evaluate("document.querySelectorAll('#case-view .drawing svg').length") == 2
-    assert len(shown(browser, "case-view")) == len(frames.info.plan.tolerances)
+    assert len(shown(browser, "case-view")) == len(reference_run.info.plan.tolerances)
     assert browser.errors == []
 
 
@@ -288,9 +279,11 @@ def test_the_address_keeps_filters_by_their_names(browser: Chromium, reference: 
 
 
 @pytest.mark.slow
-def test_unsupported_cases_are_apart_from_failures(browser: Chromium, reference: Path, frames: RunFrames) -> None:
+def test_unsupported_cases_are_apart_from_failures(
+    browser: Chromium, reference: Path, reference_run: RunFrames
+) -> None:
     opened(browser, reference)
-    cases = frames.cases
+    cases = reference_run.cases
     unsupported = cases[cases["outcome"] == "unsupported"]
     assert len(unsupported)
     assert "unsupported" not in set(shown(browser, "failures-table")["outcome"])
@@ -344,18 +337,18 @@ def renamed(table: pd.DataFrame, names: dict[str, dict[str, str]]) -> pd.DataFra
 
 
 @pytest.mark.slow
-def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path, frames: RunFrames) -> None:
+def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path, reference_run: RunFrames) -> None:
     attack = (
         '<img src=x onerror="window.hacked=1"></script><script>window.hacked=2</script>{{datum}}\'"`${window.hacked=3}'
     )
-    plan = frames.info.plan
+    plan = reference_run.info.plan
     names = {
         "problem": {"funnel-100": f"p{attack}"},
         "solver": {"NSGS": f"s{attack}"},
         "family": {"funnel": f"f{attack}"},
     }
     tables: dict[str, Any] = {
-        name: renamed(getattr(frames, name), names) for name in ("cases", "points", "rounds", "iterations")
+        name: renamed(getattr(reference_run, name), names) for name in ("cases", "points", "rounds", "iterations")
     }
     for column in ("reason", "stderr", "traceback", "model"):
         tables["cases"].loc[tables["cases"]["solver"] == f"s{attack}", column] = f"{column} {attack}"
@@ -368,9 +361,9 @@ def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path
         suite=f"suite {attack}",
         left_out=[f"left out {attack}"],
     )
-    info = msgspec.structs.replace(frames.info, plan=swapped, run_id=f"run {attack}")
+    info = msgspec.structs.replace(reference_run.info, plan=swapped, run_id=f"run {attack}")
     file = tmp_path / "report.html"
-    file.write_text(page(replace(frames, info=info, **tables)), encoding="utf-8")
+    file.write_text(page(replace(reference_run, info=info, **tables)), encoding="utf-8")
     opened(browser, file)
     go(browser, f"#{urlencode({'problem': f'p{attack}', 'case': f's{attack}'})}")
     text = browser.evaluate("document.body.textContent")
@@ -394,12 +387,12 @@ def test_the_policy_of_the_page_stops_other_scripts_and_requests(browser: Chromi
 
 @pytest.mark.slow
 def test_the_numbers_of_a_chart_are_saved_as_csv(
-    browser: Chromium, reference: Path, tables: dict[str, pd.DataFrame]
+    browser: Chromium, reference: Path, reference_tables: dict[str, pd.DataFrame]
 ) -> None:
     opened(browser, reference)
     save = """new Promise((done) => { URL.createObjectURL = (blob) => { blob.text().then(done); return '#summary'; };
         document.querySelector('#performance .tools button').click(); })"""
     lines = browser.evaluate(save).splitlines()
     assert lines[0] == "solver,ratio,share"
-    assert len(lines) == 1 + len(profile_of(tables, "performance"))
+    assert len(lines) == 1 + len(profile_of(reference_tables, "performance"))
     assert not np.isnan(float(lines[1].rsplit(",", 1)[1]))

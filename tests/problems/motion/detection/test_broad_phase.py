@@ -45,7 +45,8 @@ def test_bodies_are_near_each_other_and_fixed_ones_unless_they_are_excluded(
     expected = every_pair(centres, radii + 0.5 * margin)
     expected = expected[expected[:, 0] < n_moving]
     excluded = np.unique(rng.integers(0, n * n, 3 * n) if n else np.zeros(0, dtype=np.int64))
-    assert np.array_equal(near_bodies(centres, radii, n_moving, margin), expected)
+    none = np.zeros(0, dtype=np.int64)
+    assert np.array_equal(near_bodies(centres, radii, n_moving, margin, none), expected)
     kept = expected[~np.isin(expected @ [n, 1], excluded)]
     assert np.array_equal(near_bodies(centres, radii, n_moving, margin, excluded), kept)
 
