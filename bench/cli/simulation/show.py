@@ -88,7 +88,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
 
 
 def _outcome(simulation: Simulation) -> int:
-    """Return 1 if the judge found a step unsolved, or the scene ended otherwise than intended, else 0.
+    """Return 1 if the judge found a step unsolved, or the scene ended without success, else 0.
 
     Raises:
         FailedSimulationError: if a step failed.

@@ -77,7 +77,7 @@ for line in sys.stdin:
 
 @contextlib.contextmanager
 def command_with(*wheels: Path, site: Path) -> Iterator[Command]:
-    """Install wheels into a folder of their own; yield the command line of a process that sees it."""
+    """Install wheels into a new folder; yield the command line of a process that imports from it."""
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-compile"]
     environment = {**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
     subprocess.run([*pip, "--target", str(site), *map(str, wheels)], check=True, timeout=600, env=environment)

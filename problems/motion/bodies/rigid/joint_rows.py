@@ -31,7 +31,7 @@ _WORLD_POSE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
 
 
 class JointRow(NamedTuple):
-    """One value ± scalar + offset of a joint.
+    """The value ± scalar + offset of a joint.
 
     Attributes:
         kind: kind of the scalar.
@@ -42,7 +42,7 @@ class JointRow(NamedTuple):
         side: s, a unit vector of the second body perpendicular to n.
         sign: 1 or −1.
         offset: [m or rad].
-        middle: an angle is taken within π of this one [rad].
+        middle: angles are reduced to within π of this one [rad].
     """
 
     kind: int
