@@ -53,7 +53,7 @@ def select(
     Args:
         problems: names, files, folders and problem objects; the members of ``suite`` if None.
         suite: name of a suite, or a folder, see ``list_folder``.
-        sample: number of problems of a sample; all problems if None.
+        sample: number of problems of a sample, without files that cannot be read; all problems if None.
         seed: seed of the sample.
         sampling: how the sample is divided among families, see ``sampled``.
 
@@ -65,21 +65,20 @@ def select(
     """
     given, suite_name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
-    if sample is not None:
-        chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
-        candidates = [one for one in candidates if one.name in chosen]
     taken: dict[str, str | ContactProblem] = {}
-    for one in candidates:
-        try:
-            taken[one.name] = _read(one.source) if isinstance(one.source, Member) else one.source
-        except ProxbenchError as error:
-            left_out.append(str(error))
-    if not taken:
+    while candidates:
+        drawn = candidates if sample is None else _drawn(candidates, sample, seed, sampling)
+        reasons = _read_into(taken, drawn)
+        if not reasons:
+            break
+        left_out += reasons.values()
+        candidates = [one for one in candidates if one.name not in reasons]  # others are drawn in their place
+    else:
         raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
-    families = {one.name: one.family for one in candidates if one.name in taken}
+    families = {one.name: one.family for one in drawn}
     if suite_name and folders:
         suite_name = folders[0]
-    return Selection(tuple(taken.values()), families, suite_name, tuple(left_out))
+    return Selection(tuple(taken[name] for name in families), families, suite_name, tuple(left_out))
 
 
 def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:
@@ -147,6 +146,23 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
             candidates.append(_Candidate(problem.name, family, problem))
     require_unique("problem", (candidate.name for candidate in candidates))
     return candidates, left_out, folders
+
+
+def _drawn(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: Sampling) -> list[_Candidate]:
+    chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
+    return [one for one in candidates if one.name in chosen]
+
+
+def _read_into(taken: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
+    """Add the drawn problems that ``taken`` lacks to it; return the reasons of those that cannot be read, by name."""
+    reasons = {}
+    for one in drawn:
+        try:
+            if one.name not in taken:
+                taken[one.name] = _read(one.source) if isinstance(one.source, Member) else one.source
+        except ProxbenchError as error:
+            reasons[one.name] = str(error)
+    return reasons
 
 
 def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -89,10 +90,12 @@ def import_files(
 ) -> int:
     """Convert files of other programs to problem files (.npz).
 
-    Print the name of each file and the digest of its problem. The exit code is
-    1 if a file in a folder cannot be read; standard error gives the reason.
+    Captured steps keep the engine's forces. Print the name of each file and the digest of its problem.
+
+    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
     from ....problems import save_problem
+    from ....problems.capture.files import has_step, read_step, save_step
     from ....problems.exchange.survey import problem_files
 
     read, suffixes = _reader(file_format, symmetry, indefinite)
@@ -101,7 +104,10 @@ def import_files(
 
     def convert(file: Path, source: Path) -> tuple[str, str]:
         problem = read(file)
-        save_problem(problem, targets[file])
+        if has_step(file):
+            save_step(replace(read_step(file), problem=problem), targets[file])
+        else:
+            save_problem(problem, targets[file])
         return str(targets[file]), problem.digest
 
     found, broken = _apply(sources, files_of, convert)
@@ -121,7 +127,7 @@ def export_files(
 ) -> int:
     """Write problems as files for other programs.
 
-    Print the name of each file and the digest of its problem.
+    Forces of captured steps are left out. Print the name of each file and the digest of its problem.
     """
     from ....problems import save_problem, write_fclib
     from ....problems.exchange.catalog import is_path

@@ -51,7 +51,7 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
         format_name: the format, inferred from the names of the arrays if empty.
 
     Raises:
-        ProblemError: if an array is missing or does not match the others.
+        ProblemError: if an array is missing or does not match the others, or there are no contacts.
     """
     inferred = next((one for one in ARRAY_FORMATS.values() if one.recognises(arrays)), None)
     chosen = ARRAY_FORMATS[format_name] if format_name else inferred
@@ -60,7 +60,10 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
     if chosen.recognises(arrays):
         try:
             with named_in_errors(name, chosen.name, repair):
-                return chosen.problem_of_arrays(arrays, repair)
+                problem = chosen.problem_of_arrays(arrays, repair)
+                if not problem.n_rows:
+                    raise ProblemError("there are no contacts, so there is nothing to solve; leave this step out.")
+                return problem
         except ProblemError:
             if chosen is inferred:
                 raise

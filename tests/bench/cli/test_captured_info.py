@@ -109,3 +109,12 @@ def test_a_file_with_the_own_model_of_an_engine_shows_both_residuals_of_its_impu
     assert row.split()[-3:] == ["0.0e+00", "5.0e-01", str(path)]
     assert run_command(["info", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["files"][0]["engine"] == {"own model": 0.0, "Coulomb": 0.5}
+
+
+def test_import_keeps_the_forces_of_the_engine(file: Path, tmp_path: Path) -> None:
+    target = tmp_path / "copy.npz"
+    assert run_command(["import", "plain", str(file), "--output", str(target)]) == 0
+    copy, step = read_step(target), read_step(file)
+    assert copy.problem.digest == step.problem.digest
+    assert (copy.solver, copy.iterations) == ("NEWTON", 2)
+    assert copy.forces.tolist() == step.forces.tolist() == [0.5, 0.0, 0.0]

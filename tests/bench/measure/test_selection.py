@@ -11,6 +11,7 @@ from proxbench.bench.measure.plan import make_plan
 from proxbench.bench.measure.selection import Selection, problem_name, select, select_shard
 from proxbench.problems import ContactProblem, ProblemError, save_problem, write_fclib
 from proxbench.problems.exchange.catalog import suite_members
+from proxbench.problems.exchange.families import Sampling
 
 
 def box(weight: float, name: str = "any") -> ContactProblem:
@@ -85,6 +86,22 @@ def test_a_sample_is_drawn_before_files_are_read_and_keeps_the_order(tmp_path: P
         if file.stem not in chosen.families:
             file.write_bytes(b"never read")
     assert select(None, folder, sample=8, seed=1).left_out == ()
+
+
+@pytest.mark.parametrize("sampling", ["proportional", "even"])
+def test_a_sample_has_its_size_in_spite_of_unreadable_files(sampling: Sampling, tmp_path: Path) -> None:
+    folder = filled(tmp_path, {"boxes": 6, "rocks": 2})
+    first = select(None, folder, sample=4, seed=1, sampling=sampling).families
+    damaged = next(name for name in first if name.startswith("boxes"))
+    whole = (folder / f"{damaged}.npz").read_bytes()
+    (folder / f"{damaged}.npz").write_bytes(whole[:200] + bytes(20) + whole[220:])
+    chosen = select(None, folder, sample=4, seed=1, sampling=sampling)
+    assert len(chosen.problems) == 4
+    assert Counter(chosen.families.values()) == Counter(first.values())
+    assert [one.name for one in chosen.problems if isinstance(one, ContactProblem)] == list(chosen.families)
+    assert damaged not in chosen.families
+    assert len(chosen.left_out) == 1
+    assert damaged in chosen.left_out[0]
 
 
 def test_a_named_suite_is_sampled_alike() -> None:

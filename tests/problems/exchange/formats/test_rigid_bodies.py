@@ -162,3 +162,11 @@ def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str
     arrays = {name: value for name, value in (box_on_the_ground() | changes).items() if value is not None}
     with pytest.raises(ProblemError, match=words):
         problem_of_arrays(arrays, Repair())
+
+
+def test_a_step_without_contacts_is_refused(tmp_path: Path) -> None:
+    vectors = {name: np.zeros((0, 3)) for name in ("point", "normal")}
+    bodies = {name: np.zeros(0, dtype=int) for name in ("body_1", "body_2")}
+    np.savez(tmp_path / "step.npz", **(box_on_the_ground() | vectors | bodies))
+    with pytest.raises(ProblemError, match=r"step.npz: there are no contacts, so there is nothing to solve"):
+        load(tmp_path / "step.npz")
