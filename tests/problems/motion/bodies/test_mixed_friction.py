@@ -22,6 +22,13 @@ def test_coefficients_are_spread_evenly_and_differ_from_seed_to_seed() -> None:
     assert abs(np.corrcoef(drawn, others)[0, 1]) < 0.02
 
 
+def test_coefficients_of_seed_0_are_the_published_numbers_of_splitmix64() -> None:
+    # the first outputs of the reference implementation, https://prng.di.unimi.it/splitmix64.c, from x = 0
+    published = (0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F)
+    drawn = MixedFriction(0.0, 1.0)(np.arange(3))
+    assert drawn.tolist() == [(bits >> 11) * 2.0**-53 for bits in published]
+
+
 def test_a_pair_keeps_its_coefficient_while_others_come_and_go() -> None:
     system, still = balls(MixedFriction(0.1, 0.9)), np.zeros(18)
     both = system.assemble(ROW.ravel(), still, 1e-3).contacts
