@@ -62,7 +62,7 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
             with named_in_errors(name, chosen.name, repair):
                 problem = chosen.problem_of_arrays(arrays, repair)
                 if not problem.n_rows:
-                    raise ProblemError("there are no contacts, so there is nothing to solve; leave this step out.")
+                    raise ProblemError("there are no contacts, so there is nothing to solve; leave this file out.")
                 return problem
         except ProblemError:
             if chosen is inferred:
