@@ -91,6 +91,18 @@ def parts() -> list[str]:
     return list(PARTS)
 
 
+def compiled_solvers(name: str = "") -> list[str]:
+    """Return the plain names of built-in solvers that have kernels: all, or those among a solver and its parts.
+
+    Raises:
+        SolverError: if the text is not a name.
+    """
+    with_kernels = [own for own, module in {**BUILT_IN, **PARTS}.items() if "cvxpy" not in module]
+    if not name:
+        return [own for own in with_kernels if own in BUILT_IN]
+    return [own for own in plain_names(name) if own in with_kernels]
+
+
 def peers() -> list[str]:
     """Return the names of external solvers; ``create`` raises if the library of one is not installed."""
     return list(PEERS)

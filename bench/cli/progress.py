@@ -24,7 +24,7 @@ from ..measure.execution.events import (
     RunStarted,
 )
 
-LOADING = "loading kernels; compiling them at the first use takes about a minute"
+LOADING = "loading kernels; compiling them at the first use takes up to a few minutes"
 """Description of a run until the first solver starts."""
 
 ESTIMATE_SECONDS = 3600.0

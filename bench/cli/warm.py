@@ -86,10 +86,11 @@ def _solve() -> None:
     from ...problems.contact.solver import Stop
     from ...problems.errors import ProxbenchError
     from ...problems.exchange.catalog import load
-    from ...solvers.registry import BUILT_IN, create
-    from ..isolation import preload  # noqa: F401  solves tiny problems when it is imported
+    from ...solvers.registry import compiled_solvers, create
+    from ..isolation.preload import load_kernels_of
 
-    solvers = [create(name) for name, module in BUILT_IN.items() if "cvxpy" not in module]
+    load_kernels_of(compiled_solvers())
+    solvers = [create(name) for name in compiled_solvers()]
     solvers += [create("SORprox", form="factors"), create("SORprox", step_size="row_sum")]
     for name in (*PROBLEMS, *MATRIX_PROBLEMS):
         problem = load(name)

@@ -9,7 +9,7 @@ from ...problems.errors import suggestion
 from ...problems.exchange.catalog import load, plugin_problems, problem_names
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import forget, registered
-from ...solvers.registry import available, composites, natives, on_devices, peers, plugin_solvers
+from ...solvers.registry import available, compiled_solvers, composites, natives, on_devices, peers, plugin_solvers
 from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
 from ..plugins.descriptions import solver_spec
@@ -56,7 +56,7 @@ def run_checks(
     known = [other for other, _ in registered()]
     try:
         subjects = _subjects_by_name(target) if file is None else _subjects_of_file(file, seconds)
-        with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES) as worker:
+        with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES, _compiled_solvers(subjects)) as worker:
             return [_check_subject(worker, subject, on_check) for subject in subjects]
     finally:
         if file is not None and file not in known:
@@ -115,6 +115,13 @@ def _subjects_by_name(target: str) -> list[dict[str, str]]:
     if not source:
         load(target)  # raises an error that explains how to generate a missing problem
     return [{"kind": "problem", "name": target, "source": source}]
+
+
+def _compiled_solvers(subjects: list[dict[str, str]]) -> list[str]:
+    """Return the built-in solvers whose kernels the subjects use; all of them if one is of a plugin."""
+    if any(subject["source"] for subject in subjects):
+        return compiled_solvers()
+    return [own for subject in subjects if subject["kind"] == "solver" for own in compiled_solvers(subject["name"])]
 
 
 def _check_subject(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import resource
 import sys
 import tempfile
 import traceback
+from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing import spawn
 from pathlib import Path
@@ -59,6 +60,7 @@ class Assignment:
         memory_bytes: memory limit, in addition to the memory that the framework needs [bytes].
         folder: folder of its temporary files, created and removed by the supervisor.
         setting: working folder and import path, in the form that multiprocessing uses.
+        solvers: names of built-in solvers whose kernels the fork server loads first.
     """
 
     task: bytes
@@ -67,6 +69,7 @@ class Assignment:
     memory_bytes: int
     folder: Path
     setting: dict[str, Any]
+    solvers: Sequence[str] = ()
 
 
 def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) -> None:

@@ -199,9 +199,10 @@ def serve(descriptor: int) -> None:
     from ...problems.compilation import load_cached_kernels, silence_notice
 
     silence_notice()  # forked cases inherit standard error
-    from . import preload  # noqa: F401
+    from .preload import load_kernels_of
     from .process_state import exempt_from_collection
 
+    exempt_from_collection()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
     requests = socket.socket(fileno=descriptor)
     while True:
@@ -217,6 +218,7 @@ def serve(descriptor: int) -> None:
             os._exit(0)
         if assignment.module.startswith(_FRAMEWORK):
             import_module(assignment.module)  # once here, not in each case
+        load_kernels_of(assignment.solvers)
         if os.fork() == 0:
             requests.close()
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)

@@ -16,6 +16,7 @@ import tempfile
 import time
 import traceback
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing import spawn
 from pathlib import Path
@@ -99,8 +100,15 @@ class Worker:
         BenchError: if temporary files cannot be created.
     """
 
-    def __init__(self, task: Task, case_seconds: float, memory_bytes: int) -> None:
-        """Start the process; ``memory_bytes`` limits its memory in addition to what the framework needs."""
+    def __init__(self, task: Task, case_seconds: float, memory_bytes: int, solvers: Sequence[str] = ()) -> None:
+        """Start the process.
+
+        Args:
+            task: its task.
+            case_seconds: wall time limit of all requests together [s].
+            memory_bytes: memory limit, in addition to what the framework needs [bytes].
+            solvers: names of built-in solvers whose kernels are loaded, or compiled, before the first request.
+        """
         try:
             pickled = pickle.dumps(task)
         except Exception as error:
@@ -114,7 +122,8 @@ class Worker:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
             raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
-        assignment = Assignment(pickled, type(task).__module__, registered(), memory_bytes, self._folder, _setting())
+        module, files = type(task).__module__, registered()
+        assignment = Assignment(pickled, module, files, memory_bytes, self._folder, _setting(), tuple(solvers))
         try:
             self._supervisor = fork_supervisor(assignment, self._output)
         except OSError as error:
@@ -273,10 +282,16 @@ class RenewedWorker:
         seconds: wall time limit of each request [s].
     """
 
-    def __init__(self, task: Task, seconds: float = REQUEST_SECONDS, memory_bytes: int = MEMORY_BYTES) -> None:
-        """Store the task; ``memory_bytes`` limits the memory in addition to what the framework needs."""
+    def __init__(
+        self,
+        task: Task,
+        seconds: float = REQUEST_SECONDS,
+        memory_bytes: int = MEMORY_BYTES,
+        solvers: Sequence[str] = (),
+    ) -> None:
+        """Store the arguments of ``Worker``."""
         self.seconds = seconds
-        self._task, self._memory_bytes = task, memory_bytes
+        self._task, self._memory_bytes, self._solvers = task, memory_bytes, solvers
         self._running: list[Worker] = []
         weakref.finalize(self, _end, self._running)
 
@@ -288,7 +303,7 @@ class RenewedWorker:
         """
         try:
             if not self._running:
-                self._running.append(Worker(self._task, self.seconds, self._memory_bytes))
+                self._running.append(Worker(self._task, self.seconds, self._memory_bytes, self._solvers))
             worker = self._running[0]
             worker.case_seconds, worker.busy_seconds = self.seconds if seconds is None else seconds, 0.0
             return worker.ask(request, *arguments)

@@ -70,7 +70,7 @@ class RemoteSolver(RenewedWorker):
             limit_seconds: wall time limit of preparing and solving together [s], after which a request has
                 ``GRACE_SECONDS`` to end. If infinite, ``seconds`` applies instead.
         """
-        super().__init__(SolvingTask(solver), seconds, memory_bytes)
+        super().__init__(SolvingTask(solver), seconds, memory_bytes, solver.compiled_solvers)
         self.spec, self._limit_seconds = solver, limit_seconds
         self.name, self.model, self.has_iterates = solver.name, solver.model, solver.has_iterates
         self._sent: ContactProblem | None = None

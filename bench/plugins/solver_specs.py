@@ -56,6 +56,11 @@ class SolverSpec:
         """Whether it is a built-in solver."""
         return not self.source and not self.pickled
 
+    @property
+    def compiled_solvers(self) -> list[str]:
+        """Built-in solvers whose kernels it uses; all of them if it is not built in, as it may use any."""
+        return registry.compiled_solvers(self.name if self.is_built_in else "")
+
     def make(self) -> Solver:
         """Return the solver; in the judging process, call this only for built-in solvers.
 

@@ -87,7 +87,7 @@ class RemoteSteps(RenewedWorker):
         solver = plan.solver.spec if isinstance(plan.solver, RemoteSolver) else solver_spec(plan.solver)
         scene, options = plan.scene.name, dict(plan.scene.options)
         task = StepsTask(scene, options, plan.stepper.name, solver, plan.start, plan.stop, plan.until)
-        super().__init__(task, plan.step_seconds)
+        super().__init__(task, plan.step_seconds, solvers=solver.compiled_solvers)
         self._scene = plan.scene
 
     def steps(self, start: State, states: LawStates | None) -> Iterator[tuple[AcceptedStep, SceneValues]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError, load, save_problem
 from proxbench.solvers import Solver, SolverError, available, create, solve
-from proxbench.solvers.registry import composites, find_offer, plain_names
+from proxbench.solvers.registry import compiled_solvers, composites, find_offer, parts, plain_names
 
 NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, iterations=10), warm_iterations=7)"
 
@@ -34,6 +34,12 @@ def test_examples_of_composites_can_be_created_and_are_not_available_names() -> 
 def test_plain_names_lists_the_solver_and_its_parts() -> None:
     assert plain_names(NESTED) == ["Fallback", "SORprox", "Fallback", "NSGS", "SemismoothNewton"]
     assert find_offer(NESTED) is None
+
+
+def test_solvers_with_kernels_are_those_among_the_parts_of_a_name() -> None:
+    assert compiled_solvers(NESTED) == ["SORprox", "NSGS", "SemismoothNewton"]
+    assert compiled_solvers("Executable(./NSGS)") == compiled_solvers("PinocchioADMM") == []
+    assert set(available()) - set(compiled_solvers()) == {"CvxpyCoulomb", *parts()}
 
 
 @pytest.mark.parametrize(

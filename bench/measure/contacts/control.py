@@ -316,7 +316,8 @@ class Controls:
         """
         if self._worker is None:
             task = MeasuringTask(self.warm_up, self.solver)
-            self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes)
+            limits, solvers = self.limits, self.solver.compiled_solvers
+            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, solvers)
             self._worker.ask("warm_up", WARM_UP_STOP)
             if self._loads_kernels:
                 self._worker.ask("load_kernels")

@@ -52,7 +52,8 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
         method = _reference(record)
         task = TrajectoryTask(trajectory_of(replace(record, known=[])), method, limits.case_seconds, max_solves=10**9)
         try:
-            with RenewedWorker(task, limits.case_seconds, limits.memory_bytes) as worker:
+            solvers = method.solver.compiled_solvers
+            with RenewedWorker(task, limits.case_seconds, limits.memory_bytes, solvers) as worker:
                 for member in missing:
                     record = _with_member(record, method, worker, member)
                     yield record

@@ -212,3 +212,19 @@ def test_processes_of_cases_load_no_cached_kernel_after_the_server_has_loaded_al
 def test_no_server_is_started_to_load_kernels(new_server: None) -> None:
     fork_server.load_kernels()
     assert fork_server._server is None
+
+
+def test_the_server_loads_the_solvers_that_cases_name_and_no_others(new_server: None) -> None:
+    assert _loaded_solvers(()) == set()
+    assert "PyramidPGS" in _loaded_solvers(("PyramidPGS",))
+    assert "Lemke" not in _loaded_solvers(())
+    assert {"PyramidPGS", "Lemke"} <= _loaded_solvers(("Lemke",))
+
+
+def _loaded_solvers(solvers: tuple[str, ...]) -> set[str]:
+    """Return the built-in solvers that a new process has in memory, if its case names ``solvers``."""
+    worker = Worker(Counting(), 60.0, 2**28, solvers)
+    try:
+        return set(worker.ask("solvers")[0]["loaded"])
+    finally:
+        worker.close()

@@ -3,11 +3,13 @@
 import os
 import resource
 import subprocess
+import sys
 import time
 from dataclasses import dataclass, field
 from typing import Any
 
 from proxbench.problems.compilation import load_cached_kernels
+from proxbench.solvers.registry import BUILT_IN
 
 
 @dataclass
@@ -33,6 +35,8 @@ class Counting:
             return {"file": files, "core": core}, b""
         if request == "load kernels":
             return {"kernels": load_cached_kernels()}, b""
+        if request == "solvers":
+            return {"loaded": [name for name, module in BUILT_IN.items() if _is_loaded(name, module)]}, b""
         if request == "sleep":
             time.sleep(60.0)
         if request == "work":
@@ -52,3 +56,8 @@ class Counting:
                 return True
             time.sleep(0.01)
         return False
+
+
+def _is_loaded(solver: str, module: str) -> bool:
+    """Return whether this process has imported the class of a solver."""
+    return hasattr(sys.modules.get(f"proxbench.solvers.{module}"), solver)
