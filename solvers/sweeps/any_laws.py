@@ -31,7 +31,7 @@ class AnyLawArrays(NamedTuple):
         lower_bound: l [N s], shape (n,).
         rolling: μ_r [m], shape (n,).
         rolling_bound: a_r [N m s], shape (n,).
-        axes: the lanes of a block, a tuple of known length, so that the compiler unrolls loops over it.
+        width: number of lanes of a block.
         sliding: number of tangential lanes.
     """
 
@@ -42,7 +42,7 @@ class AnyLawArrays(NamedTuple):
     lower_bound: FloatArray
     rolling: FloatArray
     rolling_bound: FloatArray
-    axes: tuple[int, ...]
+    width: int
     sliding: int
 
     @staticmethod
@@ -58,15 +58,15 @@ class AnyLawArrays(NamedTuple):
             lower_bound,
             layout.rolling_coefficient,
             layout.rolling_bound,
-            tuple(range(layout.width)),
+            layout.width,
             layout.sliding,
         )
 
 
-@njit(cache=True)
-def velocity_of_block(i, first, axes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always")
+def velocity_of_block(i, first, n_lanes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes of block i from G in block rows, skipping the ``first`` stored blocks of its row."""
-    width = uint64(len(axes))
+    width = uint64(n_lanes)
     for lane in range(width):
         xi[lane] = free[width * uint64(i) + lane]
     for p in range(uint64(starts[i]) + uint64(first), uint64(starts[i + 1])):
@@ -94,16 +94,19 @@ def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def sweep_delassus(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, sizes, friction, fixed, partner, lower, mu_r, a_r, axes, sliding, impulses
+    axes, count, starts, lanes, values, free, sizes, friction, fixed, partner, lower, mu_r, a_r, _, sliding, impulses
 ):
-    """Do ``count`` Gauss–Seidel sweeps over G in block rows."""
+    """Do ``count`` Gauss–Seidel sweeps over G in block rows.
+
+    The lanes of a block are also given as the tuple ``axes`` of known length: the compiler unrolls loops over them.
+    """
     width = len(axes)
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 0, axes, starts, lanes, values, free, impulses, xi)
+            velocity_of_block(i, 0, width, starts, lanes, values, free, impulses, xi)
             new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             if sliding > 0:
@@ -121,10 +124,9 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def project_all(  # type: ignore[no-untyped-def]
-    sizes, friction, fixed, partner, lower, mu_r, a_r, axes, sliding, velocity, impulses
+    sizes, friction, fixed, partner, lower, mu_r, a_r, width, sliding, velocity, impulses
 ):
     """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
-    width = len(axes)
     change = np.empty(width)
     first_rolling = 1 + sliding
     for i in range(len(friction)):
@@ -164,10 +166,9 @@ def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ign
 
 @njit(cache=True)
 def sweep_factors(  # type: ignore[no-untyped-def]
-    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lower, mu_r, a_r, axes, sliding, impulses, v
+    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lower, mu_r, a_r, width, sliding, impulses, v
 ):
     """Do ``count`` Gauss–Seidel sweeps over the pieces of W̃, and update v = W̃ Λ after each law."""
-    width = len(axes)
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
     for _ in range(count):

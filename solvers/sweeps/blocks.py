@@ -198,18 +198,17 @@ def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[
 
 @njit(cache=True, error_model="numpy")
 def _sweep_any(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, fixed, partner, lowest, mu_r, a_r, axes, sliding, impulses
+    count, relaxation, starts, lanes, values, free, friction, fixed, partner, lower, mu_r, a_r, width, sliding, impulses
 ):
     """Sweep over joints, row by row, and contacts with and without rolling friction."""
-    width = len(axes)
     xi, old, block, work = np.empty(width), np.empty(width), np.empty((width, width)), np.empty(WORKSPACE_SIZE)
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 1, axes, starts, lanes, values, free, impulses, xi)
+            velocity_of_block(i, 1, width, starts, lanes, values, free, impulses, xi)
             held = impulses[k : k + width]
             old[:] = held
-            if lowest[i] < 0.0:
+            if lower[i] < 0.0:
                 new = -xi[0] / values[own] if values[own] > 0.0 else held[0]
                 held[0] = old[0] + relaxation[i] * (new - old[0])
                 continue

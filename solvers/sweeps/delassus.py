@@ -145,9 +145,10 @@ class DelassusIterates(DelassusState):
 
     def __init__(self, sweep: DelassusSweep, start: FloatArray) -> None:
         super().__init__(sweep.delassus, start)
-        self._kernel: Callable[..., None] = sweep_delassus
+        width = self.layout.width
+        self._kernel: Callable[..., None] = partial(sweep_delassus, tuple(range(width)))
         if self.layout.has_contacts_only:
-            self._kernel = (sweep_frictionless, sweep_planar, sweep_spatial)[self.layout.width - 1]
+            self._kernel = (sweep_frictionless, sweep_planar, sweep_spatial)[width - 1]
         self._laws = sweep.laws
         self._arguments = (*sweep.delassus.arrays, *sweep.laws, self.padded)
 

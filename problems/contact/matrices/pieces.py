@@ -133,7 +133,7 @@ class Pieces:
     def square_sums(self) -> FloatArray:
         """Return the squared norm of each column, shape (n_blocks, width): for W̃ the diagonal of G [1/kg]."""
         sums = np.zeros((self.n_blocks, self.width))
-        _write_square_sums(*self.loops, sums.reshape(-1))
+        _write_square_sums(self.starts, self.values, sums)
         return sums
 
     def scaled(self, root_blocks: FloatArray) -> "Pieces":
@@ -144,7 +144,7 @@ class Pieces:
         """
         if root_blocks.ndim == 1:
             values = np.empty_like(self.values)
-            _scaled_by_diagonal(*self.loops, self.n_chunks, root_blocks, values.reshape(-1))
+            _scaled_by_diagonal(self.chunks, self.values, self.n_chunks, root_blocks, values)
         else:
             values = _scaled_by_blocks(self.chunks, self.values, root_blocks)
         return Pieces(self.starts, self.chunks, values, self.n_chunks)
@@ -268,28 +268,22 @@ def _transposed_times(lanes, axes, starts, chunks, values, idle, vector, product
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_square_sums(lanes, axes, starts, chunks, values, sums):  # type: ignore[no-untyped-def]
-    one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
-    for i in range(uint64(len(starts) - 1)):
-        for p in range(uint64(starts[i]), uint64(starts[i + one])):
-            for lane in range(width):
-                for k in range(length):
-                    entry = values[length * (width * p + lane) + k]
-                    sums[width * i + lane] += entry * entry  # not a power: its rounding depends on other kernels
+def _write_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
+    for i in range(len(starts) - 1):
+        for p in range(starts[i], starts[i + 1]):
+            for lane in range(values.shape[1]):
+                for k in range(values.shape[2]):
+                    entry = values[p, lane, k]
+                    sums[i, lane] += entry * entry  # not a power: its rounding depends on other kernels
 
 
 @njit(cache=True)
-def _scaled_by_diagonal(lanes, axes, starts, chunks, values, idle, diagonal, scaled):  # type: ignore[no-untyped-def]
-    width, length = uint64(len(lanes)), uint64(len(axes))
-    for p in range(uint64(len(chunks))):
-        if chunks[p] == idle:
-            scaled[width * length * p : width * length * (p + uint64(1))] = 0.0
-            continue
-        chunk = length * uint64(chunks[p])
+def _scaled_by_diagonal(chunks, values, idle, diagonal, scaled):  # type: ignore[no-untyped-def]
+    n_pieces, width, length = values.shape
+    for p in range(n_pieces):
         for lane in range(width):
-            row = length * (width * p + lane)
             for k in range(length):
-                scaled[row + k] = values[row + k] * diagonal[chunk + k]
+                scaled[p, lane, k] = 0.0 if chunks[p] == idle else values[p, lane, k] * diagonal[length * chunks[p] + k]
 
 
 @njit(cache=True)

@@ -111,7 +111,7 @@ def ends_of(centre, rotation, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
-    count = 0
+    count = np.int64(0)  # for a literal, numba compiles the functions that it is passed to once more
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count

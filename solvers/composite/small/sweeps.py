@@ -77,7 +77,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     fraction[:] = 1.0
     scaled[:] = sizes
     since_check, checks_since_cut, interval = 0, 0, FIRST_INTERVAL
-    progress, iteration = _begin_progress(), 0
+    progress, iteration = _begin_progress(), np.int64(0)
     while True:
         _write_velocity(width, starts, lanes, values, free, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
@@ -134,7 +134,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
     values, _, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
     velocity, relaxation = work[0], work[1, :n_blocks]
     relaxation[:] = 1.0
-    progress, iteration = _begin_progress(), 0
+    progress, iteration = _begin_progress(), np.int64(0)
     while True:
         _write_velocity(width, starts, lanes, values, free, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
@@ -152,7 +152,8 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _begin_progress():  # type: ignore[no-untyped-def]
     """Return the best residual, the first one, checks without progress, and start and residual of the window."""
-    return np.inf, np.inf, 0, 0, np.inf
+    none = np.int64(0)  # for a literal, numba compiles ``_check`` once more
+    return np.inf, np.inf, none, none, np.inf
 
 
 @njit(cache=True, error_model="numpy")

@@ -135,6 +135,7 @@ def _factorise(  # type: ignore[no-untyped-def]
     heads,
 ):
     top = 0
+    none = np.int64(0)  # for a literal, numba compiles ``_add_update`` once more
     for s in range(len(nodes) - 1):
         p, q = b * (nodes[s + 1] - nodes[s]), b * (row_starts[s + 1] - row_starts[s])
         f11, f12, f21, f22 = np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, p)), np.zeros((q, q))
@@ -148,9 +149,9 @@ def _factorise(  # type: ignore[no-untyped-def]
             width = nodes[s + 1] - nodes[s]
             cut = np.searchsorted(places, width)
             head, tail = places[:cut], places[cut:]
-            _add_update(f11, b, head, 0, head, 0, update, 0, 0)
-            _add_update(f12, b, head, 0, tail, width, update, 0, cut)
-            _add_update(f21, b, tail, width, head, 0, update, cut, 0)
+            _add_update(f11, b, head, none, head, none, update, none, none)
+            _add_update(f12, b, head, none, tail, width, update, none, cut)
+            _add_update(f21, b, tail, width, head, none, update, cut, none)
             _add_update(f22, b, tail, width, tail, width, update, cut, cut)
         inverse = np.ascontiguousarray(np.linalg.inv(f11))
         if corrections > 0:
