@@ -12,7 +12,7 @@ each reported gap is an upper bound:
     2 + n_edges + n_corners  where a segment enters the polyhedron; the next number, where it leaves
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -111,7 +111,7 @@ def ends_of(centre, rotation, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
-    count = np.int64(0)  # for a literal, numba compiles the functions that it is passed to once more
+    count: Any = np.int64(0)  # for a literal, numba compiles the functions that it is passed to once more
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count
