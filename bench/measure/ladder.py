@@ -16,7 +16,6 @@ from typing import Any, Generic, TypeVar
 from ...problems.arrays import FloatArray
 from ...problems.representation import counted
 from ..isolation.worker import MAX_CONTENT_BYTES, Fault, Task, Worker, invalid_answer_fault, numbers_of
-from ..plugins.solver_specs import SolverSpec
 from ..store.outcome import Outcome
 from ..store.plans import Limits
 from ..store.records import CaseRecord, Curve, Point, Round
@@ -182,10 +181,10 @@ class LadderCase(ABC, Generic[Answer]):
     def _end_before(self, level: int) -> str:
         return self.reason_to_stop(self.points[level - 1]) if level > 0 else ""
 
-    def _start(self, task: Task, solver: SolverSpec) -> None:
+    def _start(self, task: Task, solvers: Sequence[str] = ()) -> None:
+        """Start the process, in which the kernels of ``solvers`` are loaded; fail if that is impossible."""
         try:
-            limits = self.limits
-            self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, solver.compiled_solvers)
+            self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes, solvers)
         except Fault as unsent:
             self._fail(unsent)
 

@@ -119,7 +119,7 @@ class Case(LadderCase[MeasuredRound]):
         if self.solver.starts_warm and not self._before.steps:
             self._fail(Fault(Outcome.UNSUPPORTED, self._before.missing))
             return
-        self._start(MeasuringTask(self._controls.warm_up, self.solver), self.solver)
+        self._start(MeasuringTask(self._controls.warm_up, self.solver), self.solver.compiled_solvers)
         requests = (("supports",), ("warm_up", WARM_UP_STOP), ("problem", self._data), ("supports",))
         if any(self._ask(request, *arguments) is None for request, *arguments in requests):
             return

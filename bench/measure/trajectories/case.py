@@ -80,7 +80,8 @@ class TrajectoryCase(LadderCase[Member]):
 
     def begin(self) -> None:
         """Start the process and simulate the beginning of the motion, so that kernels are compiled."""
-        self._start(TrajectoryTask(self.problem, self.method, self.limits.solve_seconds), self.method.solver)
+        task = TrajectoryTask(self.problem, self.method, self.limits.solve_seconds)
+        self._start(task, self.method.solver.compiled_solvers)
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
 
     def measure(self, value: float, number: int) -> Member | None:
