@@ -91,14 +91,16 @@ def parts() -> list[str]:
     return list(PARTS)
 
 
-def compiled_solvers(name: str = "") -> list[str]:
-    """Return the plain names of built-in solvers that have kernels: all, or those among a solver and its parts.
+def compiled_solvers(name: str | None = None) -> list[str]:
+    """Return the plain names of built-in solvers with compiled kernels: all, or those among a solver and its parts.
+
+    ``CvxpyCoulomb`` is excluded because its library takes long to import.
 
     Raises:
         SolverError: if the text is not a name.
     """
     with_kernels = [own for own, module in {**BUILT_IN, **PARTS}.items() if "cvxpy" not in module]
-    if not name:
+    if name is None:
         return [own for own in with_kernels if own in BUILT_IN]
     return [own for own in plain_names(name) if own in with_kernels]
 

@@ -118,10 +118,11 @@ def _subjects_by_name(target: str) -> list[dict[str, str]]:
 
 
 def _compiled_solvers(subjects: list[dict[str, str]]) -> list[str]:
-    """Return the built-in solvers whose kernels the subjects use; all of them if one is of a plugin."""
-    if any(subject["source"] for subject in subjects):
+    """Return the built-in solvers whose kernels the subjects use; all of them if one is a solver of a plugin."""
+    solvers = [subject for subject in subjects if subject["kind"] == "solver"]
+    if any(subject["source"] for subject in solvers):
         return compiled_solvers()
-    return [own for subject in subjects if subject["kind"] == "solver" for own in compiled_solvers(subject["name"])]
+    return [own for subject in solvers for own in compiled_solvers(subject["name"])]
 
 
 def _check_subject(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:

@@ -59,7 +59,7 @@ class SolverSpec:
     @property
     def compiled_solvers(self) -> list[str]:
         """Built-in solvers whose kernels it uses; all of them if it is not built in, as it may use any."""
-        return registry.compiled_solvers(self.name if self.is_built_in else "")
+        return registry.compiled_solvers(self.name if self.is_built_in else None)
 
     def make(self) -> Solver:
         """Return the solver; in the judging process, call this only for built-in solvers.

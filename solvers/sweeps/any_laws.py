@@ -94,13 +94,25 @@ def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def sweep_delassus(  # type: ignore[no-untyped-def]
-    axes, count, starts, lanes, values, free, sizes, friction, fixed, partner, lower, mu_r, a_r, _, sliding, impulses
+    axes,
+    count,
+    starts,
+    lanes,
+    values,
+    free,
+    sizes,
+    friction,
+    fixed,
+    partner,
+    lower,
+    mu_r,
+    a_r,
+    width,
+    sliding,
+    impulses,
 ):
-    """Do ``count`` Gauss–Seidel sweeps over G in block rows.
-
-    The lanes of a block are also given as the tuple ``axes`` of known length: the compiler unrolls loops over them.
-    """
-    width = len(axes)
+    """Do ``count`` Gauss–Seidel sweeps over G in block rows; ``axes`` is a tuple with one entry for each lane."""
+    width = len(axes)  # which the compiler knows, unlike the argument, so that it unrolls loops over lanes
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
     for _ in range(count):
