@@ -105,9 +105,10 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    marks = points["is_excluded"].eq(True).map({True: EXCLUDED_MARK, False: ""})  # missing where nothing was measured
-    shown["wall"] = points["total_seconds"].map(duration) + marks
-    shown["CPU"] = points["processor_seconds"].map(duration)
+    walls = zip(points["total_seconds"], points["is_excluded"], strict=True)
+    # "is_excluded" is missing where nothing was measured
+    shown["wall"] = [duration(wall) + (EXCLUDED_MARK if excluded is True else "") for wall, excluded in walls]
+    shown["CPU"] = [duration(seconds) for seconds in points["processor_seconds"]]
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
     if (points["overlapping_steps"] > 0).any():
         counts["overlaps"] = "overlapping_steps"

@@ -11,8 +11,9 @@ from ..arrays import FloatArray
 from ..contact.matrices.pieces import Pieces
 from ..contact.problem import ContactProblem
 
-REST_SHARE = 1e-3
-"""Contacts slower than this, relative to the velocities of their bodies, count as at rest."""
+REST_SHARE, REST_SHARE_OF_FALL = 1e-3, 1e-6
+"""Contacts slower than these count as at rest: relative to the velocities of all contacts, and to those that contacts
+have without impulses."""
 
 MAX_LISTED = 8
 """Largest number of pairs of bodies that a sentence lists."""
@@ -53,7 +54,10 @@ def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDAr
     lanes = layout.pad(directions.T @ velocity)
     normal, tangential = lanes[:, 0], np.linalg.norm(lanes[:, 1 : 1 + layout.sliding], axis=1)
     is_contact = (layout.normal_law >= 0) & ~layout.is_bilateral
-    rest = REST_SHARE * (abs(directions).T @ np.abs(velocity)).max(initial=0.0)
+    rest = max(
+        REST_SHARE * (abs(directions).T @ np.abs(velocity)).max(initial=0.0),
+        REST_SHARE_OF_FALL * np.abs(problem.free_velocity).max(initial=0.0),
+    )
     opens = is_contact & (normal > layout.friction_coefficient * tangential + rest)
     return is_contact & ~opens & (tangential > rest), opens
 
@@ -87,10 +91,25 @@ def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
     return Motion.HINGES if opening else None
 
 
+def free_bodies(problem: ContactProblem, velocity: FloatArray) -> list[int]:
+    """Return the bodies that move under u and have neither contacts nor joints, by their numbers."""
+    assert problem.factors is not None
+    pieces = problem.factors.directions
+    if not isinstance(pieces, Pieces) or pieces.n_chunks == 1 < pieces.length:
+        return []
+    speeds = np.abs(velocity.reshape(pieces.n_chunks, -1)).max(axis=1)
+    is_free = speeds > REST_SHARE * speeds.max()
+    is_free[pieces.chunks[pieces.chunks < pieces.n_chunks]] = False
+    return np.flatnonzero(is_free).tolist()
+
+
 def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
     """Return the motion of bodies under u in words: ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
     pairs = pair_motions(problem, velocity)
     parts = [f"{motion} at {_listed(names)}" for motion in Motion if (names := _names(pairs, motion))]
+    free = free_bodies(problem, velocity)
+    if free:
+        parts.append(f"without contacts: {_listed([*map(str, free)])}")
     if parts:
         return "; ".join(parts)
     if not problem.n_contacts:

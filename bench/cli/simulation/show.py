@@ -70,6 +70,8 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
 def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
     """Print the tables of a stored simulation, and draw and record it; return its exit code, see ``_outcome``.
 
+    If nothing else shows why the code is 1, a sentence on standard error does.
+
     Raises:
         FailedSimulationError: if a step failed.
     """
@@ -84,7 +86,12 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     # slow files, which may fail, come last
     for what, path in _files(simulation, file):
         console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
-    return _outcome(simulation)
+    code = _outcome(simulation)
+    if code and quiet:
+        by_scene, unsolved = simulation.scene_ending, int(simulation.unsolved.sum())
+        missed = f"{unsolved} of {simulation.n_steps} steps miss the tolerance, as judged"
+        print(f"proxbench: {missed if unsolved or by_scene is None else by_scene.sentence}.", file=sys.stderr)
+    return code
 
 
 def _outcome(simulation: Simulation) -> int:

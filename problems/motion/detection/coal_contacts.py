@@ -261,7 +261,7 @@ def require_coal() -> Any:
         return import_module("coal")
     except ImportError:  # missing, or lacks a required library
         raise ProblemError(
-            "contacts of a cylinder with a capsule, a cylinder or a polyhedron need coal; "
+            "contacts of a cylinder with a capsule, a cylinder, a box or a polyhedron need coal; "
             'run pip install ".[bodies]" in a clone of proxbench.'
         ) from None
 

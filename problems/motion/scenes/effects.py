@@ -95,9 +95,16 @@ class Gravity(Force):
 
     Attributes:
         acceleration: g [m/s²].
+
+    Raises:
+        ProblemError: if it is not finite.
     """
 
     acceleration: float = 9.81
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.acceleration):
+            raise ProblemError(f"acceleration of gravity must be finite, got {self.acceleration}.")
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −g along the last axis [m/s²]."""
@@ -116,11 +123,18 @@ class Drag(Force):
 
     Attributes:
         coefficient: k [kg/s].
+
+    Raises:
+        ProblemError: if it is negative or not finite.
     """
 
     coefficient: float
 
     is_dissipative: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.coefficient < np.inf:
+            raise ProblemError(f"coefficient of drag must be finite and not negative, got {self.coefficient}.")
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −k v/m [m/s²]."""
@@ -134,10 +148,17 @@ class Spring(Force):
     Attributes:
         stiffness: k [N/m].
         anchor: x_0 [m], d numbers.
+
+    Raises:
+        ProblemError: if a number is not finite.
     """
 
     stiffness: float
     anchor: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.stiffness, *self.anchor]).all():
+            raise ProblemError(f"stiffness and anchor of a spring must be finite, got {self.stiffness}, {self.anchor}.")
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −k (x − x_0)/m [m/s²]."""
@@ -192,7 +213,13 @@ class Planar:
     inertia_factor: float = DISC_INERTIA
 
     def added_to(self, system: BallSystem) -> BallSystem:
-        """Return a copy of the system in two dimensions."""
+        """Return a copy of the system in two dimensions.
+
+        Raises:
+            ProblemError: if its bodies are not balls.
+        """
+        if not isinstance(system, BallSystem):
+            raise ProblemError("only balls can move in a plane; omit Planar from the effects on rigid bodies.")
         return replace(system, dimension=2, inertia_factor=self.inertia_factor)
 
 

@@ -201,12 +201,20 @@ def completed(scene: Scene) -> Scene:
     """Check the start of a scene of rigid bodies, and return it with ``bounded``; return other scenes unchanged.
 
     Raises:
-        ProblemError: if rigid bodies cannot start from this state; see ``check_start``.
+        ProblemError: if rigid bodies cannot start from this state, see ``check_start``, or one of them is farther than
+            ``WORLD_RADIUS`` from the origin.
     """
     bodies = scene.system
     if not isinstance(bodies, RigidBodies):
         return scene
     check_start(bodies, scene.start)
+    distances = np.linalg.norm(bodies.centres(scene.start.position), axis=1)
+    if distances.max(initial=0.0) > WORLD_RADIUS:
+        body = int(distances.argmax())
+        raise ProblemError(
+            f"body {body} is {distances[body]:.6g} m from the origin at the start, beyond the limit of "
+            f"{WORLD_RADIUS:g} m; move it closer."
+        )
     return bounded(scene, bodies)
 
 
@@ -228,7 +236,7 @@ def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> 
         time, distance = float(steps["time"][-1]), float(steps[FARTHEST][-1])
         if distance > radius:
             sentence = (
-                f"ended at {time:.4g} s: a body is {distance:.4g} m from the origin, beyond the limit of "
+                f"ended at {time:.4g} s: a body is {distance:.6g} m from the origin, beyond the limit of "
                 f"{radius:g} m; earlier steps are kept"
             )
             return SceneEnding("left-world", sentence, False)

@@ -152,6 +152,15 @@ def test_points_of_a_study_mark_excluded_times(excluded: str, mark: str, tmp_pat
     assert shown_points(points)["wall"].tolist() == [f"100 ms{mark}"]
 
 
+def test_points_of_a_study_without_any_time_have_dashes(tmp_path: Path) -> None:
+    frames = load(store_run(tmp_path / "run", [case("A", solved_point(1e-2, [timed_round(0, 0.1)]))], limits=LIMITS))
+    numbers = dict.fromkeys(("error", "low", "high", "failed_members", "unsolved_steps"), np.nan)
+    times = dict.fromkeys(("total_seconds", "processor_seconds"), np.nan)
+    points = frames.points.assign(quantity="error", is_excluded=None, **numbers, **times)
+    shown = shown_points(points)
+    assert (shown["wall"].tolist(), shown["CPU"].tolist()) == (["–"], ["–"])
+
+
 def test_means_name_the_number_of_their_problems_where_times_are_excluded(tmp_path: Path) -> None:
     cases = [
         case(solver, solved_point(1e-2, [timed_round(0, 0.1)]), problem=problem) for problem in "pqr" for solver in "AB"

@@ -28,8 +28,9 @@ def test_a_box_that_leaves_the_world_ends_the_simulation_and_its_steps_are_kept(
     file = tmp_path / "lost.npz"
     words = ["simulate", "thrown_box(speed=2e6)", "--duration", "1", "--output", str(file)]
     assert run_command([*words, "--stepper", "Moreau(step=1e-3)", "--no-progress"]) == 1
-    assert "ended at 0.006 s: a body is 1.2e+04 m from the origin" in capsys.readouterr().out
+    assert "ended at 0.006 s: a body is 12000 m from the origin" in capsys.readouterr().out
     assert run_command(["report", str(file), "--quiet"]) == 1
+    assert "a body is 12000 m from the origin, beyond the limit of 10000 m" in capsys.readouterr().err
     stored = read_simulation(file)
     assert stored.ending == "left-world"
     assert stored.is_finished

@@ -79,7 +79,8 @@ class Joint:
 
     Raises:
         ProblemError: for an unknown kind, a point that is not finite, an axis or a length that vanishes, a rotation
-            that is not a unit quaternion, a number out of range, or friction, limits or a motor without an axis.
+            that is not a unit quaternion, a number out of range, friction, limits or a motor without an axis, a length
+            of a joint that has none, or a motor without a bound.
     """
 
     kind: Kind
@@ -99,31 +100,50 @@ class Joint:
     def __post_init__(self) -> None:
         if self.kind not in _ROWS:
             raise ProblemError(f"there is no joint {self.kind!r}; choose one of {', '.join(_ROWS)}.")
+        self._check_geometry()
+        self._check_forces()
+        self._check_limits()
+
+    def _check_geometry(self) -> None:
         for name in ("first_point", "second_point"):
             point = getattr(self, name)
             if len(point) != 3 or not np.isfinite(point).all():
                 raise ProblemError(f"{name} of a joint must be three finite numbers, got {point}.")
+        for name in ("first", "second"):
+            if not isinstance(getattr(self, name), int | np.integer):
+                raise ProblemError(f"{name} of a joint must be the index of a body, got {getattr(self, name)!r}.")
         check_orientation("rotation of a joint", self.rotation)
         if len(self.axis) != 3 or not 0.0 < np.linalg.norm(self.axis) < inf:
             raise ProblemError(f"axis of a joint must be three finite numbers that are not all 0, got {self.axis}.")
         if self.kind in ("distance", "rope") and not 0.0 < self.length < inf:
             raise ProblemError(f"the length of a {self.kind} joint must be positive, got {self.length}.")
+        if self.length and self.kind not in ("distance", "rope"):
+            raise ProblemError(f"a {self.kind} joint has no length; use a distance joint or a rope.")
+
+    def _check_forces(self) -> None:
         for name in ("friction", "motor_bound"):
             if not 0.0 <= getattr(self, name) < inf:
                 raise ProblemError(f"{name} of a joint must be finite and not negative, got {getattr(self, name)}.")
         if not isfinite(self.motor_speed):
             raise ProblemError(f"motor_speed of a joint must be finite, got {self.motor_speed}.")
+        if self.motor_speed and not self.motor_bound:
+            raise ProblemError("a motor needs motor_bound, its largest moment or force, beside motor_speed.")
         if not 0.0 <= self.restitution <= 1.0:
             raise ProblemError(f"restitution of a joint must be between 0 and 1, got {self.restitution}.")
         for name in ("friction", "limits", "motor_bound"):
             if getattr(self, name) and self.kind not in ("revolute", "prismatic"):
                 raise ProblemError(f"a {self.kind} joint has no axis for {name}; use a revolute or prismatic joint.")
-        if self.limits is not None:
-            low, high = self.limits
-            if not low < high or not (isfinite(low) and isfinite(high)):
-                raise ProblemError(f"limits of a joint must be finite and ascend, got {self.limits}.")
-            if self.kind == "revolute" and high - low >= 2.0 * pi:
-                raise ProblemError(f"limits of a revolute joint must be less than 2π apart, got {self.limits}.")
+
+    def _check_limits(self) -> None:
+        if self.limits is None:
+            return
+        if np.shape(self.limits) != (2,):
+            raise ProblemError(f"limits of a joint must be two numbers, got {self.limits}.")
+        low, high = self.limits
+        if not low < high or not (isfinite(low) and isfinite(high)):
+            raise ProblemError(f"limits of a joint must be finite and ascend, got {self.limits}.")
+        if self.kind == "revolute" and high - low >= 2.0 * pi:
+            raise ProblemError(f"limits of a revolute joint must be less than 2π apart, got {self.limits}.")
 
     @property
     def n_rows(self) -> int:

@@ -52,6 +52,8 @@ class Polyhedron:
             raise ProblemError(f"volume and inertia of a polyhedron must be positive; {remedy}.")
         slack = FLATNESS * np.ptp(self.vertices, axis=0).max()
         for number, face in enumerate(self.faces):
+            if not 0 <= min(face, default=-1) <= max(face) < len(self.vertices):
+                raise ProblemError(f"face {number} of a polyhedron must name vertices 0 to {len(self.vertices) - 1}.")
             normal, height = self._plane(face)
             if not height > slack:
                 raise ProblemError(
@@ -89,17 +91,14 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
         The polyhedron, and (centre of mass [m], quaternion), shape (7,).
 
     Raises:
-        ProblemError: if points are missing, not finite or not corners of their hull, if they are flat, or a polyhedron
-            has more than ``MAX_FACES`` faces or ``MAX_CORNERS`` corners of a face.
+        ProblemError: if points are missing, not finite or not corners of their hull, if a face is nearer to the centre
+            of mass than ``FLATNESS`` times the size, or a polyhedron has more than ``MAX_FACES`` faces or
+            ``MAX_CORNERS`` corners of a face.
     """
     from scipy.spatial import ConvexHull, QhullError  # import takes 0.2 s
     from scipy.spatial.transform import Rotation
 
-    corners = np.array(points, dtype=np.float64)
-    if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4 or not np.isfinite(corners).all():
-        raise ProblemError(
-            f"a polyhedron needs at least 4 finite points (x, y, z), got an array of shape {corners.shape}."
-        )
+    corners = _finite_points(points)
     try:
         hull = ConvexHull(corners)
     except QhullError:
@@ -113,11 +112,38 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
     if len(faces) > MAX_FACES or max(map(len, faces)) > MAX_CORNERS:
         raise ProblemError(f"a polyhedron has at most {MAX_FACES} faces of at most {MAX_CORNERS} corners each.")
     volume, centre, inertia = _mass_properties(corners, faces)
+    height, size = -float((hull.equations @ [*centre, 1.0]).max()), float(np.ptp(corners, axis=0).max())
+    if not height > FLATNESS * size:
+        raise ProblemError(
+            f"a polyhedron is too thin: a face is {height:.3g} m from its centre of mass; that must be more than "
+            f"{FLATNESS * size:.3g} m. Make it thicker, or use a Box."
+        )
     moments, axes = np.linalg.eigh(inertia)
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] = -axes[:, 2]
     x, y, z, w = Rotation.from_matrix(axes).as_quat()
     return Polyhedron((corners - centre) @ axes, faces, volume, moments), np.array([*centre, w, x, y, z])
+
+
+def _finite_points(points: ArrayLike) -> FloatArray:
+    """Return points as an array of shape (n, 3), n ≥ 4.
+
+    Raises:
+        ProblemError: if they are of another form, or one of them is not finite.
+    """
+    form = "a polyhedron needs at least 4 points (x, y, z)"
+    try:
+        corners = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{form}, got rows of unequal lengths or values that are not numbers.") from None
+    if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4:
+        raise ProblemError(f"{form}, got an array of shape {corners.shape}.")
+    if not np.isfinite(corners).all():
+        worst = int(np.flatnonzero(~np.isfinite(corners).all(axis=1))[0])
+        raise ProblemError(
+            f"point {worst} of a polyhedron is not finite: {tuple(corners[worst].tolist())}; correct it."
+        )
+    return corners
 
 
 def _faces(corners: FloatArray, hull: "ConvexHull") -> tuple[tuple[int, ...], ...]:

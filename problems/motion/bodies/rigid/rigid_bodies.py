@@ -27,7 +27,7 @@ from ..system import ActiveContacts, JointErrors, Overlaps, StepAssembly
 from .force_directions import force_directions
 from .materials import MaterialPairs
 from .orientation import IDENTITY, check_orientation, free_spins, moved
-from .shapes import Shape
+from .shapes import Shape, check_shape
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class FixedBody:
         orientation: rotation of its body axes, a unit quaternion.
 
     Raises:
-        ProblemError: if a number is not finite, or the quaternion does not have unit length.
+        ProblemError: if it has no shape, a number is not finite, or the quaternion does not have unit length.
     """
 
     shape: Shape
@@ -48,6 +48,7 @@ class FixedBody:
     orientation: tuple[float, float, float, float] = IDENTITY
 
     def __post_init__(self) -> None:
+        check_shape("shape of a fixed body", self.shape)
         if not np.isfinite(self.centre).all():
             raise ProblemError(f"centre of a fixed body must be finite, got {self.centre}.")
         check_orientation("orientation of a fixed body", self.orientation)
@@ -122,8 +123,9 @@ class RigidBodies:
         margin: gap [m] below which contacts are active; 0 in motion.
 
     Raises:
-        ProblemError: if arrays have unequal lengths, a moving body is unbounded, a mass or a moment of inertia is not
-            positive, no body can have such moments, a coefficient is out of range, or materials are missing.
+        ProblemError: if arrays have unequal lengths, a body has no shape, a moving body is unbounded, a mass or a
+            moment of inertia is not positive, no body can have such moments, a coefficient is out of range, or
+            materials are missing.
     """
 
     shapes: Sequence[Shape]
@@ -142,13 +144,7 @@ class RigidBodies:
     margin: float = 0.0
 
     def __post_init__(self) -> None:
-        masses = np.ascontiguousarray(self.masses, dtype=np.float64)
-        if masses.shape != (len(self.shapes),) or not (masses > 0).all() or not np.isfinite(masses).all():
-            raise ProblemError(f"masses must be {len(self.shapes)} positive numbers, one per shape.")
-        object.__setattr__(self, "masses", masses)
-        for body, shape in enumerate(self.shapes):
-            if shape.bounding_radius == np.inf:
-                raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
+        self._check_bodies()
         self._check_inertias()
         for name in ("friction", "restitution_normal"):
             value = getattr(self, name)
@@ -167,16 +163,33 @@ class RigidBodies:
         if self.rolling_axes not in (0, 1, 2, 3):
             raise ProblemError(f"rolling_axes must be 0, 1, 2 or 3, got {self.rolling_axes}.")
 
+    def _check_bodies(self) -> None:
+        masses = np.ascontiguousarray(self.masses, dtype=np.float64)
+        if masses.shape != (len(self.shapes),):
+            raise ProblemError(
+                f"masses must be {len(self.shapes)} positive numbers, one per shape, got shape {masses.shape}."
+            )
+        for body, (shape, mass) in enumerate(zip(self.shapes, masses.tolist(), strict=True)):
+            check_shape(f"shape of body {body}", shape)
+            if shape.bounding_radius == np.inf:
+                raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
+            if not 0.0 < mass < np.inf:
+                raise ProblemError(f"masses[{body}] must be positive and finite, got {mass}.")
+        for number, one in enumerate(self.fixed):
+            if not isinstance(one, FixedBody):
+                kind = type(one).__name__
+                raise ProblemError(f"fixed[{number}] must be a FixedBody, got {kind}; write FixedBody({kind}(…)).")
+        object.__setattr__(self, "masses", masses)
+
     def _check_inertias(self) -> None:
         if self.moments.shape != (self.n_bodies, 3):
             raise ProblemError(f"inertias must have shape ({self.n_bodies}, 3), got {self.moments.shape}.")
-        for body, (j_x, j_y, j_z) in enumerate(self.moments.tolist()):
-            largest = max(j_x, j_y, j_z)
-            if not (min(j_x, j_y, j_z) > 0.0 and largest < np.inf):
-                raise ProblemError(f"inertias[{body}] must be positive, got {(j_x, j_y, j_z)}.")
-            if 2.0 * largest > (1.0 + 1e-12) * (j_x + j_y + j_z):
+        for body, moments in enumerate(map(tuple, self.moments.tolist())):
+            if not all(0.0 < moment < np.inf for moment in moments):
+                raise ProblemError(f"inertias[{body}] must be positive and finite, got {moments}.")
+            if 2.0 * max(moments) > (1.0 + 1e-12) * sum(moments):
                 raise ProblemError(
-                    f"no body has the moments of inertia {(j_x, j_y, j_z)} of inertias[{body}]: the largest must not "
+                    f"no body has the moments of inertia {moments} of inertias[{body}]: the largest must not "
                     "exceed the sum of the others."
                 )
 

@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass
 from math import hypot, isfinite, pi
+from numbers import Real
 
 import numpy as np
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
+
+MIN_LENGTH, MAX_LENGTH = 1e-30, 1e30
+"""Range of lengths [m]: moments of inertia, which grow with the fifth power, then neither vanish nor overflow."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +135,13 @@ class Cylinder:
 
 
 def require_lengths(shape: str, **lengths: float) -> None:
-    """Check that lengths of a shape are positive and finite.
+    """Check that lengths of a shape are positive, and from ``MIN_LENGTH`` to ``MAX_LENGTH``.
 
     Raises:
         ProblemError: for the first one that is not.
     """
     for name, value in lengths.items():
-        if not (isfinite(value) and value > 0.0):
-            raise ProblemError(f"{name} of a {shape} must be positive and finite, got {value}.")
+        if not (isinstance(value, Real) and isfinite(value) and value > 0.0):
+            raise ProblemError(f"{name} of a {shape} must be positive and finite, got {value!r}.")
+        if not MIN_LENGTH <= value <= MAX_LENGTH:
+            raise ProblemError(f"{name} of a {shape} must be {MIN_LENGTH:g} to {MAX_LENGTH:g} m, got {value:g}.")

@@ -26,7 +26,7 @@ class Box:
     size: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if len(self.size) != 3:
+        if np.shape(self.size) != (3,):
             raise ProblemError(f"size of a box must be three edge lengths, got {self.size}.")
         for index, edge in enumerate(self.size):
             require_lengths("box", **{f"size[{index}]": edge})
@@ -72,3 +72,14 @@ class HalfSpace:
 
 
 Shape = Box | HalfSpace | Polyhedron | Sphere | Capsule | Cylinder
+
+
+def check_shape(name: str, given: object) -> None:
+    """Check that ``given``, which a message calls ``name``, is a shape.
+
+    Raises:
+        ProblemError: if it is not.
+    """
+    if not isinstance(given, Shape):
+        pair = "; convex_polyhedron returns a shape and its pose" if isinstance(given, tuple) else ""
+        raise ProblemError(f"{name} must be a shape, such as Box((1, 1, 1)), got {type(given).__name__}{pair}.")

@@ -1,9 +1,12 @@
 """Leaving an effect out gives the same motion as including it at zero strength, with fewer rows or coordinates."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.balls import SPHERE_INERTIA, BallSystem
+from proxbench.problems.motion.bodies.rigid.round_shapes import Sphere
 from proxbench.problems.motion.bodies.surfaces import Plane
 from proxbench.problems.motion.scenes.effects import (
     Drag,
@@ -15,6 +18,7 @@ from proxbench.problems.motion.scenes.effects import (
     Spring,
     ball_system,
 )
+from proxbench.problems.motion.scenes.rigid.effects import rigid_bodies
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
@@ -92,3 +96,22 @@ def test_strength_matters() -> None:
 def test_an_effect_listed_twice_is_named() -> None:
     with pytest.raises(ProblemError, match="Gravity"):
         ball_system(np.ones(1), np.ones(1), [], [Gravity(), Gravity(1.0)])
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Gravity(float("nan")), "acceleration of gravity must be finite, got nan"),
+        (lambda: Drag(float("nan")), "coefficient of drag must be finite and not negative, got nan"),
+        (lambda: Drag(-100.0), "coefficient of drag must be finite and not negative, got -100.0"),
+        (lambda: Spring(1.0, (0.0, float("inf"))), "stiffness and anchor of a spring must be finite"),
+    ],
+)
+def test_a_force_that_is_no_number_or_drives_bodies_is_refused(make: Callable[[], Effect], words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        make()
+
+
+def test_a_plane_is_only_for_balls() -> None:
+    with pytest.raises(ProblemError, match="only balls can move in a plane; omit Planar"):
+        rigid_bodies([Sphere(0.1)], np.ones(1), [], [Planar()])  # type: ignore[list-item]

@@ -88,3 +88,13 @@ def test_every_scene_of_rigid_bodies_is_bounded_and_no_other(name: str) -> None:
     scene = make_scene(name)
     names = [one.name for one in scene.observables]
     assert names.count("farthest") == isinstance(scene.system, RigidBodies)
+
+
+def test_a_start_beyond_the_world_is_refused() -> None:
+    system, start = stack()
+    position = start.position.copy()
+    position[7] = 1.1 * WORLD_RADIUS
+    with pytest.raises(
+        ProblemError, match="body 1 is 11000 m from the origin at the start, beyond the limit of 10000 m"
+    ):
+        bare_scene("stack", {}, system, replace(start, position=position))

@@ -72,8 +72,10 @@ def test_faces_go_round_counter_clockwise_at_any_size(scale: float) -> None:
 @pytest.mark.parametrize(
     ("points", "words"),
     [
-        (TETRAHEDRON[:3], "at least 4 finite points"),
-        (np.where(TETRAHEDRON == 1.0, np.nan, 0.0), "at least 4 finite points"),
+        (TETRAHEDRON[:3], "at least 4 points"),
+        ([[0.0, 0.0, 0.0], [1.0, 0.0]], "rows of unequal lengths"),
+        ([*TETRAHEDRON[:3].tolist(), [0.0, np.nan, 1.0]], r"point 3 of a polyhedron is not finite: \(0.0, nan, 1.0\)"),
+        (TETRAHEDRON * [1.0, 1.0, 1e-4], "a polyhedron is too thin: a face is .* from its centre of mass"),
         ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], "lie in one plane"),
         ([*TETRAHEDRON.tolist(), [0.1, 0.1, 0.1]], "point 4 of a polyhedron is not a corner"),
     ],

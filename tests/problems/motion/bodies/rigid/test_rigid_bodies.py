@@ -241,9 +241,14 @@ def test_rows_of_joints_follow_those_of_contacts(height: float) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"masses": np.array([0.0])}, "1 positive numbers"),
-        ({"masses": np.array([1.0, 1.0])}, "1 positive numbers"),
+        ({"masses": np.array([0.0])}, r"masses\[0\] must be positive and finite, got 0.0"),
+        ({"masses": np.array([np.nan])}, r"masses\[0\] must be positive and finite, got nan"),
+        ({"masses": np.array([1.0, 1.0])}, r"masses must be 1 positive numbers, one per shape, got shape \(2,\)"),
         ({"inertias": np.array([[1.0, 1.0, 0.0]])}, r"inertias\[0\] must be positive"),
+        ({"inertias": np.array([[1.0, np.nan, 1.0]])}, r"inertias\[0\] must be positive"),
+        ({"inertias": np.array([[1.0, 1.0, np.nan]])}, r"inertias\[0\] must be positive"),
+        ({"shapes": [(BOX, np.zeros(7))]}, "shape of body 0 must be a shape, .* returns a shape and its pose"),
+        ({"fixed": [HalfSpace()]}, r"fixed\[0\] must be a FixedBody, got HalfSpace; write FixedBody"),
         ({"inertias": np.array([[1.0, 1.0, 2.1]])}, "no body has the moments"),
         ({"inertias": np.ones((2, 3))}, r"must have shape \(1, 3\)"),
         ({"shapes": [HalfSpace()]}, "body 0 is unbounded and cannot move"),

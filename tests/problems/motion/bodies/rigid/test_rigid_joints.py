@@ -20,7 +20,7 @@ def some_joint(kind: Any, second: int = 1) -> Joint:
         (-0.3, 0.1, 0.2),
         axis=(1.0, 2.0, -1.0),
         rotation=tuple(about((1.0, 1.0, 0.0), 0.4)),
-        length=1.0,
+        length=1.0 if kind in ("distance", "rope") else 0.0,
     )
 
 
@@ -99,6 +99,10 @@ def test_friction_of_a_joint_is_bounded_by_its_moment_times_the_step() -> None:
         ({"rotation": (np.nan, 0.0, 0.0, 0.0)}, "rotation of a joint must be a unit quaternion"),
         ({"rotation": (1.0, 0.0, 0.0)}, "rotation of a joint must be a unit quaternion"),
         ({"kind": "distance", "length": 0.0}, "must be positive"),
+        ({"kind": "ball", "length": 1.0}, "a ball joint has no length; use a distance joint or a rope"),
+        ({"first": 0.5}, "first of a joint must be the index of a body, got 0.5"),
+        ({"kind": "revolute", "motor_speed": 2.0}, "a motor needs motor_bound"),
+        ({"kind": "revolute", "limits": (0.0, 1.0, 2.0)}, "limits of a joint must be two numbers"),
         ({"friction": -1.0}, "not negative"),
         ({"kind": "ball", "friction": 1.0}, "no axis for friction"),
     ],

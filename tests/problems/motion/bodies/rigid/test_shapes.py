@@ -80,6 +80,9 @@ def test_a_prism_of_many_sides_has_the_inertia_of_a_cylinder() -> None:
         (lambda: Cylinder(float("nan"), 1.0), "radius of a cylinder must be positive"),
         (lambda: Box((1.0, 0.0, 1.0)), r"size\[1\] of a box must be positive"),
         (lambda: Box((1.0, 1.0)), "three edge lengths"),
+        (lambda: Box(1.0), "three edge lengths"),  # type: ignore[arg-type]
+        (lambda: Sphere("a"), "radius of a sphere must be positive and finite, got 'a'"),  # type: ignore[arg-type]
+        (lambda: Sphere(1e-200), "radius of a sphere must be 1e-30 to 1e[+]30 m, got 1e-200"),
     ],
 )
 def test_shapes_without_volume_are_refused(make: object, words: str) -> None:
