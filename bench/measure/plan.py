@@ -10,6 +10,7 @@ from ...problems.contact.solver import Solver
 from ...problems.exchange.catalog import SEQUENCES_SUITE
 from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
+from ..errors import BenchError
 from ..plugins.descriptions import solver_spec
 from ..plugins.solver_specs import SolverSpec, warm
 from ..store.plans import PlanRecord, RunSettings
@@ -107,14 +108,16 @@ def make_plan(
             sample.
         SolverError: for an unknown solver or option, with the nearest name.
         PluginError: if a plugin's solver breaks the contract, or a plugin does not create the problem that it offers.
-        BenchError: for a name given twice, a problem with the name of a library problem and other numbers, a solver
-            object that breaks the contract, or a shard out of range.
+        BenchError: for an empty list of solvers, a name given twice, a problem with the name of a library problem and
+            other numbers, a solver object that breaks the contract, or a shard out of range.
     """
     settings = settings or RunSettings()
     chosen = select(problems, suite, sample, settings.seed, sampling)
     if shard:
         chosen, shard = select_shard(chosen, shard)
     is_sequences = chosen.suite == SEQUENCES_SUITE
+    if solvers is not None and not solvers:
+        raise BenchError("no solver is given; name at least one, or omit the solvers to measure the default ones.")
     specs = tuple(map(solver_spec, solvers or (SEQUENCE_SOLVERS if is_sequences else DEFAULT_SOLVERS)))
     if is_sequences:
         specs = tuple(dict.fromkeys(start for spec in specs for start in (spec, warm(spec))))

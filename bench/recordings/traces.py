@@ -9,6 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Solver, Status, Stop, shows_iterates
+from ...problems.representation import counted
 from ..plugins.remote_solver import FailedSolveError
 from .contact_states import contact_states, count_states
 
@@ -75,7 +76,7 @@ class Trace:
         """The number of iterations, the last residual, and how the solve ended."""
         if not self.iterations:
             return self.ending
-        return f"{self.iterations[-1]} iterations to {self.residual[-1]:.1e}. {self.ending}"
+        return f"{counted(self.iterations[-1], 'iteration')} to {self.residual[-1]:.1e}. {self.ending}"
 
 
 class _TraceObserver:

@@ -150,8 +150,8 @@ def warnings(frames: RunFrames) -> list[str]:
     if excluded := excluded_points(frames):
         counts = f"{excluded} of {int((frames.points['status'] == Status.SOLVED).sum())} times"
         found.append(
-            f"EXCLUDED: {counts} were measured while other programs used the core; they are not compared, and marked "
-            f"{EXCLUDED_MARK} in the cells that show them; measure again on a quiet machine"
+            f"EXCLUDED: {counts} were measured while other programs used the core or its speed changed; they are not "
+            f"compared, and marked {EXCLUDED_MARK} in the cells that show them; measure again on a quiet machine"
         )
     if busy_cores(frames.info) > MAX_BUSY_CORES:
         found.append(

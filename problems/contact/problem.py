@@ -353,5 +353,8 @@ def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
 
 def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:
     if dim in (1, 2, 3) and len(free_velocity) % dim:
-        raise ProblemError(f"c has {len(free_velocity)} rows, which is not a multiple of dim = {dim}.")
+        raise ProblemError(
+            f"c has {len(free_velocity)} rows, which is not a multiple of dim = {dim}; give {dim} rows per contact, or "
+            "another dim."
+        )
     return Laws.contacts(friction, dim, len(free_velocity) // dim if dim in (1, 2, 3) else 0)

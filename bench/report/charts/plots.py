@@ -33,17 +33,20 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
         raise BenchError(f"{frames.folder} is a study of simulations, which has no profiles; plot one of its problems.")
     against = baseline_of(frames, baseline)
     charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
+    if kind == "families" and kind not in charts:
+        raise BenchError(f"{frames.folder} has too few families for their profile; plot one of {', '.join(charts)}.")
     if kind not in charts:
         raise BenchError(f"there is no profile {kind!r}{suggestion(kind, charts)}")
     return charts[kind]
 
 
 def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
-    """Return the chart of the judged residual over iterations on a problem; see ``Run.plot_convergence``.
+    """Return the chart of the judged residual over iterations on a problem; see ``bench.plot_convergence``.
 
     Raises:
         BenchError: if no solver shows its iterates on it.
     """
     if not (frames.iterations["problem"] == problem).any():
-        raise BenchError(f"no solver shows its iterates on {problem}; plot another problem.")
+        solvers = ", ".join(frames.cases["solver"][frames.cases["problem"] == problem])
+        raise BenchError(f"no iterates of {solvers} are known on {problem}; choose a solver that shows its iterates.")
     return convergence(frames, problem)

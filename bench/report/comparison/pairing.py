@@ -73,7 +73,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
     keys, left_out = _common_cases(before, after)
     tolerances = set(before.info.plan.tolerances) & set(after.info.plan.tolerances)
     if keys.empty or not tolerances:
-        lacking = "case (solver on a problem of the same numbers)" if keys.empty else "tolerance"
+        lacking = "case (solver on a problem of the same name and numbers)" if keys.empty else "tolerance"
         raise BenchError(
             f"{before.folder} and {after.folder} have no {lacking} in common; measure both with the same problems, "
             "solvers and tolerances."

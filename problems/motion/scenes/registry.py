@@ -40,7 +40,7 @@ def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
     """
     base_name, named_options = parse_scene(name)
     if base_name not in SCENES:
-        raise ProblemError(f"there is no scene {base_name!r}{suggestion(base_name, SCENES)}")
+        raise ProblemError(f"there is no scene {base_name!r}{suggestion(base_name, SCENES, 'proxbench list scenes')}")
     kind = SCENES[base_name]
     return kind.build(base_name, complete(base_name, kind.options, {**named_options, **(options or {})}))
 

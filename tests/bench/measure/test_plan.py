@@ -70,3 +70,8 @@ def test_tolerances_are_ordered_from_coarse_to_fine_without_repetition() -> None
 def test_limits_must_be_positive(name: str) -> None:
     with pytest.raises(BenchError, match=name):
         Limits(**{name: 0})  # type: ignore[arg-type]
+
+
+def test_an_empty_list_of_solvers_is_refused_and_does_not_mean_the_default_ones() -> None:
+    with pytest.raises(BenchError, match="no solver is given; name at least one, or omit the solvers"):
+        make_plan(["funnel-30"], [])

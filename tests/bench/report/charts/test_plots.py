@@ -31,6 +31,12 @@ def test_unknown_names_are_refused_with_the_nearest_one() -> None:
 
 
 @pytest.mark.slow
+def test_a_solver_without_iterates_is_named_when_its_convergence_is_drawn() -> None:
+    with pytest.raises(BenchError, match="no iterates of Lemke are known on hard-sticking-box; choose a solver"):
+        plot_convergence("hard-sticking-box", "Lemke")
+
+
+@pytest.mark.slow
 def test_convergence_of_solvers_is_drawn_in_one_call() -> None:
     chart = json.loads(plot_convergence("hard-sticking-box", ["SORprox", "NSGS"]).to_json())
     drawn = {row["solver"] for rows in chart["datasets"].values() for row in rows}
