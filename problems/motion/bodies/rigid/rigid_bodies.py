@@ -175,7 +175,8 @@ class RigidBodies:
                 raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
             if not 0.0 < mass < np.inf:
                 raise ProblemError(f"masses[{body}] must be positive and finite, got {mass}.")
-        for number, one in enumerate(self.fixed):
+        fixed: Sequence[object] = self.fixed
+        for number, one in enumerate(fixed):
             if not isinstance(one, FixedBody):
                 kind = type(one).__name__
                 raise ProblemError(f"fixed[{number}] must be a FixedBody, got {kind}; write FixedBody({kind}(…)).")

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import hypot, isfinite, pi
-from numbers import Real
 
 import numpy as np
 
@@ -134,14 +133,14 @@ class Cylinder:
         return min(2.0 * self.radius, self.length)
 
 
-def require_lengths(shape: str, **lengths: float) -> None:
+def require_lengths(shape: str, **lengths: object) -> None:
     """Check that lengths of a shape are positive, and from ``MIN_LENGTH`` to ``MAX_LENGTH``.
 
     Raises:
         ProblemError: for the first one that is not.
     """
     for name, value in lengths.items():
-        if not (isinstance(value, Real) and isfinite(value) and value > 0.0):
+        if not (isinstance(value, float | int | np.floating | np.integer) and isfinite(value) and value > 0.0):
             raise ProblemError(f"{name} of a {shape} must be positive and finite, got {value!r}.")
         if not MIN_LENGTH <= value <= MAX_LENGTH:
             raise ProblemError(f"{name} of a {shape} must be {MIN_LENGTH:g} to {MAX_LENGTH:g} m, got {value:g}.")
