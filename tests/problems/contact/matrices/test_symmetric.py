@@ -75,3 +75,28 @@ def test_entries_that_differ_across_the_diagonal_are_refused_at_any_size(n: int,
     matrix[1, 4], matrix[4, 1] = first, second
     with pytest.raises(ProblemError, match="G must be symmetric"):
         ContactProblem.from_delassus(matrix, -np.ones(n), dim=1)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_quick_look_at_a_sparse_matrix_finds_what_the_detailed_checks_find(seed: int) -> None:
+    """Symmetric ones pass, and one entry that is changed, or has no mirror, makes the answer false."""
+    rng = np.random.default_rng(seed)
+    root = sp.random_array((80, 80), density=0.05, rng=rng, format="csr")
+    matrix = sp.csr_array(root @ root.T + sp.eye_array(80))
+    matrix = sp.csr_array(0.5 * (matrix + matrix.T))
+    matrix.sort_indices()
+    assert _is_sound_sparse(matrix, 1e-9)
+    place = int(rng.choice(np.flatnonzero(matrix.indices != np.repeat(np.arange(80), np.diff(matrix.indptr)))))
+    changed = matrix.copy()
+    changed.data[place] += 1e-9
+    assert not _is_sound_sparse(changed, 1e-9)
+    dropped = matrix.copy()
+    dropped.data[place] = 0.0
+    dropped.eliminate_zeros()
+    assert not _is_sound_sparse(dropped, 1e-9)
+    large = matrix.tolil()
+    large[0, 1] = large[1, 0] = 1.1 * np.sqrt(matrix[0, 0] * matrix[1, 1])
+    assert not _is_sound_sparse(sp.csr_array(large), 1e-9)
+    negative = matrix.copy()
+    negative.setdiag(np.where(np.arange(80) == 3, -1.0, matrix.diagonal()))
+    assert not _is_sound_sparse(sp.csr_array(negative), 1e-9)
