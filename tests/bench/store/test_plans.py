@@ -67,6 +67,7 @@ def test_settings_may_reach_their_bounds(passes: int, seed: int) -> None:
         ({"passes": 0}, "`passes` must be between"),
         ({"seed": 2**63}, "`seed` must be at least 0 and less than"),
         ({"tolerances": [1e-2, 1.0]}, "`tolerances` must be between 0 and 1, got 1; choose"),
+        ({"tolerances": [2.0]}, "`tolerances` must be between 0 and 1, got 2; choose"),
         ({"tolerances": [0.0]}, "`tolerances` must be between 0 and 1, got 0; choose"),
     ],
 )

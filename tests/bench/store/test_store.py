@@ -191,3 +191,10 @@ def test_plain_names_are_short_safe_and_different(first: str, second: str) -> No
     assert re.fullmatch(r"[A-Za-z0-9._-]{0,60}", plain)
     assert not plain.startswith(".")
     assert (plain == plain_name(second)) == (first == second)
+
+
+def test_plain_names_are_the_ones_of_the_files_that_were_stored_before() -> None:
+    """A name that is not plain ends with the first eight digits of its SHA-256, as sha256sum prints them."""
+    assert plain_name("NSGS") == "NSGS"
+    assert plain_name("a/../b") == "a_.._b-900ea8b7"
+    assert plain_name(61 * "x") == 51 * "x" + "-c508e75f"

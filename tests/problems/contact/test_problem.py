@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, ProblemError, load
 from proxbench.problems.contact.blocks import BlockLayout
-from proxbench.problems.contact.matrices import symmetric
 from proxbench.problems.contact.matrices.symmetric import _largest_asymmetry, _largest_excess
 
 G = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.1], [0.0, 0.1, 3.0]])
@@ -221,28 +220,3 @@ def test_a_matrix_of_single_precision_stays_a_problem_under_another_name() -> No
     assert np.linalg.eigvalsh(problem.delassus().toarray())[0] < -1e-9 * np.abs(problem.delassus_diagonal).max()
     for same in (problem.renamed("other"), problem.anonymous(), problem.fresh(), problem.answered(None, source="here")):
         assert same.digest == problem.digest
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_the_quick_look_at_a_sparse_matrix_finds_what_the_detailed_checks_find(seed: int) -> None:
-    """Symmetric ones pass, and one entry that is changed, or has no mirror, makes the answer false."""
-    rng = np.random.default_rng(seed)
-    root = sp.random_array((80, 80), density=0.05, rng=rng, format="csr")
-    matrix = sp.csr_array(root @ root.T + sp.eye_array(80))
-    matrix = sp.csr_array(0.5 * (matrix + matrix.T))
-    matrix.sort_indices()
-    assert symmetric._is_sound_sparse(matrix, 1e-9)
-    place = int(rng.choice(np.flatnonzero(matrix.indices != np.repeat(np.arange(80), np.diff(matrix.indptr)))))
-    changed = matrix.copy()
-    changed.data[place] += 1e-9
-    assert not symmetric._is_sound_sparse(changed, 1e-9)
-    dropped = matrix.copy()
-    dropped.data[place] = 0.0
-    dropped.eliminate_zeros()
-    assert not symmetric._is_sound_sparse(dropped, 1e-9)
-    large = matrix.tolil()
-    large[0, 1] = large[1, 0] = 1.1 * np.sqrt(matrix[0, 0] * matrix[1, 1])
-    assert not symmetric._is_sound_sparse(sp.csr_array(large), 1e-9)
-    negative = matrix.copy()
-    negative.setdiag(np.where(np.arange(80) == 3, -1.0, matrix.diagonal()))
-    assert not symmetric._is_sound_sparse(sp.csr_array(negative), 1e-9)

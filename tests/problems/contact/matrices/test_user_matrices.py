@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, ProblemError
-from proxbench.problems.contact.matrices.user_matrices import read_matrix
+from proxbench.problems.contact.matrices.user_matrices import _is_in_order, read_matrix
 
 
 @settings(max_examples=40, deadline=None)
@@ -60,3 +60,22 @@ def test_a_matrix_whose_arrays_do_not_fit_together_is_refused(form: str, starts:
     matrix.indptr = np.array(starts, dtype=np.int32)
     with pytest.raises(ProblemError, match="G is not a valid sparse matrix"):
         ContactProblem.from_delassus(matrix, -np.ones(3))
+
+
+@pytest.mark.parametrize("change", ["none", "swapped", "repeated", "negative", "beyond", "infinite", "not a number"])
+def test_exactly_the_matrices_whose_indices_ascend_and_whose_entries_are_finite_are_in_order(change: str) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        matrix = sp.csr_array(rng.normal(size=(6, 9)) * (rng.random((6, 9)) < 0.5) * (rng.random((6, 1)) < 0.8))
+        indices, data = matrix.indices, matrix.data
+        row = rng.choice(np.flatnonzero(np.diff(matrix.indptr) > 1))
+        first, last = matrix.indptr[row], matrix.indptr[row + 1] - 1
+        if change == "swapped":
+            indices[[first, last]] = indices[[last, first]]
+        elif change == "repeated":
+            indices[last] = indices[last - 1]
+        elif change in ("negative", "beyond"):
+            indices[first if change == "negative" else last] = -1 if change == "negative" else 9
+        elif change != "none":
+            data[rng.integers(len(data))] = rng.choice([-np.inf, np.inf]) if change == "infinite" else np.nan
+        assert _is_in_order(matrix.indptr, indices, data, 9) == (change == "none")

@@ -139,6 +139,7 @@ def test_a_minimal_step_that_no_clock_resolves_is_refused(min_step: float) -> No
     ("options", "what"),
     [
         ({"tolerance": 0.0}, "tolerance must be between 0 and 1"),
+        ({"tolerance": 1.0}, "tolerance must be between 0 and 1"),
         ({"min_step": -1.0}, "min_step must be positive"),
         ({"min_step": 1e-3, "max_step": 1e-4}, "max_step must be finite and at least min_step = 0.001"),
     ],

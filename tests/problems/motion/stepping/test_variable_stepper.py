@@ -207,6 +207,7 @@ def test_a_step_rejected_for_its_error_alone_withdraws_no_accepted_step(
     start = State(0.0, np.array([0.5]), np.array([-1.0]))
     steps = list(steps_of(spring, start, 0.52, search=search, tolerance=1e-4))
     assert len(begins) > len(steps)  # some are rejected
+    assert sum(step.rejected for step in steps) == len(begins) - len(steps)
 
 
 def test_steps_join_without_gap_and_end_at_the_given_time() -> None:

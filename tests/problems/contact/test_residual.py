@@ -1,0 +1,77 @@
+"""Violations of single laws: by hand, the same beside other contacts, and with their rounding where friction slides."""
+
+import numpy as np
+import pytest
+from proxbench.problems import ContactProblem, Laws, Model
+from proxbench.problems.contact.residual import UNIT, Residual, violations
+from proxbench.problems.contact.transformations import united
+from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
+
+MODELS = (Model.COULOMB, Model.CONVEX, Model.FRICTIONLESS, Model.pyramid(5))
+
+
+def varied_problem(rng: np.random.Generator, size: float = 1.0) -> ContactProblem:
+    """A planar or spatial contact that rolls, a frictionless one, two joints, and a joint with dry friction."""
+    rolling = Laws.contacts(0.3, int(rng.integers(2, 4)), 1).with_rolling(0.05, int(rng.integers(1, 4)))
+    dry = Laws(*map(np.array, ([2], [0], [0.0], [0.4], [-1])))
+    laws = Laws.together([rolling, Laws.contacts(0.0, 1, 1), Laws.joints(2), dry])
+    root = rng.normal(size=(12, laws.n_rows))
+    return ContactProblem.from_delassus(root.T @ root, size * rng.normal(size=laws.n_rows), laws=laws)
+
+
+@pytest.mark.parametrize("model", MODELS, ids=str)
+def test_the_violation_of_a_law_does_not_depend_on_the_contacts_beside_it(model: Model) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        parts = [varied_problem(rng), random_linked_problem(LinkedFamily(3, 3, rolling_rows=2), 1), varied_problem(rng)]
+        impulses = [rng.normal(size=part.n_rows) for part in parts]
+        velocities = [rng.normal(size=part.n_rows) for part in parts]
+        each = zip(parts, impulses, velocities, strict=True)
+        alone = [violations(part, Residual(part), held, moved, model) for part, held, moved in each]
+        whole, together = united(parts), (np.concatenate(impulses), np.concatenate(velocities))
+        found = violations(whole, Residual(whole), *together, model)
+        assert found == pytest.approx(np.concatenate(alone), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_the_largest_held_velocity_is_that_of_dense_arrays(size: float) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        problem = united([varied_problem(rng), varied_problem(rng, size)])
+        residual, impulses = Residual(problem), rng.normal(size=problem.n_rows)
+        weights = np.repeat(residual.ratios * residual.lengths, problem.laws.row_count)
+        held = weights * np.abs(problem.delassus().toarray().diagonal() * impulses)
+        assert residual.largest_held(impulses) == pytest.approx(held.max(), rel=1e-14)
+        impulses[rng.integers(len(impulses))] = np.nan
+        assert np.isnan(residual.largest_held(impulses))
+
+
+@pytest.mark.parametrize("n_rows", [1, 2, 3])
+@pytest.mark.parametrize("normal", [0.5, 2.0])
+def test_a_law_that_slides_is_violated_by_its_rounding_at_least_and_one_that_sticks_by_nothing(
+    n_rows: int, normal: float
+) -> None:
+    """With h = αΛ at the bound b, the rounding of h and of its projection is 9ub + u‖h‖."""
+    laws = Laws.contacts(0.0, 1, 1).with_rolling(0.5, n_rows)
+    problem = ContactProblem.from_delassus(np.eye(1 + n_rows), np.eye(1 + n_rows)[0], laws=laws)
+    residual, direction = Residual(problem), np.ones(n_rows) / np.sqrt(n_rows)
+    held = np.append(normal, 0.5 * normal * direction)
+    for speed in (0.1, 1.0, 10.0):
+        slides = residual.of_laws(held, np.append(0.0, -speed * direction))[1]
+        assert 10.0 * UNIT * 0.5 * normal * (1.0 - 1e-9) <= slides <= 20.0 * UNIT * 0.5 * normal
+        sticks = residual.of_laws(np.append(held[:1], 0.9 * held[1:]), np.append(0.0, 0.01 * normal * direction))[1]
+        assert sticks == pytest.approx(0.01 * normal, rel=1e-15)
+        assert residual.of_laws(np.append(held[:1], 0.9 * held[1:]), np.zeros(1 + n_rows))[1] == 0.0
+
+
+@pytest.mark.parametrize("n_rows", [1, 2])
+def test_a_ball_of_more_rows_without_motion_is_violated_like_one_of_fewer(n_rows: int) -> None:
+    rng = np.random.default_rng(2)
+    residuals = []
+    for rows in (n_rows, n_rows + 1):
+        laws, size = Laws.contacts(0.0, 1, 1).with_rolling(0.5, rows), 1 + rows
+        residuals.append(Residual(ContactProblem.from_delassus(2.0 * np.eye(size), np.eye(size)[0], laws=laws)))
+    for _ in range(50):
+        held, moved = rng.normal(size=(2, 1 + n_rows))
+        fewer = residuals[0].of_laws(held, moved)
+        assert residuals[1].of_laws(np.append(held, 0.0), np.append(moved, 0.0)) == pytest.approx(fewer, rel=1e-13)

@@ -1,0 +1,27 @@
+"""A rim touches the balls behind it whose centres are closer to it than their radius."""
+
+import numpy as np
+import pytest
+from proxbench.problems.motion.bodies.surfaces import Rim
+
+
+@pytest.mark.parametrize(("dim", "side"), [(2, 1), (2, -1), (3, 0)])
+def test_a_rim_touches_exactly_the_balls_that_reach_its_nearest_point(dim: int, side: int) -> None:
+    rng = np.random.default_rng(0)
+    centres, radii = rng.uniform(-1.0, 1.0, size=(300, dim)), rng.uniform(0.1, 0.9, 300)
+    along = np.array([0.6, 0.8])
+    balls, gaps, normals = Rim((0.5, 0.1), (0.6, 0.8), side).touching(centres, radii)
+    outward = np.zeros_like(centres)
+    outward[:, 0] = side
+    if side == 0:
+        outward[:, :2] = centres[:, :2] / np.linalg.norm(centres[:, :2], axis=1)[:, None]
+    nearest = 0.5 * outward
+    nearest[:, -1] = 0.1
+    apart = centres - nearest
+    distance = np.linalg.norm(apart, axis=1)
+    is_behind = along[0] * (apart * outward).sum(axis=1) + along[1] * apart[:, -1] < 0.0
+    touched = np.flatnonzero(is_behind & (distance < radii))
+    assert 10 < len(touched) < 200
+    assert balls.tolist() == touched.tolist()
+    assert gaps == pytest.approx((distance - radii)[touched], abs=1e-14)
+    assert normals == pytest.approx((apart / distance[:, None])[touched], abs=1e-13)
