@@ -175,7 +175,7 @@ class VariableStepper(Stepper):
 
 
 class _StepControl:
-    """Choose the steps of one motion."""
+    """Controller of the step lengths of one motion."""
 
     def __init__(self, stepper: VariableStepper, setup: MotionSetup) -> None:
         system = setup.scene.system
