@@ -58,7 +58,7 @@ def compressed_matrix(kind: Any, content: Mapping[str, NDArray[Any]], label: str
     Args:
         kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
         content: arrays by name, which may include those of other matrices.
-        label: label of the matrix, with which its names begin.
+        label: prefix of the array names.
 
     Raises:
         KeyError: if an array is missing.

@@ -62,7 +62,7 @@ def check_options(owner: str, given: Iterable[str], known: Iterable[str], error:
             raise error(f"{owner} has no option {option!r}{suggestion(option, names)}")
 
 
-def described(thing: Any) -> str:
+def name_with_options(thing: Any) -> str:
     """Return the name of a dataclass instance: its class, and the options that differ from their defaults."""
     fields = thing.__dataclass_fields__
     values = {name: value for name, field in fields.items() if (value := getattr(thing, name)) != field.default}

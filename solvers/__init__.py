@@ -2,7 +2,7 @@
 
 from ..problems.contact.model import Model
 from ..problems.contact.solver import Observer, Prepared, Solution, Solver, SolverError, Status, Stop, shows_iterates
-from ..problems.names import described
+from ..problems.names import name_with_options
 from .iteration.loop import iterate
 from .registry import available, create, solve
 
@@ -17,8 +17,8 @@ __all__ = [
     "Stop",
     "available",
     "create",
-    "described",
     "iterate",
+    "name_with_options",
     "shows_iterates",
     "solve",
 ]

@@ -158,7 +158,7 @@ def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: di
         if differs and f"{option}=" not in written_options:
             return (
                 f"with {option}={options[option]!r} it still calls itself {solver.name!r}; "
-                "include the options in the name, as name = property(described) does for a dataclass"
+                "include the options in the name, as name = property(name_with_options) does for a dataclass"
             )
     return None
 

@@ -34,8 +34,8 @@ from .trial import confirmed_residual, own_residual, require_finite, require_unc
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
 """Tolerances at which claims are compared with the judge."""
 
-MODEST = Stop(1e-6, max_iterations=2000, max_seconds=1.0)
-"""Limits of solves in tests that are not about limits."""
+DEFAULT_STOP = Stop(1e-6, max_iterations=2000, max_seconds=1.0)
+"""Tolerance and limits of solves in tests that are not about limits."""
 
 USEFUL_ACCURACY = 1e-3
 """Judged residual, under its own model, that a solver must reach on at least one problem; Λ = 0 never reaches it."""
@@ -70,7 +70,7 @@ def can_be_pickled(solver: Solver) -> None:
         remedy = "store plain options only, and define its class in a module"
         raise Violation(f"it cannot be pickled: {error}; {remedy}.") from error
     if name != solver.name:
-        raise Violation(f"pickled and unpickled, {solver.name!r} calls itself {name!r}; pickle all its options.")
+        raise Violation(f"after pickling, its name changes from {solver.name!r} to {name!r}; pickle all its options.")
 
 
 def declines_through_supports(solver: Solver) -> None:
@@ -83,16 +83,16 @@ def declines_through_supports(solver: Solver) -> None:
         if len(answers) > 1:
             raise Violation(f"supports is not deterministic on {problem.name}; make it depend only on the problem.")
     for problem in _supported(solver):
-        if solution_of(solver, problem, MODEST).status is Status.UNSUPPORTED:
+        if solution_of(solver, problem, DEFAULT_STOP).status is Status.UNSUPPORTED:
             raise Violation(
-                f"it ends {problem.name} as unsupported, but supports returned None; return a reason there."
+                f"it returns UNSUPPORTED for {problem.name}, but supports returned None; return a reason there."
             )
 
 
 @on_samples
 def returns_finite_impulses(solver: Solver, problem: ContactProblem) -> None:
     """With every status, the impulses are finite floats of shape (n_rows,)."""
-    for stop in (MODEST, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
+    for stop in (DEFAULT_STOP, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
         require_finite(problem, solution_of(solver, problem, stop))
 
 
@@ -100,7 +100,7 @@ def returns_finite_impulses(solver: Solver, problem: ContactProblem) -> None:
 def leaves_inputs_untouched(solver: Solver, problem: ContactProblem) -> None:
     """A solve changes neither the problem nor the start."""
     digest, start = problem.fresh().digest, np.full(problem.n_rows, 0.1)
-    solver.prepare(problem).solve(MODEST, start=start)
+    solver.prepare(problem).solve(DEFAULT_STOP, start=start)
     require_unchanged(problem, digest)
     if not np.array_equal(start, np.full(problem.n_rows, 0.1)):
         raise Violation(f"it changed the start it was given on {problem.name}; copy it first.")
@@ -110,9 +110,9 @@ def leaves_inputs_untouched(solver: Solver, problem: ContactProblem) -> None:
 def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
     """Repeated solves, with or without preparing again, give identical results and do not change earlier ones."""
     prepared = solver.prepare(problem)
-    first = prepared.solve(MODEST)
+    first = prepared.solve(DEFAULT_STOP)
     kept = first.impulses.copy()
-    again, anew = prepared.solve(MODEST), solution_of(solver, problem.fresh(), MODEST)
+    again, anew = prepared.solve(DEFAULT_STOP), solution_of(solver, problem.fresh(), DEFAULT_STOP)
     if not np.array_equal(kept, first.impulses, equal_nan=True):
         raise Violation(f"a second solve of {problem.name} changed the impulses returned by the first; copy them.")
     for how, other in (("the same prepared problem", again), ("a problem prepared anew", anew)):
@@ -128,7 +128,7 @@ def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
 def claims_truthfully(solver: Solver, problem: ContactProblem) -> None:
     """SOLVED is reported only if the judged residual in the solver's own model is at most ten times the tolerance."""
     for tolerance in ACCURACIES:
-        solution = solution_of(solver, problem, replace(MODEST, tolerance=tolerance))
+        solution = solution_of(solver, problem, replace(DEFAULT_STOP, tolerance=tolerance))
         confirmed_residual(solver, problem, solution, tolerance)
 
 
@@ -137,7 +137,7 @@ def is_useful(solver: Solver) -> None:
     best, name = np.inf, ""
     problems = _supported(solver)
     for problem in problems:
-        solution = solution_of(solver, problem, replace(MODEST, tolerance=USEFUL_ACCURACY))
+        solution = solution_of(solver, problem, replace(DEFAULT_STOP, tolerance=USEFUL_ACCURACY))
         residual = own_residual(solver, problem, solution.impulses)
         if residual <= best:
             best, name = residual, problem.name
@@ -154,7 +154,7 @@ def reports_infeasibility(solver: Solver) -> None:
     problem = infeasible()
     if solver.supports(problem):
         return
-    status = solution_of(solver, problem, MODEST).status
+    status = solution_of(solver, problem, DEFAULT_STOP).status
     if status is not Status.INFEASIBLE:
         raise Violation(
             f"a contact with G_ii = 0 and c_i < 0 has no solution, and ends as {status}; return Status.INFEASIBLE, or "
@@ -165,7 +165,7 @@ def reports_infeasibility(solver: Solver) -> None:
 def zero_velocity_at_rest(solver: Solver) -> None:
     """With zero free velocity, the solution is exactly Λ = 0 with status SOLVED."""
     for problem in supported(solver, map(at_rest, (1, 2, 3)), "it supports none of the problems at rest"):
-        solution = solution_of(solver, problem, MODEST)
+        solution = solution_of(solver, problem, DEFAULT_STOP)
         if solution.status is not Status.SOLVED or np.any(solution.impulses):
             raise Violation(
                 f"with c = 0 on {problem.name} it ends as {solution.status} with impulses up to "
@@ -176,7 +176,7 @@ def zero_velocity_at_rest(solver: Solver) -> None:
 def solves_no_contacts(solver: Solver) -> None:
     """A problem without contacts is solved, with no impulses."""
     for problem in supported(solver, map(empty, (1, 3)), "it does not support problems without contacts"):
-        status = solution_of(solver, problem, MODEST).status
+        status = solution_of(solver, problem, DEFAULT_STOP).status
         if status is not Status.SOLVED:
             raise Violation(
                 f"a problem without contacts ends as {status} with impulses of shape (0,); return an empty array, "
@@ -186,12 +186,12 @@ def solves_no_contacts(solver: Solver) -> None:
 
 @requires_iterates
 @on_samples
-def equal_when_observed(solver: Solver, problem: ContactProblem) -> None:
+def is_unaffected_by_observer(solver: Solver, problem: ContactProblem) -> None:
     """Observed and unobserved solves give identical results, and the observer is called once per iteration."""
-    unseen = solution_of(solver, problem, MODEST)
+    unseen = solution_of(solver, problem, DEFAULT_STOP)
     calls: list[tuple[int, FloatArray]] = []
     prepared = solver.prepare(problem)
-    observed = prepared.solve(MODEST, observe=lambda iteration, seen: calls.append((iteration, np.array(seen))))
+    observed = prepared.solve(DEFAULT_STOP, observe=lambda iteration, seen: calls.append((iteration, np.array(seen))))
     numbers = [number for number, _ in calls]
     if numbers != list(range(1, observed.iterations + 1)):
         called = f"{len(numbers)} times, with iterations {numbers[0]} to {numbers[-1]}" if numbers else "never"
@@ -212,18 +212,18 @@ def stops_at_solution(solver: Solver) -> None:
     is_any_solved = False
     for problem in _supported(solver):
         prepared = solver.prepare(problem)
-        solution = prepared.solve(MODEST)
+        solution = prepared.solve(DEFAULT_STOP)
         if solution.status is not Status.SOLVED:
             continue
         is_any_solved = True
-        warm = prepared.solve(MODEST, start=solution.impulses.copy())
+        warm = prepared.solve(DEFAULT_STOP, start=solution.impulses.copy())
         if warm.status is not Status.SOLVED or warm.iterations > 1:
             raise Violation(
                 f"starting from its own solution of {problem.name} it ends as {warm.status} after {warm.iterations} "
                 "iterations; begin from start, and check the residual before the first iteration."
             )
     if not is_any_solved:
-        raise NotApplicable(f"it solves no sample to {MODEST.tolerance:g}")
+        raise NotApplicable(f"it solves no sample to {DEFAULT_STOP.tolerance:g}")
 
 
 @on_samples
@@ -257,7 +257,7 @@ def is_silent(solver: Solver) -> None:
     problem = _supported(solver)[0]
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")  # also warnings that were shown in earlier tests
-        printed = _printed(lambda: solution_of(solver, problem, MODEST)).strip()
+        printed = _printed(lambda: solution_of(solver, problem, DEFAULT_STOP)).strip()
     if warned:
         raise Violation(f"it issued the warning {str(warned[0].message)[:100]!r}; report it in Solution.message.")
     if printed:
@@ -279,7 +279,7 @@ BRIEF_CHECKS: tuple[Check[Solver], ...] = (
         infeasible=reports_infeasibility,
         at_rest=zero_velocity_at_rest,
         no_contacts=solves_no_contacts,
-        observed=equal_when_observed,
+        observed=is_unaffected_by_observer,
         warm_start=stops_at_solution,
         iteration_limit=obeys_iteration_limit,
         time_limit=obeys_time_limit,
@@ -303,7 +303,7 @@ def _supported(solver: Solver) -> list[ContactProblem]:
     except NotApplicable:
         made = samples()
         raise Violation(
-            f"supports refuses all {len(made)} small problems, the first because {solver.supports(made[0])}."
+            f"supports declines all {len(made)} small problems, the first because {solver.supports(made[0])}."
         ) from None
 
 

@@ -15,7 +15,7 @@ _MAX_PASSES = 100
 """Largest number of attempts to stop all processes, while they start others, before they are killed."""
 
 _ALL_THREADS = 2
-"""Low bits of the number of the clock of a process (clock_getcpuclockid(3))."""
+"""Low bits of a clock id that select the processor time of all threads of a process (clock_getcpuclockid(3))."""
 
 _SET_DEATH_SIGNAL = 1
 _SET_CHILD_SUBREAPER = 36

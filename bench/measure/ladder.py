@@ -106,7 +106,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def reason_to_stop(self, point: Point) -> str:
-        """Return why finer points are not attempted after this one; an empty text if they are."""
+        """Return why finer points are not attempted after this one; an empty string if they are attempted."""
 
     @abstractmethod
     def identity(self) -> dict[str, Any]:
@@ -129,7 +129,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     def is_open(self, level: int) -> bool:
         """Return whether a level can be measured: the process runs, and no coarser point ends the ladder."""
-        return self._worker is not None and self.outcome is Outcome.MEASURED and not self._end_before(level)
+        return self._worker is not None and self.outcome is Outcome.MEASURED and not self._reason_to_stop_before(level)
 
     def add_point(self, level: int, answers: list[Answer]) -> None:
         """Add the measurements of one level."""
@@ -142,7 +142,7 @@ class LadderCase(ABC, Generic[Answer]):
     def skip_point(self, level: int) -> None:
         """Record a level as not attempted, because a coarser one was not solved."""
         if level == len(self.points) > 0:
-            reason, value = self._end_before(level) or self._reason, self.ladder[level]
+            reason, value = self._reason_to_stop_before(level) or self._reason, self.ladder[level]
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
 
     def finish(self) -> None:
@@ -178,7 +178,7 @@ class LadderCase(ABC, Generic[Answer]):
             points=list(self.points),
         )
 
-    def _end_before(self, level: int) -> str:
+    def _reason_to_stop_before(self, level: int) -> str:
         return self.reason_to_stop(self.points[level - 1]) if level > 0 else ""
 
     def _start(self, task: Task, solvers: Sequence[str] = ()) -> None:

@@ -2,12 +2,12 @@
 
 A process loses time while another one runs on its core (it is *preempted*), while the hypervisor runs another machine,
 or while it sleeps or waits for a device. With T the wall seconds of the solves, P their processor seconds, and w the
-seconds that the system counts as ready but not running,
+seconds that it spends runnable but waiting for the core,
 
     lost = w                 if the process only switched voluntarily: it may have slept,
     lost = max(T - P, w)     otherwise: it never slept, or another process or thread took the core,
 
-and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If the system does not count w, it is 0.
+and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If the system does not measure w, it is 0.
 
 Preemption of further threads of a solver is not detected: w is that of its main thread, and P may exceed T.
 
@@ -59,7 +59,7 @@ class TimedRound(Struct, frozen=True):
         message: message of the last solve.
         prepare, solve, processor: times of each solve [s].
         involuntary, voluntary: numbers of context switches.
-        waited: time of being ready but not running [s]; None if the system does not count it.
+        waited: time spent runnable but waiting for the core [s]; None if the system does not measure it.
         uncounted: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
         earlier_iterations: iterations of earlier solves of other problems; empty in rounds of one problem.
         threads: number of threads of the last solve, if the prepared solver declares it.
@@ -117,7 +117,7 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def undisturbed_seconds(self) -> float:
-        """Median wall time of a solve, or processor time if the process was preempted and it is less [s]."""
+        """Median wall time of a solve, or the smaller of wall and processor time if the process was preempted [s]."""
         return float(np.median(_warm(self.undisturbed)))
 
     @property

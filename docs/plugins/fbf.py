@@ -18,7 +18,7 @@ from proxbench.problems import ContactProblem, Model
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.matrices.delassus import blocks_from_matrix
 from proxbench.problems.contact.residual import convex_obstacle
-from proxbench.solvers import Prepared, described, iterate
+from proxbench.solvers import Prepared, iterate, name_with_options
 from proxbench.solvers.iteration.method import unsupported_laws
 from proxbench.solvers.sweeps.cone import ConeProblem
 
@@ -37,7 +37,7 @@ class FBF:
     """Forward–backward–forward splitting; one iteration is one step of the splitting with its inner sweeps."""
 
     model = Model.COULOMB
-    name = property(described)
+    name = property(name_with_options)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from proxbench.problems import ContactProblem, Model
 from proxbench.problems.arrays import FloatArray
-from proxbench.solvers import Prepared, described, iterate
+from proxbench.solvers import Prepared, iterate, name_with_options
 from proxbench.solvers.iteration.method import unsupported_laws
 from proxbench.solvers.sweeps.delassus import DelassusIterates, DelassusSweep, FlatDelassus, LawArrays
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
@@ -27,7 +27,7 @@ class TrescaFixedPoint:
     """The fixed point of Tresca's friction; one iteration is one sweep."""
 
     model = Model.COULOMB
-    name = property(described)
+    name = property(name_with_options)
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""

@@ -50,7 +50,7 @@ class ConicStatus(StrEnum):
     NEARLY = "nearly converged"
     ITERATION_LIMIT = "reached its iteration limit"
     TIME_LIMIT = "reached its time limit"
-    UNBOUNDED = "found an unbounded energy"
+    UNBOUNDED = "reported the energy as unbounded"
     GAVE_UP = "made no further progress"
 
 

@@ -5,7 +5,7 @@ from functools import cached_property
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import SolverError
-from ...problems.names import described
+from ...problems.names import name_with_options
 
 
 class Method:
@@ -22,7 +22,7 @@ class Method:
     @cached_property
     def name(self) -> str:
         """Class name with the options that differ from the defaults."""
-        return described(self)
+        return name_with_options(self)
 
     @property
     def model(self) -> Model:

@@ -123,9 +123,9 @@ class PreparedLemke:
         if limit is not None:
             return Solution(impulses, limit, pivots, reached)
         if proofs and not self.problem.laws.friction_coefficient.any():
-            reason = "the path ends on a ray, which proves infeasibility without Coulomb friction"
+            reason = "pivoting ended on a secondary ray, which proves infeasibility without Coulomb friction"
             return Solution(impulses, Status.INFEASIBLE, pivots, reason)
-        reason = "the path ends on a ray" if rays else "rounding limits the accuracy"
+        reason = "pivoting ended on a secondary ray" if rays else "rounding limits the accuracy"
         return Solution(impulses, Status.STALLED, pivots, f"{reason}, {reached}")
 
 

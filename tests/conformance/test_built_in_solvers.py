@@ -142,7 +142,7 @@ def few_iterations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if name.startswith("Cvxpy"):
         monkeypatch.setattr(samples, "_HARD", KINDS)
     if name.startswith((*SLOW, *PATIENT)):
-        monkeypatch.setattr(solver_checks, "MODEST", Stop(1e-6, max_iterations=200, max_seconds=1.0))
+        monkeypatch.setattr(solver_checks, "DEFAULT_STOP", Stop(1e-6, max_iterations=200, max_seconds=1.0))
         monkeypatch.setattr(hard_checks, "CYCLING", Stop(1e-10, max_iterations=200, max_seconds=1.0))
     if name not in THOROUGH:
         monkeypatch.setattr(hard_checks, "HARD", replace(hard_checks.HARD, max_iterations=1000))

@@ -89,7 +89,7 @@ def case(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPa
     short, patient = SHORT, PATIENT
     if name.startswith(FACTORISING) and not IS_FULL:
         short, patient = replace(SHORT, max_iterations=50), replace(PATIENT, max_iterations=200)
-    monkeypatch.setattr(checks, "MODEST", short)
+    monkeypatch.setattr(checks, "DEFAULT_STOP", short)
     monkeypatch.setattr(invariance_checks, "STOP", short)
     monkeypatch.setattr(hard_checks, "HARD", patient)
     monkeypatch.setattr(hard_checks, "CYCLING", replace(patient, tolerance=1e-10))

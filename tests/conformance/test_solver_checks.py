@@ -28,7 +28,7 @@ def _forgotten() -> Iterator[None]:
     ("fault", "check", "words"),
     [
         ("no solve", "interface", "returned an int, which has no method solve(stop, start=None, observe=None)"),
-        ("supports nothing", "useful", "refuses all 25 small problems, the first because it is Monday"),
+        ("supports nothing", "useful", "declines all 25 small problems, the first because it is Monday"),
         ("supports True", "supports", "its supports returned True"),
         ("supports without words", "supports", "its supports returned ' '; return None"),
         ("supports at random", "supports", "supports is not deterministic on"),

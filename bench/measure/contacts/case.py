@@ -109,7 +109,9 @@ class Case(LadderCase[MeasuredRound]):
         point = self.points[level]
         if point.is_repeated:
             return point.n_passes <= self.case_pass.number
-        return (point.is_late_under_load or point.outcome is Outcome.NOT_ATTEMPTED) and not self._end_before(level)
+        return (point.is_late_under_load or point.outcome is Outcome.NOT_ATTEMPTED) and not self._reason_to_stop_before(
+            level
+        )
 
     def begin(self) -> None:
         """Start the process, warm up on a copy of the problem, and measure the convergence curve of the problem.

@@ -49,15 +49,15 @@ class Extrapolated(VariableStepper):
         """The option ``levels``."""
         return self.levels
 
-    def next_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
-        """Return T_{n,1} … T_{n,n} from T_{n−1,1} … T_{n−1,n−1} and T_{n,1}."""
+    def compute_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+        """Compute row n of the extrapolation table from row n−1 and T_{n,1}."""
         power, n, extended = 2 if is_reversible(system) else 1, len(row) + 1, [first]
         for k in range(1, n):
             ratio = (n / (n - k)) ** power - 1.0
             extended.append(extended[k - 1] + (extended[k - 1] - row[k - 1]) / ratio)
         return extended
 
-    def completed(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
+    def complete_attempt(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
         """Return the attempt with the extrapolated (q, u), which must not reverse a slip."""
         assert sequence.end is not None
         position, velocity = np.split(last, [len(sequence.end.position)])

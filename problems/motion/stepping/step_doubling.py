@@ -27,7 +27,7 @@ class StepDoubling(VariableStepper):
 
     max_levels: ClassVar[int] = 2
 
-    def next_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+    def compute_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
         """Return T_{n−1} and T_n."""
         return [*row[-1:], first]
 

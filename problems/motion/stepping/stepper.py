@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from ...contact.solver import Stop
-from ...names import described
+from ...names import name_with_options
 from ..scenes.scene import Scene
 from ..state import State
 from .midpoint import ContactSolver
@@ -46,7 +46,7 @@ class MotionSetup:
 
 
 class Stepper(ABC):
-    """A stepper with its options. Subclasses are frozen dataclasses, and ``described`` creates their names.
+    """A stepper with its options. Subclasses are frozen dataclasses, and ``name_with_options`` creates their names.
 
     Attributes:
         locates_switches: whether steps are variable and their switching points known.
@@ -63,7 +63,7 @@ class Stepper(ABC):
     @property
     def name(self) -> str:
         """Class name with the options that differ from the defaults."""
-        return described(self)
+        return name_with_options(self)
 
     def with_defaults_of(self, scene: Scene) -> Self:
         """Return the stepper with the defaults of ``scene`` that its name shows."""

@@ -1,16 +1,16 @@
 """Moreau's rule with a variable step (Studer & Glocker 2005, section 6).
 
-Steps are long where the motion is smooth, and tiny at switching points. At a switching point a law projects in one step
-and not in the next (``law_states``). A search chooses the lengths of the next trials until a minimal step contains the
+Steps are long where the motion is smooth, and tiny at switching points. At a switching point a law changes its state
+between two steps (``law_states``). A search chooses the lengths of the next trials until a minimal step contains the
 switching point. This step is accepted without an error estimate. Between switching points, sequences of steps are
 compared to estimate the error of each step. The step shrinks if the error is too large, and grows where the motion is
 smooth. The relative error of a step is the largest of
 
     |Δq_i| / Q_i,   |Δu_i| / U_i,      U_i = √(M⁻¹)_ii max_j |u_j| / √(M⁻¹)_jj,   Q_i = max(range of q_i, U_i Δt_max)
 
-over all coordinates j and all times so far. U_i is the speed that i would have with the energy of the fastest
-coordinate. The error does not depend on units, and U_i vanishes only if nothing moves. M⁻¹h Δt_max counts as a velocity
-at the start.
+over all coordinates j and all times so far. U_i is the speed at which coordinate i has the largest kinetic energy of
+all. The error does not depend on units, and U_i vanishes only if nothing moves. M⁻¹h Δt_max counts as a velocity at the
+start.
 """
 
 from abc import abstractmethod
@@ -42,8 +42,8 @@ MIN_SHRINKING = 0.1
 MIN_ULPS = 64.0
 """Smallest ratio of the minimal step to the floating-point spacing of times."""
 
-SLACK = 1.0 + 1e-9
-"""Two lengths count as equal if their ratio is at most this."""
+LENGTH_TOLERANCE = 1e-9
+"""Relative difference up to which two lengths of steps count as equal."""
 
 
 class VariableStepper(Stepper):
@@ -76,14 +76,17 @@ class VariableStepper(Stepper):
         """Largest number of sequences of 1, 2, … steps to compare."""
 
     @abstractmethod
-    def next_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
-        """Return T_{n,1}, … from T_{n−1,1}, … and T_{n,1}, each (q, u); the last two differ by the error."""
+    def compute_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
+        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries differ by the error.
+
+        An entry is (q, u) at the end of the step; T_{n,1} is the result of a sequence of n steps.
+        """
 
     @abstractmethod
     def error_order(self, levels: int, system: System) -> int:
         """Return the order of the error estimate of ``levels`` sequences, as a power of the step."""
 
-    def completed(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
+    def complete_attempt(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
         """Complete an attempt: ``sequence`` led to T_{n,1}, and its row ends in ``last`` at ``time`` [s]."""
         return sequence
 
@@ -163,16 +166,16 @@ class VariableStepper(Stepper):
             if sequence.end is None:
                 return sequence
             states = sequence.states
-            row = self.next_row(row, np.concatenate([sequence.end.position, sequence.end.velocity]), counter.system)
+            row = self.compute_row(row, np.concatenate([sequence.end.position, sequence.end.velocity]), counter.system)
             if n > 1:
                 errors.append(relative_error(row[-1] - row[-2]))
                 if errors[-1] <= self.tolerance:
                     break
-        return self.completed(replace(sequence, errors=errors), row[-1], state.time + length)
+        return self.complete_attempt(replace(sequence, errors=errors), row[-1], state.time + length)
 
 
 class _StepControl:
-    """Choice of the steps of one motion."""
+    """Controller of the step lengths of one motion."""
 
     def __init__(self, stepper: VariableStepper, setup: MotionSetup) -> None:
         system = setup.scene.system
@@ -236,7 +239,7 @@ class _StepControl:
         left = self._until - state.time
         length = min(self._search.limited_length(state.time, min(self._length, self._max_step)), left)
         self._trying = length
-        is_minimal = length <= self._min_step * SLACK
+        is_minimal = length <= self._min_step * (1.0 + LENGTH_TOLERANCE)
         try:
             attempt = stepper.attempt(
                 self._counter,

@@ -21,13 +21,13 @@ GOOD = """
 from dataclasses import dataclass
 import numpy as np
 from proxbench.problems import ContactProblem, Model, project
-from proxbench.solvers import described, iterate
+from proxbench.solvers import iterate, name_with_options
 
 @dataclass(frozen=True)
 class Filed:
     relaxation: float = 1.0
     model = Model.COULOMB
-    name = property(described)
+    name = property(name_with_options)
 
     def supports(self, problem):
         return None
@@ -209,7 +209,7 @@ def test_two_files_with_one_name_are_refused_and_the_first_stays(written: Callab
 
 
 def test_a_name_that_hides_its_options_is_refused(written: Callable[..., Path]) -> None:
-    use_plugin_files([written(GOOD.replace("name = property(described)", "name = 'Filed'"))])
+    use_plugin_files([written(GOOD.replace("name = property(name_with_options)", "name = 'Filed'"))])
     with pytest.raises(PluginError, match=r"with relaxation=1.5 it still calls itself 'Filed'"):
         solver_spec("Filed(relaxation=1.5)")
 

@@ -15,7 +15,7 @@ import os
 from dataclasses import dataclass
 import numpy as np
 from proxbench.problems import ContactProblem, Model
-from proxbench.solvers import described, create
+from proxbench.solvers import create, name_with_options
 
 def note():
     with open({log!r}, "a") as file:
@@ -26,7 +26,7 @@ note()
 @dataclass(frozen=True)
 class Noted:
     model = Model.COULOMB
-    name = property(described)
+    name = property(name_with_options)
 
     def __post_init__(self): note()
     def supports(self, problem): note()

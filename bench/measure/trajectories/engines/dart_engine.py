@@ -79,7 +79,7 @@ class DartEngine:
         if self.description.has_floor:
             self._add_shape(body, dynamics.PlaneShape(np.array([0.0, 0.0, 1.0]), 0.0))
         for panel in self.description.panels:
-            node = self._add_shape(body, dynamics.BoxShape(2.0 * np.array(panel.half)))
+            node = self._add_shape(body, dynamics.BoxShape(2.0 * np.array(panel.half_sizes)))
             node.setRelativeTranslation(panel.centre)
             node.setRelativeRotation(panel.rotation)
         self.world.addSkeleton(static)
@@ -90,7 +90,8 @@ class DartEngine:
         joint, body_node = skeleton.createFreeJointAndBodyNodePair()
         body_node.setName(skeleton.getName())
         body_node.setInertia(dynamics.Inertia(body.mass, np.zeros(3), body.inertia * np.eye(3)))
-        shape = dynamics.BoxShape(np.full(3, 2.0 * body.half)) if body.is_cube else dynamics.SphereShape(body.half)
+        size = body.half_size
+        shape = dynamics.BoxShape(np.full(3, 2.0 * size)) if body.is_cube else dynamics.SphereShape(size)
         self._add_shape(body_node, shape)
         pose = self.library.math.Isometry3()
         pose.set_translation(np.array(body.position))

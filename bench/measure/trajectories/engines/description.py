@@ -22,14 +22,14 @@ class Body:
 
     Attributes:
         is_cube: whether it is a cube, with axes parallel to those of the world at the start.
-        half: radius, or half the edge [m].
+        half_size: radius, or half the edge [m].
         mass: mass [kg].
         position: position of its centre at the start [m].
         velocity: velocity of its centre at the start [m/s]; its spin is zero.
     """
 
     is_cube: bool
-    half: float
+    half_size: float
     mass: float
     position: tuple[float, float, float]
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -37,7 +37,7 @@ class Body:
     @property
     def inertia(self) -> float:
         """Moment of inertia about every axis [kg m²]."""
-        return self.mass * self.half**2 * (2.0 / 3.0 if self.is_cube else 2.0 / 5.0)
+        return self.mass * self.half_size**2 * (2.0 / 3.0 if self.is_cube else 2.0 / 5.0)
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class Panel:
 
     Attributes:
         centre: centre [m].
-        half: half the edges [m].
+        half_sizes: half the edges [m].
         rotation: its axes as columns, shape (3, 3).
     """
 
     centre: FloatArray
-    half: tuple[float, float, float]
+    half_sizes: tuple[float, float, float]
     rotation: FloatArray
 
     @property
@@ -127,7 +127,7 @@ class Description:
     def energy_gained(self, motion: Motion) -> float:
         """Return the energy gained from frame to frame, divided by Σ m g L; it is 0 for rigid bodies with friction.
 
-        T + V counts, with translation and rotation: T = Σ (m v² + I ω²) / 2, V = −Σ m g·x. Contacts only dissipate.
+        The energy is T + V, with T = Σ (m v² + I ω²) / 2 and V = −Σ m g·x. Contacts only dissipate.
         """
         mass, inertia = (np.array([getattr(body, name) for body in self.bodies]) for name in ("mass", "inertia"))
         gravity = np.array(self.gravity)

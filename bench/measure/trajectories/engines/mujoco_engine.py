@@ -90,9 +90,9 @@ def model_xml(description: Description, time_step: float, options: dict[str, Any
     for panel in description.panels:
         x, y, z, w = panel.quaternion
         place = f'pos="{_numbers(panel.centre)}" quat="{_numbers((w, x, y, z))}"'
-        geoms.append(f'<geom type="box" size="{_numbers(panel.half)}" {place}/>')
+        geoms.append(f'<geom type="box" size="{_numbers(panel.half_sizes)}" {place}/>')
     for body in description.bodies:
-        shape = f'type="box" size="{_numbers(3 * [body.half])}"' if body.is_cube else f'size="{body.half!r}"'
+        shape = f'type="box" size="{_numbers(3 * [body.half_size])}"' if body.is_cube else f'size="{body.half_size!r}"'
         geom = f'<geom {shape} mass="{body.mass!r}"/>'
         geoms.append(f'<body pos="{_numbers(body.position)}"><freejoint/>{geom}</body>')
     attributes = " ".join(f'{name}="{value}"' for name, value in solver.items())

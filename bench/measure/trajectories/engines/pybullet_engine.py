@@ -74,14 +74,14 @@ class PyBulletEngine:
         return solved_problem(self.description, self._before, self.time_step, contacts, impulses)
 
     def _add_panel(self, panel: Any) -> int:
-        shape = self.library.createCollisionShape(self.library.GEOM_BOX, halfExtents=list(panel.half))
+        shape = self.library.createCollisionShape(self.library.GEOM_BOX, halfExtents=list(panel.half_sizes))
         pose = {"basePosition": list(panel.centre), "baseOrientation": list(panel.quaternion), **self._body_options}
         body: int = self.library.createMultiBody(0, shape, **pose)
         return body
 
     def _add_body(self, body: Any) -> int:
         library = self.library
-        size = {"halfExtents": 3 * [body.half]} if body.is_cube else {"radius": body.half}
+        size = {"halfExtents": 3 * [body.half_size]} if body.is_cube else {"radius": body.half_size}
         shape = library.createCollisionShape(library.GEOM_BOX if body.is_cube else library.GEOM_SPHERE, **size)
         number: int = library.createMultiBody(body.mass, shape, basePosition=body.position, **self._body_options)
         library.resetBaseVelocity(number, body.velocity)

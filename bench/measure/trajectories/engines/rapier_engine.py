@@ -41,14 +41,15 @@ class RapierEngine:
         for panel in description.panels:
             x, y, z, w = map(float, panel.quaternion)
             pose = rapier.Isometry3(tuple(map(float, panel.centre)), rapier.Rotation3(w, x, y, z))
-            add(rapier.Collider.cuboid(*panel.half).position(pose))
+            add(rapier.Collider.cuboid(*panel.half_sizes).position(pose))
         self.bodies: list[Any] = []
         self._handles: list[Any] = []
         for body in description.bodies:
             builder = rapier.RigidBody.dynamic().translation(body.position).linvel(body.velocity).can_sleep(False)
             handle = self.world.add_body(builder.build())
             self._handles.append(handle)
-            shape = rapier.Collider.cuboid(*3 * [body.half]) if body.is_cube else rapier.Collider.ball(body.half)
+            size = body.half_size
+            shape = rapier.Collider.cuboid(size, size, size) if body.is_cube else rapier.Collider.ball(size)
             add(shape.mass(body.mass), handle)
             self.bodies.append(self.world.rigid_bodies.get(handle))
 

@@ -93,7 +93,7 @@ def _stack() -> Description:
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
     """Return the largest penetration [mm], drift [mm] and final speed [mm/s], and the energy gained [m g L]."""
     heights = motion.positions[:, :, 2]
-    half = scene.bodies[0].half
+    half = scene.bodies[0].half_size
     gaps = np.diff(heights, axis=1, prepend=-half) - 2.0 * half  # as if a cube lay below the floor at height 0
     penetration, speed = -1e3 * min(0.0, float(gaps.min())), 1e3 * float(_speeds(motion)[-1].max())
     return penetration, _drift(motion), speed, scene.energy_gained(motion)
@@ -135,7 +135,7 @@ def _of_cubes(
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY),
 ) -> Description:
     """Return cubes of one size; overlap, size, mass and friction are added to the options of Proxbench's scene."""
-    edge = 2.0 * cubes[0].half
+    edge = 2.0 * cubes[0].half_size
     common = {"overlap": OVERLAP, "size": (edge, edge, edge), "mass": cubes[0].mass, "friction": friction}
     own = (own_scene, own_options | common)
     return Description(name, cubes, friction, duration, 2e-3, 0.02, edge, errors, 0.01, measure, *own, gravity=gravity)

@@ -50,7 +50,7 @@ def test_an_extrapolated_velocity_must_not_slip_against_the_friction_of_its_step
     assert sequence.end is not None
     assert sequence.states.slips
     last = np.concatenate([sequence.end.position, turned * sequence.end.velocity])
-    found = Extrapolated().completed(replace(sequence, errors=[0.0]), last, 0.01)
+    found = Extrapolated().complete_attempt(replace(sequence, errors=[0.0]), last, 0.01)
     assert (found.end is None) is is_refused
     if found.end is not None:
         assert np.array_equal(np.concatenate([found.end.position, found.end.velocity]), last)

@@ -179,7 +179,9 @@ def test_panels_touch_the_round_funnel_from_outside(angle: float, height: float)
 
 def is_solid(place: np.ndarray, height: float) -> bool:
     point = place + np.array([0.0, 0.0, height])
-    inside = (np.abs(panel.rotation.T @ (point - panel.centre)) <= panel.half for panel in describe("funnel").panels)
+    inside = (
+        np.abs(panel.rotation.T @ (point - panel.centre)) <= panel.half_sizes for panel in describe("funnel").panels
+    )
     return any(bool(axes.all()) for axes in inside)
 
 
