@@ -284,9 +284,17 @@ def solve(
         limits: max_iterations, max_seconds.
 
     Raises:
-        SolverError: for an unknown solver or option, or if ``problem`` is not a contact problem, a name or a path.
+        SolverError: for an unknown solver, option or limit, or if ``problem`` is not a contact problem, a name or a
+            path.
         ProblemError: from ``load``.
     """
+    unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]
+    if unknown:
+        start = "; to start from impulses, call create(solver).prepare(problem).solve(stop, start)"
+        raise SolverError(
+            f"solve has no argument `{unknown[0]}`; it takes max_iterations and max_seconds"
+            f"{start if unknown[0] == 'start' else ''}."
+        )
     if isinstance(problem, str | Path):
         problem = load(problem)
     if not isinstance(problem, ContactProblem):

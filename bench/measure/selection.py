@@ -61,8 +61,11 @@ def select(
         ProblemError: for an unknown problem or suite, with the nearest name, a file without a problem, a folder without
             readable problems, or a sample that is not positive.
         PluginError: if a plugin does not create the problem that it offers.
-        BenchError: for a name given twice, or a problem with the name of a library problem and other numbers.
+        BenchError: for an empty list of problems, a name given twice, or a problem with the name of a library problem
+            and other numbers.
     """
+    if problems is not None and not problems:
+        raise BenchError("no problem is given; name at least one, or omit the problems to measure a suite.")
     given, suite_name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
     taken: dict[str, str | ContactProblem] = {}

@@ -135,8 +135,15 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         The verdict, with all errors of the impulses.
 
     Raises:
-        ProblemError: if Λ has the wrong shape, or the model does not apply to the problem's laws.
+        ProblemError: if ``problem`` is not a contact problem, Λ is not an array of the right shape, or the model does
+            not apply to the problem's laws.
     """
+    judged: object = problem
+    if not isinstance(judged, ContactProblem):
+        kind = type(problem).__name__
+        raise ProblemError(f"judge takes a ContactProblem, not {kind}; read one with load(name) or load(path).")
+    if hasattr(impulses, "impulses"):
+        raise ProblemError("judge takes the impulses of a solution, not the solution; pass solution.impulses.")
     given = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
     if given.shape != (problem.n_rows,):
         raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {given.shape}.")

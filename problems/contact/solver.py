@@ -68,7 +68,7 @@ class Stop:
         max_seconds: largest wall time [s], without preparation and without the compilation of kernels.
 
     Raises:
-        SolverError: if ``max_iterations`` is negative, or another attribute is not positive.
+        SolverError: if ``max_iterations`` is negative, another attribute is not positive, or one is no number.
     """
 
     tolerance: float = 1e-6
@@ -76,6 +76,15 @@ class Stop:
     max_seconds: float = 60.0
 
     def __post_init__(self) -> None:
+        try:
+            self._check()
+        except (TypeError, ValueError):
+            given = f"{self.tolerance!r}, {self.max_iterations!r} and {self.max_seconds!r}"
+            raise SolverError(
+                f"`tolerance`, `max_iterations` and `max_seconds` must be numbers, got {given}."
+            ) from None
+
+    def _check(self) -> None:
         if not self.tolerance > 0:
             raise SolverError(f"`tolerance` must be positive, got {self.tolerance:g}; choose one such as 1e-6.")
         if not self.max_iterations >= 0:

@@ -196,10 +196,16 @@ def load(name: str | Path) -> ContactProblem:
             FCLIB.
 
     Raises:
-        ProblemError: for an unknown name, with the nearest one; for a problem that is not generated yet; for a file
-            that is missing or damaged.
+        ProblemError: for what is neither a name nor a path; for an unknown name, with the nearest one; for a problem
+            that is not generated yet; for a file that is missing or damaged.
         PluginError: if a plugin offers the name but does not return a problem.
     """
+    given: object = name
+    if not isinstance(given, str | Path):
+        raise ProblemError(
+            f"load takes the name of a problem or the path of a file, not {type(name).__name__}; for a matrix G, call "
+            "ContactProblem.from_delassus(G, c, mu)."
+        )
     if is_path(name):
         return read_fclib(name) if is_fclib_name(str(name)) else _named(read_problem(Path(name)), Path(name))
     assert isinstance(name, str)

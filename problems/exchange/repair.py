@@ -123,7 +123,7 @@ def named_in_errors(name: str, file_format: str, repair: Repair) -> Iterator[Non
         chosen = "" if repair.symmetry == Repair.symmetry else f" --symmetry {repair.symmetry}"
         raise ProblemError(
             f"{name}: {str(error).rstrip('.')}; correct the matrix, or, if the negative eigenvalue is a rounding "
-            f"error, {command}{chosen} --indefinite project"
+            f"error of at most {MAX_NEGATIVE:g} of the largest, {command}{chosen} --indefinite project --output NEW.npz"
         ) from None
     except AsymmetricError as error:
         chosen = "" if repair.indefinite == Repair.indefinite else f" --indefinite {repair.indefinite}"

@@ -1,11 +1,12 @@
 """Names create solvers and their parts, and solvers have these names."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError, load, save_problem
-from proxbench.solvers import Solver, SolverError, available, create, solve
+from proxbench.solvers import Solver, SolverError, Stop, available, create, solve
 from proxbench.solvers.registry import compiled_solvers, composites, find_offer, parts, plain_names
 
 NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, iterations=10), warm_iterations=7)"
@@ -67,6 +68,21 @@ def test_solve_accepts_the_name_and_the_file_of_a_problem(tmp_path: Path) -> Non
     expected = solve(problem).impulses
     for given in ("hard-groove", tmp_path / "groove.npz", str(tmp_path / "groove.npz")):
         np.testing.assert_array_equal(solve(given).impulses, expected)
+
+
+def test_an_unknown_limit_is_named_and_a_start_has_its_own_call() -> None:
+    with pytest.raises(SolverError, match="solve has no argument `foo`; it takes max_iterations and max_seconds"):
+        solve("funnel-30", foo=1)
+    with pytest.raises(
+        SolverError, match=r"no argument `start`.*create\(solver\).prepare\(problem\).solve\(stop, start"
+    ):
+        solve("funnel-30", start=None)
+
+
+@pytest.mark.parametrize("limits", [{"tolerance": "1e-3"}, {"max_iterations": "many"}, {"max_seconds": None}])
+def test_a_limit_that_is_no_number_is_shown(limits: dict[str, Any]) -> None:
+    with pytest.raises(SolverError, match="`tolerance`, `max_iterations` and `max_seconds` must be numbers, got "):
+        Stop(**limits)
 
 
 def test_anything_but_a_problem_is_refused() -> None:

@@ -72,6 +72,8 @@ def test_limits_must_be_positive(name: str) -> None:
         Limits(**{name: 0})  # type: ignore[arg-type]
 
 
-def test_an_empty_list_of_solvers_is_refused_and_does_not_mean_the_default_ones() -> None:
+def test_an_empty_list_is_refused_and_does_not_mean_the_default() -> None:
     with pytest.raises(BenchError, match="no solver is given; name at least one, or omit the solvers"):
         make_plan(["funnel-30"], [])
+    with pytest.raises(BenchError, match="no problem is given; name at least one, or omit the problems"):
+        make_plan([])

@@ -102,3 +102,9 @@ def test_a_damaged_file_in_the_cache_is_named(tmp_path: Path, monkeypatch: pytes
     (tmp_path / "mine.npz").write_bytes(b"no file")
     with pytest.raises(ProblemError, match="damaged"):
         load("mine")
+
+
+@pytest.mark.parametrize("given", [np.eye(3), None, 5])
+def test_what_is_neither_a_name_nor_a_path_is_refused(given: object) -> None:
+    with pytest.raises(ProblemError, match="load takes the name of a problem or the path of a file, not "):
+        load(given)  # type: ignore[arg-type]
