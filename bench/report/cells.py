@@ -105,9 +105,9 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    walls = zip(points["total_seconds"], points["is_excluded"], strict=True)
-    # "is_excluded" is missing where nothing was measured
-    shown["wall"] = [duration(wall) + (EXCLUDED_MARK if excluded is True else "") for wall, excluded in walls]
+    excluded = points["is_excluded"].eq(True).fillna(False)  # missing where nothing was measured
+    walls = zip(points["total_seconds"], excluded, strict=True)
+    shown["wall"] = [duration(wall) + (EXCLUDED_MARK if is_excluded else "") for wall, is_excluded in walls]
     shown["CPU"] = [duration(seconds) for seconds in points["processor_seconds"]]
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
     if (points["overlapping_steps"] > 0).any():

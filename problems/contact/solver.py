@@ -68,7 +68,7 @@ class Stop:
         max_seconds: largest wall time [s], without preparation and without the compilation of kernels.
 
     Raises:
-        SolverError: if ``max_iterations`` is negative, another attribute is not positive, or one is no number.
+        SolverError: if ``max_iterations`` is negative, another attribute is not positive, or one is not a number.
     """
 
     tolerance: float = 1e-6

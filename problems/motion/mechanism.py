@@ -11,9 +11,9 @@ from ..arrays import FloatArray
 from ..contact.matrices.pieces import Pieces
 from ..contact.problem import ContactProblem
 
-REST_SHARE, REST_SHARE_OF_FALL = 1e-3, 1e-6
-"""Contacts slower than these count as at rest: relative to the velocities of all contacts, and to those that contacts
-have without impulses."""
+REST_SHARE, FREE_REST_SHARE = 1e-3, 1e-6
+"""Contacts slower than these count as at rest, relative to the velocities of all contacts, and relative to the free
+velocities."""
 
 MAX_LISTED = 8
 """Largest number of pairs of bodies that a sentence lists."""
@@ -56,7 +56,7 @@ def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDAr
     is_contact = (layout.normal_law >= 0) & ~layout.is_bilateral
     rest = max(
         REST_SHARE * (abs(directions).T @ np.abs(velocity)).max(initial=0.0),
-        REST_SHARE_OF_FALL * np.abs(problem.free_velocity).max(initial=0.0),
+        FREE_REST_SHARE * np.abs(problem.free_velocity).max(initial=0.0),
     )
     opens = is_contact & (normal > layout.friction_coefficient * tangential + rest)
     return is_contact & ~opens & (tangential > rest), opens
@@ -67,9 +67,8 @@ def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMoti
 
     Bodies are the chunks of W; a system without bodies has none.
     """
-    assert problem.factors is not None
-    pieces = problem.factors.directions
-    if not isinstance(pieces, Pieces) or pieces.n_chunks == 1 < pieces.length:
+    pieces = _pieces_of_bodies(problem)
+    if pieces is None:
         return []
     slides, opens = contact_motions(problem, velocity)
     states: dict[tuple[int, int], list[tuple[bool, bool]]] = {}
@@ -79,6 +78,13 @@ def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMoti
         pair = (moving[0], moving[-1]) if len(moving) > 1 else (FIXED, moving[0])
         states.setdefault(pair, []).append((bool(slides[contact]), bool(opens[contact])))
     return [PairMotion(pair, motion) for pair, found in sorted(states.items()) if (motion := _motion(found))]
+
+
+def _pieces_of_bodies(problem: ContactProblem) -> Pieces | None:
+    """Return W with a chunk for each body, or None if the system has no bodies."""
+    assert problem.factors is not None
+    pieces = problem.factors.directions
+    return pieces if isinstance(pieces, Pieces) and not pieces.n_chunks == 1 < pieces.length else None
 
 
 def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
@@ -93,9 +99,8 @@ def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
 
 def free_bodies(problem: ContactProblem, velocity: FloatArray) -> list[int]:
     """Return the bodies that move under u and have neither contacts nor joints, by their numbers."""
-    assert problem.factors is not None
-    pieces = problem.factors.directions
-    if not isinstance(pieces, Pieces) or pieces.n_chunks == 1 < pieces.length:
+    pieces = _pieces_of_bodies(problem)
+    if pieces is None:
         return []
     speeds = np.abs(velocity.reshape(pieces.n_chunks, -1)).max(axis=1)
     is_free = speeds > REST_SHARE * speeds.max()

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scaled_starts
 from momentum_rule import poured
 from proxbench.bench.simulation.generation.sequence_problems import SequenceRecipe, first_state
 from proxbench.bench.simulation.starts import scaled_start
@@ -24,17 +25,9 @@ from proxbench.solvers import Solution, Status, Stop, create
 MEASURED = "SORprox(relaxation=1.1, form='factors', momentum='measured')"
 SOLVERS, TOLERANCES = (MEASURED, "SORprox"), (1e-2, 1e-4)
 
-MOTIONS = {
-    "stack": (SequenceRecipe("box_stack", 0.05), 20),
-    "arch": (SequenceRecipe("arch(stones=13)", 0.05), 20),
-    "cards": (SequenceRecipe("card_house", 0.05), 20),
-    "dominoes": (SequenceRecipe("dominoes", 0.3), 40),
-    "hopper": (SequenceRecipe("hopper", 0.3), 40),
-    "chain": (SequenceRecipe("chain(n_links=20)", 0.1), 40),
-    "four_bar": (SequenceRecipe("four_bar", 0.1), 40),
-    "flow-1000": (SequenceRecipe("funnel(balls=1000)", 0.3), 40),
-    "flow-4000": (SequenceRecipe("funnel(balls=4000)", 0.3), 40),
-}
+LINKED = ("box_stack", "arch", "card_house", "dominoes", "hopper", "chain", "four_bar")
+FLOWS = {f"flow-{balls}": (SequenceRecipe(f"funnel(balls={balls})", 0.3), 40) for balls in (1000, 4000)}
+MOTIONS = {name: scaled_starts.MOTIONS[name] for name in LINKED} | FLOWS
 """The first step of each motion, and the number of steps."""
 
 MAX_ITERATIONS = 5000
@@ -130,14 +123,12 @@ def print_sweeps(names: Sequence[str]) -> None:
             for tolerance in TOLERANCES:
                 trying = Trying(solver)
                 stop = Stop(tolerance, MAX_ITERATIONS, 60.0)
-                for _ in MidpointRule(scene.system, trying, stop, scene.step_size, depth=scene.depth).steps(
-                    begin, n_steps
-                ):
-                    pass
+                rule = MidpointRule(scene.system, trying, stop, scene.step_size, depth=scene.depth)
+                list(rule.steps(begin, n_steps))
                 steps = trying.steps
                 counts = [[step[start].iterations for step in steps] for start in ("warm", "scaled", "zero")]
                 counts.append(np.min(counts, axis=0).tolist())
-                counts += [[step[rule(step)].iterations for step in steps] for rule in RULES.values()]
+                counts += [[step[select(step)].iterations for step in steps] for select in RULES.values()]
                 cells = " | ".join(f"{np.mean(count):.3g}" for count in counts)
                 print(
                     f"| `{name}` | {'measured' if solver == MEASURED else 'none'} | {tolerance:.0e} | {cells} |",

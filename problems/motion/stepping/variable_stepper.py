@@ -8,9 +8,9 @@ smooth. The relative error of a step is the largest of
 
     |Δq_i| / Q_i,   |Δu_i| / U_i,      U_i = √(M⁻¹)_ii max_j |u_j| / √(M⁻¹)_jj,   Q_i = max(range of q_i, U_i Δt_max)
 
-over all coordinates j and all times so far. U_i is the speed at which coordinate i has the largest kinetic energy of
-all. The error does not depend on units, and U_i vanishes only if nothing moves. M⁻¹h Δt_max counts as a velocity at the
-start.
+over all coordinates j and all times so far. U_i is the speed at which coordinate i has the largest kinetic energy
+that any coordinate has had. The error does not depend on units, and U_i vanishes only if nothing moves. M⁻¹h Δt_max
+counts as a velocity at the start.
 """
 
 from abc import abstractmethod

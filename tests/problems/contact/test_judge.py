@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge, load
+from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge
 from proxbench.problems.contact.projections import onto_cone
 from proxbench.problems.contact.residual import ModelResidual, Residual
 from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
-from proxbench.solvers import solve
 
 MIXED = Laws(
     np.array([0, 0, 1, 0, 2, 1, 2]),
@@ -395,11 +394,3 @@ def test_without_friction_both_models_have_the_same_residual(impulse: float, fre
 def test_rounding_hides_nothing_where_nothing_moves() -> None:
     still = Residual(ContactProblem.from_delassus(np.eye(3), np.zeros(3), 0.5))
     assert still.rounding(np.ones(3)) == 0.0
-
-
-def test_a_solution_or_a_name_in_the_place_of_impulses_or_a_problem_is_refused_with_the_remedy() -> None:
-    problem = load("funnel-30")
-    with pytest.raises(ProblemError, match=r"pass solution\.impulses"):
-        judge(problem, solve(problem))  # type: ignore[arg-type]
-    with pytest.raises(ProblemError, match=r"judge takes a ContactProblem, not str; read one with load"):
-        judge("funnel-30", np.zeros(3))  # type: ignore[arg-type]
