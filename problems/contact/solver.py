@@ -7,6 +7,7 @@ separately. ``Prepared.solve`` iterates until the judge's residual reaches the t
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Real
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -76,15 +77,10 @@ class Stop:
     max_seconds: float = 60.0
 
     def __post_init__(self) -> None:
-        try:
-            self._check()
-        except (TypeError, ValueError):
-            given = f"{self.tolerance!r}, {self.max_iterations!r} and {self.max_seconds!r}"
-            raise SolverError(
-                f"`tolerance`, `max_iterations` and `max_seconds` must be numbers, got {given}."
-            ) from None
-
-    def _check(self) -> None:
+        given: tuple[object, ...] = (self.tolerance, self.max_iterations, self.max_seconds)
+        if not all(isinstance(value, Real) for value in given):
+            shown = "{!r}, {!r} and {!r}".format(*given)
+            raise SolverError(f"`tolerance`, `max_iterations` and `max_seconds` must be numbers, got {shown}.")
         if not self.tolerance > 0:
             raise SolverError(f"`tolerance` must be positive, got {self.tolerance:g}; choose one such as 1e-6.")
         if not self.max_iterations >= 0:
