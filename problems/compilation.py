@@ -5,14 +5,16 @@ takes the interpreter milliseconds, so ``solve`` interprets them. The results ar
 correctly rounded operations, and neither powers nor ``fastmath``.
 """
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, wraps
+from mmap import mmap
 from types import FunctionType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TextIO, TypeVar
 
 import numpy as np
 from numba import config
@@ -26,6 +28,9 @@ SECONDS_BEFORE_NOTICE = 1.0
 NOTICE = "Compiling kernels for the first use; they are cached for the next time."
 """Text of the notice on standard error."""
 
+CLEAR_LINE = "\r\x1b[2K"
+"""Control sequence of terminals: go to the start of the line and delete it."""
+
 
 class CompilationListener(event.Listener):
     """Measure the time that kernels take to compile; kernels loaded from the cache do not count.
@@ -33,12 +38,31 @@ class CompilationListener(event.Listener):
     Attributes:
         seconds: wall time of all compilations that have ended, counting nested ones once [s].
         kernels: number of functions that were compiled.
-        is_silent: whether no further notice is written.
     """
 
     def __init__(self) -> None:
-        self.seconds, self.kernels, self.is_silent = 0.0, 0, False
+        self.seconds, self.kernels = 0.0, 0
         self._depth, self._begin = 0, 0.0
+        self._silent: bytearray | mmap = bytearray(1)
+        self._stream: TextIO | None = None
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether no further notice is written."""
+        return bool(self._silent[0])
+
+    def silence(self) -> None:
+        """Write no further notice."""
+        self._silent[0] = 1
+
+    def share_with_forks(self) -> None:
+        """Let this process and those that it forks write one notice in all, to what is standard error now.
+
+        A forked process may redirect its own standard error.
+        """
+        silent = mmap(-1, 1)
+        silent[0] = self._silent[0]
+        self._silent, self._stream = silent, os.fdopen(os.dup(2), "w")
 
     def on_start(self, compilation: event.Event) -> None:
         """Count the compilation, and write the notice if the ones before it took too long."""
@@ -59,19 +83,17 @@ class CompilationListener(event.Listener):
     def _write_notice(self, now: float) -> None:
         """Write the notice once, if compilations have taken too long by the time ``now``."""
         if not self.is_silent and self.seconds + now - self._begin > SECONDS_BEFORE_NOTICE:
-            self.is_silent = True
-            print(NOTICE, file=sys.stderr, flush=True)
+            self.silence()
+            if self._stream is None:
+                print(NOTICE, file=sys.stderr, flush=True)
+            else:  # another process may show a progress bar on the same line
+                print(f"{CLEAR_LINE if self._stream.isatty() else ''}{NOTICE}", file=self._stream, flush=True)
 
 
 COMPILATION = CompilationListener()
 """The compilations of this process."""
 
 event.register("numba:compile", COMPILATION)  # type: ignore[no-untyped-call]
-
-
-def silence_notice() -> None:
-    """Disable the notice in this process, for example if its standard error is recorded."""
-    COMPILATION.is_silent = True
 
 
 def load_cached_kernels() -> int:

@@ -21,9 +21,9 @@ settings.load_profile({"full": "full", "hunt": "hunt"}.get(os.environ.get("PROXB
 
 def pytest_sessionstart() -> None:
     """Write no notice of compilation, which would come at the first kernel of whichever test compiles it."""
-    from proxbench.problems.compilation import silence_notice
+    from proxbench.problems.compilation import COMPILATION
 
-    silence_notice()
+    COMPILATION.silence()
 
 
 SLOW_FOLDERS = {"faults", "long"}

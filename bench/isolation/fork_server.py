@@ -15,6 +15,7 @@ import threading
 from dataclasses import dataclass
 from importlib import import_module
 
+from ...problems.compilation import COMPILATION, load_cached_kernels
 from .child import Assignment
 from .pipe import is_readable, read_message, write_message
 from .process_tree import send_signal
@@ -108,7 +109,8 @@ class _ServerClient:
     def __init__(self) -> None:
         self.owner = os.getpid()
         self._socket, theirs = socket.socketpair()
-        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve({theirs.fileno()})"
+        serving = f"serve({theirs.fileno()}, announces={not COMPILATION.is_silent})"
+        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; {serving}"
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],
@@ -194,11 +196,16 @@ def _end() -> None:
         _server.end()
 
 
-def serve(descriptor: int) -> None:
-    """Run the server. Never returns."""
-    from ...problems.compilation import load_cached_kernels, silence_notice
+def serve(descriptor: int, announces: bool) -> None:
+    """Run the server. Never returns.
 
-    silence_notice()  # forked cases inherit standard error
+    Args:
+        descriptor: file descriptor of the socket to the client.
+        announces: whether to write the notice of a long compilation, once for the server and all cases.
+    """
+    if not announces:
+        COMPILATION.silence()
+    COMPILATION.share_with_forks()
     from .preload import load_kernels_of
     from .process_state import exempt_from_collection
 

@@ -48,7 +48,7 @@ VARIED_PROBLEMS = [
 
 @pytest.mark.parametrize(
     ("count", "seconds", "before", "notices"),
-    [(3, 0.0, "", 1), (3, 1e6, "", 0), (3, 0.0, "compilation.silence_notice()", 0), (1, 1e-3, "", 1)],
+    [(3, 0.0, "", 1), (3, 1e6, "", 0), (3, 0.0, "compilation.COMPILATION.silence()", 0), (1, 1e-3, "", 1)],
 )
 def test_long_compilation_is_announced_once_on_standard_error(
     count: int, seconds: float, before: str, notices: int
@@ -57,6 +57,25 @@ def test_long_compilation_is_announced_once_on_standard_error(
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.count(NOTICE) == notices
     assert done.stdout.split() == ["True", "True"]
+
+
+def test_processes_of_one_fork_server_announce_compilation_once_on_its_standard_error() -> None:
+    code = """
+import os
+import numba
+from proxbench.problems import compilation
+compilation.SECONDS_BEFORE_NOTICE = 0.0
+compilation.COMPILATION.share_with_forks()
+for number in range(2):
+    if os.fork() == 0:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        numba.njit(lambda x: x + 1.0)(1.0)
+        os._exit(0)
+    os.wait()
+numba.njit(lambda x: x - 1.0)(1.0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines() == [NOTICE]
 
 
 def test_a_small_problem_is_built_without_compilation() -> None:
