@@ -72,6 +72,19 @@ def test_the_theory_is_independent_of_the_push_and_of_mass_and_scales_with_gravi
     assert Dominoes(push=12.0, gravity=4 * 9.81).limit_speed == pytest.approx(2.0 * speed, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("friction", "expected"),
+    [(0.0, 1.1935640832898433), (0.1, 1.034747472760423), (0.2, 0.9126192793220393), (0.3, 0.8150261036896523)],
+)
+def test_the_theory_is_that_of_an_independent_program(friction: float, expected: float) -> None:
+    """The program of M. Chapman (github.com/eigenmatt/domino-simulation) solves for accelerations and normal forces.
+
+    Its equations were integrated by its classical Runge-Kutta rule with steps of 0.1 ms; expected are the speeds
+    between the 40th and the 41st of the default dominoes [m/s].
+    """
+    assert Dominoes(friction=friction).limit_speed == pytest.approx(expected, rel=2e-6)
+
+
 def test_a_wave_that_cannot_run_has_no_speed() -> None:
     with pytest.raises(ProblemError, match="the wave stops"):
         _ = Dominoes(spacing=0.002, size=(0.03, 0.024, 0.048), friction=0.9, push=10.0).limit_speed
