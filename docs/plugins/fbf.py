@@ -1,12 +1,12 @@
 """FBF: forward–backward–forward splitting of De Saxcé's formulation (Tseng 2000; Song, Fan, Ascher & Pai, SCA 2026).
 
-With A(Λ) = GΛ + c + N_K(Λ), which is monotone, and De Saxcé's term B(Λ) = μ‖ξ_T‖ e_N, which is not, A + B ∋ 0 is solved
-by
+The method solves A(Λ) + B(Λ) ∋ 0, where A(Λ) = GΛ + c + N_K(Λ) is monotone and De Saxcé's term B(Λ) = μ‖ξ_T‖ e_N is
+not. K is the product of the friction cones, and P_K the projection onto it:
 
     Λ̃ = argmin over K of  ½ Λᵀ(G + I/γ)Λ + (c + B(Λ_k) − Λ_k/γ)ᵀΛ,      Λ_{k+1} = P_K(Λ̃ − γ (B(Λ̃) − B(Λ_k))),
 
-with block sweeps for the argmin. The step γ must stay below the inverse of the Lipschitz constant of B: it is reduced
-while γ‖B(Λ̃) − B(Λ_k)‖ exceeds 0.9 ‖Λ̃ − Λ_k‖.
+Block sweeps compute the argmin. The step γ must stay below the inverse of the Lipschitz constant of B. The method
+reduces γ while γ‖B(Λ̃) − B(Λ_k)‖ exceeds 0.9 ‖Λ̃ − Λ_k‖.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ FIRST_STEP = 0.5
 """γ₀ relative to 1/(μ_max λ_max(G))."""
 
 MAX_RATIO, REDUCTION = 0.9, 0.7
-"""The largest accepted γ‖ΔB‖/‖ΔΛ‖, and the factor of γ where the ratio is larger."""
+"""The largest accepted γ‖ΔB‖/‖ΔΛ‖, and the factor that reduces γ if the ratio is larger."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class FBF:
 
 
 class ConeSweep:
-    """Block sweeps that minimise ½ xᵀ(G + w I) x + qᵀx over K by a projected step of one contact after the other.
+    """Block sweeps that minimise ½ xᵀ(G + w I) x + qᵀx over K by a projected gradient step for each contact in turn.
 
-    x_i ← P_{K_i}( x_i − (row i of the gradient) / (β_i + w) ), β_i at least the largest eigenvalue of block ii.
+    x_i ← P_{K_i}( x_i − (row i of the gradient) / (β_i + w) ), with β_i at least the largest eigenvalue of block ii.
     """
 
     def __init__(self, cone: ConeProblem) -> None:

@@ -11,7 +11,7 @@
 
 typedef struct {
     const pb_problem *problem;
-    double *x, *seen, *step; /* impulses now and at the last check [N s], step size of each law [kg] */
+    double *x, *seen, *step; /* current impulses, those at the last check [N s], step size of each law [kg] */
 } solver;
 
 static double seconds(void) {
@@ -20,7 +20,7 @@ static double seconds(void) {
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-/* Write P(scale x - weight (G x + c)) of one law into y, with P the projection onto scale times its set. */
+/* Write P(scale x - weight (G x + c)) of one law into y, where P projects onto scale times its set. */
 static void project(const pb_problem *p, int law, double scale, double weight, const double *x, double *y) {
     double bound = p->fixed_bound[law], squared = 0.0;
     if (p->partner[law] >= 0) bound += p->friction[law] * fmax(x[p->first_row[p->partner[law]]], 0.0);
@@ -35,7 +35,7 @@ static void project(const pb_problem *p, int law, double scale, double weight, c
         for (int k = 0; k < p->row_count[law]; k++) y[k] *= scale * bound / sqrt(squared);
 }
 
-/* Return the residual, at least its rounding error: see PB_SCALES in proxbench.h. */
+/* Return the residual, or its rounding error if that is larger; see PB_SCALES in proxbench.h. */
 static double residual(const pb_problem *p, const double *x) {
     double largest = 0.0, hidden = 0.0;
     for (int law = 0; law < p->n_laws; law++) {

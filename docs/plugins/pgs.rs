@@ -100,7 +100,7 @@ impl Solver {
         }
     }
 
-    /// Return the residual, at least its rounding error: see PB_SCALES in proxbench.h.
+    /// Return the residual, or its rounding error if that is larger; see PB_SCALES in proxbench.h.
     fn residual(&self, x: &[f64]) -> f64 {
         let (mut largest, mut hidden) = (0.0f64, 0.0f64);
         for law in &self.laws {
@@ -140,7 +140,7 @@ pub extern "C" fn proxbench_describe() -> *const Description {
 }
 
 /// # Safety
-/// Called by Proxbench with the structures of proxbench.h, as the functions below are.
+/// Proxbench calls this function and the two below with the structures of proxbench.h.
 #[no_mangle]
 pub unsafe extern "C" fn proxbench_prepare(
     problem: *const Problem, options: *const c_char, prepared: *mut *mut Solver, message: *mut *const c_char,

@@ -1,4 +1,4 @@
-/* The solver of pgs.c as an executable; any solver with the functions of proxbench.h can be turned into one this way.
+/* The solver of pgs.c as an executable. Any solver with the functions of proxbench.h becomes an executable in this way.
 
    cc -O2 -I"$(python -m proxbench.solvers.native)" pgs_process.c pgs.c -o pgs -lm
    proxbench run --solver "Executable(./pgs)" */

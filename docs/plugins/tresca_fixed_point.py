@@ -3,8 +3,8 @@
     Λ^{k+1} solves the problem with  ‖Λ_T‖ ≤ b^k  for the friction of each contact,      b^{k+1} = a + μ Λ_N^{k+1}
 
 (Panagiotopoulos 1975; Haslinger 1983; Acary, Brémond & Huber 2018, section 5.5). With fixed bounds (Tresca's friction)
-the problem is to minimise a convex function over half-lines and discs, to which sweeps of SORprox converge. The fixed
-point iteration contracts for small μ; for large μ it need not.
+a solution minimises a convex function over half-lines and discs, and sweeps of SORprox converge to it. The fixed-point
+iteration contracts for small μ, but not always for large μ.
 """
 
 from collections.abc import Iterator
@@ -19,12 +19,12 @@ from proxbench.solvers.sweeps.delassus import DelassusIterates, DelassusSweep, F
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 INNER_CHANGE, MAX_INNER_SWEEPS = 0.1, 200
-"""Bounds are fixed until a sweep changes Λ by less than this share of the first sweep, or for this many sweeps."""
+"""Bounds are fixed until a sweep changes Λ by at most this fraction of the first change, or for this many sweeps."""
 
 
 @dataclass(frozen=True)
 class TrescaFixedPoint:
-    """The fixed point of Tresca's friction; one iteration is one sweep."""
+    """Fixed-point iteration over problems with Tresca's friction; one iteration is one sweep."""
 
     model = Model.COULOMB
     name = property(name_with_options)
