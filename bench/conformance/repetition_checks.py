@@ -20,7 +20,7 @@ REPEATS = 5
 """Number of repeated solves that are compared with the first one."""
 
 N_CONTACTS = 20
-"""Number of contacts of each problem."""
+"""Number of contacts of each random problem."""
 
 ATTEMPTS = 4
 """Number of problems that are tried; a solver fails only if it repeats stored answers on all of them."""
@@ -49,7 +49,7 @@ def solves_each_time(solver: Solver) -> None:
 
 
 def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float, float]:
-    """Return the processor times of a first solve and of repeated ones [s] (median), in new units.
+    """Return the processor time of a first solve and the median time of repeated ones [s], on a copy in new units.
 
     Raises:
         Violation: if their results are not identical.

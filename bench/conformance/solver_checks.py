@@ -308,7 +308,7 @@ def _supported(solver: Solver) -> list[ContactProblem]:
 
 
 def _have_equal_results(one: Solution, other: Solution) -> bool:
-    """Return whether two solves give identical results, unless one of them met the time limit."""
+    """Return whether two solves give identical results; True if one of them reached the time limit."""
     if Status.TIME_LIMIT in (one.status, other.status):
         return True
     return one.impulses.tobytes() == other.impulses.tobytes() and one.iterations == other.iterations

@@ -1,6 +1,7 @@
 """The fork server of supervisors and cases: it loads libraries once, so that a case starts within milliseconds.
 
-It has no file and no address. Its only client is the process that started it, and it ends with that process.
+It does not listen on a file or an address. Its only client is the process that started it, and it ends with that
+process.
 """
 
 import atexit
@@ -43,7 +44,7 @@ KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMA
 START_SECONDS = 900.0
 """Wall time limit for loading libraries, compiling kernels that are not cached, and forking [s].
 
-Compilation takes minutes on a slow core. The end of a server is noticed at once.
+Compilation takes minutes on a slow core. If a server ends, its client stops waiting at once.
 """
 
 _MAX_ATTEMPTS = 3
