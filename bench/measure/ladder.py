@@ -30,7 +30,7 @@ MAX_PARALLEL_STARTS = 4
 """Largest number of cases that start at the same time."""
 
 INTERRUPT_SECONDS = 0.05
-"""Interval at which an interrupt asks starting cases to end [s]."""
+"""Interval at which starting cases are asked to end after an interrupt [s]."""
 
 Answer = TypeVar("Answer")
 """The result of one round of a level."""
@@ -210,7 +210,7 @@ class LadderCase(ABC, Generic[Answer]):
     def _timed_round(
         self, kind: type[Timed], number: int, request: str, *arguments: Any
     ) -> tuple[Timed, Round, FloatArray] | None:
-        """Return round ``number`` between two probes of the core, with its record and numbers; None if it failed."""
+        """Run round ``number`` between two probes of the core; return it with its record and numbers, or None."""
         if self._worker is None:
             return None
         process, probe, began = self._worker.process, self.core.probe(), time.monotonic()

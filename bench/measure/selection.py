@@ -129,7 +129,7 @@ class _Candidate:
 
 
 def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
-    """Return all given problems, the reasons of skipped files, and the names of the folders."""
+    """Return all given problems, the reasons for skipped files, and the names of the folders."""
     known = set(problem_names())
     check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
@@ -157,7 +157,7 @@ def _drawn(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: S
 
 
 def _read_into(taken: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
-    """Add the drawn problems that ``taken`` lacks to it; return the reasons of those that cannot be read, by name."""
+    """Add drawn problems to ``taken``; return the reasons, by name, why some of them cannot be read."""
     reasons = {}
     for one in drawn:
         try:

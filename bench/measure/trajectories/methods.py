@@ -83,14 +83,14 @@ def make_method(
     *,
     start: str = DEFAULT_START,
 ) -> Method:
-    """Return the method with a name.
+    """Return the method of a given name.
 
     Args:
         name: ``STEPPER with SOLVER`` or ``SOLVER in STEPPER``.
         values: the ladder, in any order.
         tolerance: tolerance of the solver if the stepper varies.
         max_iterations: iteration limit of the solver.
-        given: the solver, if it is known.
+        given: the solver, if its specification is known.
         start: name of the start of each solve.
 
     Raises:
@@ -125,7 +125,7 @@ def stored_method(record: MethodRecord) -> Method:
 def scaled_stepper(stepper: Stepper, factor: float, duration: float) -> Stepper:
     """Return a stepper with ``factor`` times its tolerance, or times the number of steps in ``duration`` [s].
 
-    A whole number of steps reaches the end exactly.
+    The number of steps is rounded, so that the last one ends exactly at ``duration``.
     """
     made: Any = stepper
     if isinstance(stepper, Moreau):

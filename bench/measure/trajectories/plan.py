@@ -46,7 +46,7 @@ def make_study_plan(
     limits: Limits | None = None,
     start: str = DEFAULT_START,
 ) -> Plan[Method]:
-    """Return the plan of the study of a scene.
+    """Return the plan of a study of a scene.
 
     Args:
         scene: name of the scene, with or without options.
