@@ -97,7 +97,7 @@ class RemoteSystem(RenewedWorker):
         functions = record.functions
         return Scene(
             self._name,
-            system=cast(System, self),  # the only methods that are called
+            system=cast(System, self),  # it has all methods that are called
             start=start,
             **{name: getattr(record, name) for name in SAME_FIELDS},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),
