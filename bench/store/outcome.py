@@ -53,7 +53,7 @@ BAD_OUTCOMES = (*FAULTS, Outcome.WRONG)
 
 @dataclass(frozen=True)
 class Cell:
-    """One solver on one problem.
+    """The result of one solver on one problem.
 
     Attributes:
         problem: name.
@@ -122,7 +122,7 @@ LATE_PREPARING = "preparing took longer than the time limit"
 
 
 def late_reason(seconds: float, limit: float) -> str:
-    """Return the reason of a claim of success after the time limit [s]; empty within the limit."""
+    """Return why a claim of success after the time limit [s] does not count; empty within the limit."""
     return f"solved after {seconds:.3g} s, but its limit is {limit:g} s" if seconds > limit else ""
 
 
