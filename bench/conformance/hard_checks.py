@@ -1,4 +1,4 @@
-"""Tests of a solver on each group of hard cases, and of its tolerances and its report of cycles.
+"""Tests of a solver on each group of hard cases, of its tolerances, and of its reports of cycles.
 
 No method solves every case. Every solver must return a finite result and a correct status, leave its inputs unchanged,
 and agree with the known answer if it claims a solution.
@@ -61,7 +61,7 @@ def improves_with_tolerance(solver: Solver) -> None:
 
 @requires_iterates
 def reports_cycles(solver: Solver) -> None:
-    """A solve whose iterates alternate between two values ends as OSCILLATING, not at the iteration limit."""
+    """A solve whose iterates alternate between two values ends with status OSCILLATING, not at the iteration limit."""
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
         status = solver.prepare(problem).solve(CYCLING, observe=partial(_record_iterate, shown)).status

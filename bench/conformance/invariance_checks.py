@@ -56,7 +56,7 @@ def ignores_tangents(solver: Solver) -> None:
 
 
 def ignores_copies(solver: Solver) -> None:
-    """If a contact is duplicated, the sum of both copies gives the same solution of the problem, or one as accurate."""
+    """If a contact is duplicated, the summed impulses of both copies are the same solution, or one as accurate."""
     for trial in _solved_samples(solver):
         for contact in {0, trial.problem.n_contacts - 1}:
             try:

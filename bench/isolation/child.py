@@ -73,7 +73,7 @@ class Assignment:
 
 
 def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) -> None:
-    """Start a new session and answer requests until the pipe is closed. Never returns.
+    """Start a new session and answer requests until the pipe is closed. This function never returns.
 
     Args:
         pipe: file descriptor of requests and answers.
@@ -158,7 +158,7 @@ def _fork_copy(pipe: int) -> bool:
 
 
 def exit_reason(status: int, output: int, start: int) -> str:
-    """Return how a process ended, with the last line of its output if it exited; a signal prints a stack instead.
+    """Return how a process ended, with the last line of its output if it exited (a signal prints a stack instead).
 
     Args:
         status: its wait status.

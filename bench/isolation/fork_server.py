@@ -1,7 +1,7 @@
 """The fork server of supervisors and cases: it loads libraries once, so that a case starts within milliseconds.
 
-It does not listen on a file or an address. Its only client is the process that started it, and it ends with that
-process.
+It listens on no socket file and no network address. Its only client is the process that started it, and it ends with
+that process.
 """
 
 import atexit
@@ -196,7 +196,7 @@ def _end() -> None:
 
 
 def serve(descriptor: int) -> None:
-    """Run the server. Never returns."""
+    """Run the server. This function never returns."""
     from ...problems.compilation import load_cached_kernels, silence_notice
 
     silence_notice()  # forked cases inherit standard error
@@ -204,7 +204,7 @@ def serve(descriptor: int) -> None:
     from .process_state import exempt_from_collection
 
     exempt_from_collection()
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report the end of their cases themselves
     requests = socket.socket(fileno=descriptor)
     while True:
         request, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
@@ -218,7 +218,7 @@ def serve(descriptor: int) -> None:
         except EOFError:  # the client has ended
             os._exit(0)
         if assignment.module.startswith(_FRAMEWORK):
-            import_module(assignment.module)  # once here, not in each case
+            import_module(assignment.module)  # imported once here, not in each case
         load_kernels_of(assignment.solvers)
         if os.fork() == 0:
             requests.close()

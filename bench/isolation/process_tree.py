@@ -27,7 +27,7 @@ def adopt_orphans() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let the system kill this process when its parent ends, on Linux; exit if ``parent`` has already ended."""
+    """On Linux, make the system kill this process when its parent ends; exit if ``parent`` has already ended."""
     _prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
@@ -89,7 +89,7 @@ def processor_seconds(process: int) -> float:
 
 
 def describe_exit(status: int) -> str:
-    """Return a clause that tells how a process ended, from its wait status."""
+    """Return a clause that describes how a process ended, from its wait status."""
     if os.WIFEXITED(status):
         return f"its process ended with exit code {os.WEXITSTATUS(status)}"
     try:

@@ -37,7 +37,7 @@ _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 
 
 def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
-    """Fork the process of the case, monitor it, and report its end. Never returns.
+    """Fork the process of the case, monitor it, and report its end. This function never returns.
 
     Args:
         pipe: descriptor for requests to the case and its answers.
