@@ -70,7 +70,7 @@ class MeasuringCore:
 
     @staticmethod
     def claim() -> "MeasuringCore":
-        """Claim the highest core that this process may use and no other run has claimed."""
+        """Claim the core of the highest number that this process may use and no other run has claimed."""
         allowed = frozenset(_allowed_cores())
         for number in sorted(allowed, reverse=True):
             claim = _claim_socket(number)
@@ -102,7 +102,7 @@ class MeasuringCore:
                 os.sched_setaffinity(0, before)
 
     def cores(self, count: int) -> set[int]:
-        """Return the core, and the highest other cores that this process may use, up to ``count`` in all."""
+        """Return at most ``count`` cores: this one, and those of the highest numbers that this process may use."""
         others = sorted(self.allowed - {self.number}, reverse=True)[: count - 1]
         return set(others) if self.number is None else {self.number, *others}
 

@@ -58,8 +58,8 @@ def select(
         sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
-        ProblemError: for an unknown problem or suite, with the nearest name, a file without a problem, a folder without
-            readable problems, or a sample that is not positive.
+        ProblemError: for an unknown problem or suite (the message suggests the nearest name), a file without a problem,
+            a folder without readable problems, or a sample that is not positive.
         PluginError: if a plugin does not create the problem that it offers.
         BenchError: for an empty list of problems, a name given twice, or a problem with the name of a library problem
             and other numbers.
@@ -157,7 +157,7 @@ def _drawn(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: S
 
 
 def _read_into(taken: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
-    """Add drawn problems to ``taken``; return the reasons, by name, why some of them cannot be read."""
+    """Add drawn problems to ``taken``; return, by name, why some of them cannot be read."""
     reasons = {}
     for one in drawn:
         try:

@@ -11,8 +11,8 @@ and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If
 
 Preemption of further threads of a solver is not detected: w is that of its main thread, and P may exceed T.
 
-An adapter of an external solver also works outside its library, for example to judge answers. T includes
-that work for these checks, but the time of a solve does not.
+An adapter of an external solver also works outside its library, for example to judge answers. T includes that work, but
+the time of a solve does not.
 
 The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """

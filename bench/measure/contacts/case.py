@@ -42,13 +42,13 @@ ROUNDS = 2
 """Number of counted rounds that a point needs in a pass."""
 
 ENOUGH_SECONDS = 0.02
-"""If a counted round takes at least this wall time, one round per pass suffices [s]."""
+"""Wall time of a counted round from which one round per pass suffices [s]."""
 
 MAX_EXCLUDED = 3
 """Largest number of excluded rounds of a point in a pass."""
 
 MAX_EXCLUDED_SECONDS = 0.2
-"""Wall time of the excluded rounds of a point in a pass after which it is not repeated [s]."""
+"""Wall time of the excluded rounds of a point in a pass after which no other round follows [s]."""
 
 MAX_RESTS = 20
 """Number of pauses in which processes of a solver may end; if one still runs afterwards, the solver has misbehaved."""
@@ -253,7 +253,7 @@ class Case(LadderCase[MeasuredRound]):
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
 
     def reason_to_stop(self, point: Point) -> str:
-        """Return why finer points are not attempted after an unsolved or late one; empty if they are."""
+        """Return why finer points are not attempted after an unsolved or late one; empty if they are attempted."""
         if point.outcome is Outcome.NOT_ATTEMPTED:
             return point.reason
         has_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT

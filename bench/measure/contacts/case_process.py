@@ -62,7 +62,7 @@ class TimedSolve:
         solve: wall time of ``solve`` and of copying its impulses, or of the library only [s].
         processor: processor time of both, including all threads, processes that were waited for, and the program of
             an executable [s].
-        uncounted: wall time outside the library; 0 if not only the library is timed [s].
+        uncounted: wall time outside the library; 0 if more than the library is timed [s].
         threads: number of threads, if the prepared solver declares it.
     """
 
@@ -175,7 +175,7 @@ class Measurement:
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
         while True:
-            # counted before the last solve, because reading the system's files displaces data in the caches
+            # read before the last solve, because reading files of the system displaces data in the caches
             before = ContextSwitches.now()
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:

@@ -7,9 +7,9 @@ the time of such a first solve, and t that of repeated ones. Repetition explains
     t₁ ≤ EXPLAINED_RATIO t + ALLOWANCE_SECONDS.
 
 The speed of a core drifts. If a first solve is beyond the bound, a round of repeated ones directly after it gives
-another time, and the slower one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
+another t, and the larger one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
 within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If the fastest of them is beyond it
-for the slowest t, their ratio becomes part of the row (``notes``).
+for the largest t, a note of the point gives their ratio (``notes``).
 
 A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
 t. A solver may load or compile something in its first solve, and the first run of any code is slow. Before a solver is
@@ -66,7 +66,7 @@ N_COPIES, MAX_WARM_UPS = 2, 8
 """Least and largest number of problems that a fork solves before a further first solve, to run the same code."""
 
 WARM_UP_SECONDS = 0.02
-"""Time for which a fork solves them if the largest number permits [s]."""
+"""Time for which a fork solves these problems, unless the largest number is reached before [s]."""
 
 MIN_SECONDS = 1e-6
 """Least time that a solve is assumed to take [s]."""
@@ -90,7 +90,7 @@ class ControlSolve:
         timed: the round that ends with the solve.
         impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the probes of the core before and after it are close to the reference.
-        is_first: whether the process had not solved the problem in other units before; only then its time is stored.
+        is_first: whether the process had not solved the problem in other units before; otherwise no time is stored.
         repeated: time of repeated solves [s]; measured again directly after a solve whose time it does not explain.
     """
 
@@ -283,7 +283,7 @@ class Controls:
         return ControlSolve(problem, timed, scale * _of_length(impulses, problem.n_rows), is_steady)
 
     def _load_kernels(self) -> None:
-        """Continue in a process that has all cached kernels in memory, those of the framework from the fork server."""
+        """Continue in a process with all cached kernels in memory; the fork server loads those of the framework."""
         if not self._loads_kernels:
             self._loads_kernels = True
             load_kernels()

@@ -31,7 +31,7 @@ class Starts:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of what determines the starts, as ``start_digest``; empty for starts from zero."""
+        """Digest of what determines the starts, from ``start_digest``; empty for starts from zero."""
         return start_digest(self.steps, self.problem)
 
     def impulses(self, stop: Stop) -> FloatArray | None:

@@ -79,7 +79,7 @@ class TrajectoryCase(LadderCase[Member]):
         return level >= len(self.points)
 
     def begin(self) -> None:
-        """Start the process and simulate the beginning of the motion, so that kernels are compiled."""
+        """Start the process and simulate the motion once, so that kernels are compiled."""
         task = TrajectoryTask(self.problem, self.method, self.limits.solve_seconds)
         self._start(task, self.method.solver.compiled_solvers)
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])

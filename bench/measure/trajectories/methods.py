@@ -24,7 +24,7 @@ from ...store.plans import MethodRecord
 WITH, IN = " with ", " in "
 
 RESOLUTION = 100.0
-"""Tolerance of a variable stepper relative to its default minimal step [s]."""
+"""Ratio of the tolerance of a variable stepper to its default minimal step in seconds."""
 
 ITERATIONS = 20_000
 """Iteration limit of the solver in a one-step inclusion."""
@@ -48,7 +48,7 @@ class Method:
         """Return the method with another start; a stepper without initial impulses keeps its start.
 
         Raises:
-            BenchError: for an unknown start, with the nearest name.
+            BenchError: for an unknown start; the message suggests the nearest name.
         """
         check_start(start)
         stepper = make_stepper(self.stepper)
@@ -95,7 +95,7 @@ def make_method(
 
     Raises:
         BenchError: if ``name`` is not a method, or a value is out of range.
-        ProxbenchError: for an unknown stepper, solver or option, with the nearest name.
+        ProxbenchError: for an unknown stepper, solver or option; the message suggests the nearest name.
     """
     stepper, joint, solver = name.partition(WITH)
     varies_solver = not joint or stepper.partition("(")[0].strip() not in STEPPERS
