@@ -1,7 +1,7 @@
 """A scene in a separate process, with the ``Scene`` interface.
 
-The process describes the scene, and evaluates single states: energies and observables, and the contacts that a
-recording draws. Another process takes the steps of a simulation, see ``simulation.remote_steps``. If the scene raises
+The process describes the scene, and evaluates single states: energies, observables, and the contacts that a recording
+draws. Another process computes the steps of a simulation (``simulation.remote_steps``). If the scene raises
 an exception, hangs, crashes or exhausts memory, this process is not affected. A request without an answer raises
 ``FailedSceneError``, and the next request starts a new process.
 """

@@ -1,4 +1,4 @@
-"""Conversion of records to files and back: JSON with a checksum, displayable texts, and null for infinite numbers."""
+"""Convert records to files and back: JSON with a checksum, displayable texts, and null for nonfinite numbers."""
 
 import hashlib
 import json

@@ -193,8 +193,8 @@ class Measured(Record, frozen=True, kw_only=True):
         impulse_error: distance to the known impulses; None if they are unknown.
         errors: errors of a trajectory, one for each quantity.
         unsolved_steps: number of steps of all members of a trajectory whose judged residual is too large.
-        overlapping_steps: number of steps of all members whose projection of positions leaves too deep overlaps; 0 in
-            runs that were stored before it was counted.
+        overlapping_steps: number of steps of all members whose projection of positions leaves overlaps deeper than its
+            tolerance; 0 in runs that were stored before it was counted.
         failed_members: number of members of a trajectory that failed.
     """
 
@@ -274,7 +274,8 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         problem: name.
         digest: SHA-256 of the problem's numbers.
         start: digest of the earlier steps and the contacts that a warm start continues; empty for a start from zero,
-            and in runs that were stored before it was recorded. Equal cases have equal digests of both kinds.
+            and in runs that were stored before it was recorded. Cases of one solver are comparable only if both digests
+            are equal.
         solver: name, with options.
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
