@@ -88,7 +88,7 @@ def make_study_plan(
 
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
-    """Return the record of a trajectory, without its reference if it must be simulated, and the scene."""
+    """Return the record of a trajectory, before its reference is simulated, and the scene."""
     plain, options = parse_scene(scene)
     study = SCENES[plain].study if plain in SCENES else StudyDefaults()
     is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options
