@@ -50,5 +50,5 @@ def requires_iterates(test: Callable[[Solver], None]) -> Callable[[Solver], None
 
 
 def checks(**tests: Callable[[Subject], None]) -> tuple[Check[Subject], ...]:
-    """Return the tests, named like their functions with spaces for "_"; the docstrings are the requirements."""
+    """Return one check per test: the keyword, with spaces for "_", is its name, and the docstring its requirement."""
     return tuple(Check(name.replace("_", " "), (test.__doc__ or "").strip(), test) for name, test in tests.items())

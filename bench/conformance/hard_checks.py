@@ -1,4 +1,4 @@
-"""Tests of a solver on the hard cases: one for each group of cases, and two others.
+"""Tests of a solver on each group of hard cases, of its tolerances, and of its reports of cycles.
 
 No method solves every case. Every solver must return a finite result and a correct status, leave its inputs unchanged,
 and agree with the known answer if it claims a solution.
@@ -32,11 +32,11 @@ SAME_ITERATE = 1e-9
 """Difference below which iterates count as equal, relative to their largest step."""
 
 REPETITIONS = 50
-"""Number of iterations in a cycle after which the cycle must be reported."""
+"""Number of iterations after which a cycle must be reported."""
 
 
 def is_truthful_on_group(group: str, solver: Solver) -> None:
-    """On hard cases of one group, results are finite and match status and known answer; inputs are unchanged."""
+    """On hard cases of one group, results are finite and agree with status and known answer; inputs are unchanged."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = run_trial(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
@@ -61,7 +61,7 @@ def improves_with_tolerance(solver: Solver) -> None:
 
 @requires_iterates
 def reports_cycles(solver: Solver) -> None:
-    """A solve whose iterates alternate between two values ends as OSCILLATING, not at the iteration limit."""
+    """A solve whose iterates alternate between two values ends with status OSCILLATING, not at the iteration limit."""
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
         status = solver.prepare(problem).solve(CYCLING, observe=partial(_record_iterate, shown)).status
@@ -77,7 +77,7 @@ def _record_iterate(shown: deque[FloatArray], iteration: int, impulses: FloatArr
 
 
 def _is_cycle(shown: deque[FloatArray]) -> bool:
-    """Return whether each iterate equals the one before the previous one, and differs from the previous one."""
+    """Return whether each iterate equals the one two iterations before, and differs from the previous one."""
     if len(shown) < REPETITIONS:
         return False
     iterates = np.array(shown)

@@ -56,7 +56,7 @@ def ignores_tangents(solver: Solver) -> None:
 
 
 def ignores_copies(solver: Solver) -> None:
-    """With a duplicated contact, a problem has the same solution, or one as accurate, for the sum of both copies."""
+    """If a contact is duplicated, the summed impulses of both copies are the same solution, or one as accurate."""
     for trial in _solved_samples(solver):
         for contact in {0, trial.problem.n_contacts - 1}:
             try:
@@ -83,7 +83,7 @@ def _solve_transformed(solver: Solver, trial: Trial, other: TransformedProblem, 
     """Solve the transformed problem; return None if the solver does not support it or reaches the time limit.
 
     Raises:
-        Violation: if its claimed solution does not solve the original problem.
+        Violation: if the claimed solution does not solve the original problem.
     """
     if solver.supports(other.problem) is not None:
         return None

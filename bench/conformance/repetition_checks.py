@@ -20,7 +20,7 @@ REPEATS = 5
 """Number of repeated solves that are compared with the first one."""
 
 N_CONTACTS = 20
-"""Number of contacts of each problem."""
+"""Number of contacts of each random problem."""
 
 ATTEMPTS = 4
 """Number of problems that are tried; a solver fails only if it repeats stored answers on all of them."""
@@ -30,7 +30,7 @@ RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 
 
 def solves_each_time(solver: Solver) -> None:
-    """The first and later solves of a problem give identical results and take the same time, apart from caches."""
+    """The first and later solves of a problem give identical results and, apart from caches, take the same time."""
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
     problem = supported(solver, problems, "it supports none of the problems that are large enough for timing")[0]
     found: list[tuple[float, float]] = []
@@ -49,7 +49,7 @@ def solves_each_time(solver: Solver) -> None:
 
 
 def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float, float]:
-    """Return the processor times of a first solve and of repeated ones [s] (median), in new units.
+    """Return the processor time of a first solve and the median time of repeated ones [s], on a copy in new units.
 
     Raises:
         Violation: if their results are not identical.

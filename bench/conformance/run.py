@@ -46,8 +46,8 @@ def run_checks(
         check, promise, result ("passed", "failed" or "not applicable"), sentence and seconds.
 
     Raises:
-        ProxbenchError: for an unknown name, a time limit that is not positive, or a plugin without solvers and
-            problems.
+        ProxbenchError: for an unknown name, a time limit that is not positive, or a plugin that provides neither
+            solvers nor problems.
     """
     if not seconds > 0:
         raise BenchError(f"`seconds` must be positive, got {seconds:g}; leave it out for the default.")

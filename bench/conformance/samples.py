@@ -34,7 +34,7 @@ _HARD = (
 
 
 def samples() -> list[ContactProblem]:
-    """Return problems with 1, 2, 3 and mixed rows per contact, in both forms, regular, redundant and asymmetric."""
+    """Return problems with 1, 2, 3 or mixed rows per contact, given by factors or G, some redundant or asymmetric."""
     made = [random_contacts(8, dim) for dim in (1, 2, 3)]
     made += [three_planar_contacts(), in_delassus_form(random_contacts(8, 3)), asymmetric()]
     return made + [hard_case(name) for name in _HARD]
@@ -45,10 +45,10 @@ def supported(
     problems: Iterable[ContactProblem] | None = None,
     reason: str = "it supports none of the small problems",
 ) -> list[ContactProblem]:
-    """Return the problems, or samples, that ``solver`` supports.
+    """Return those of ``problems``, or of the samples, that ``solver`` supports.
 
     Raises:
-        NotApplicable: if it supports none, for this ``reason``.
+        NotApplicable: if it supports none; ``reason`` is the message.
     """
     found = [problem for problem in (samples() if problems is None else problems) if solver.supports(problem) is None]
     if not found:
@@ -57,7 +57,7 @@ def supported(
 
 
 def random_contacts(n_contacts: int, dim: int) -> ContactProblem:
-    """Return ``n_contacts`` contacts of ``dim`` rows between randomly coupled bodies, with a regular G in factors."""
+    """Return ``n_contacts`` randomly coupled contacts of ``dim`` rows each, given by factors, with a regular G."""
     rng = np.random.default_rng(7)
     n_rows = n_contacts * dim
     directions = rng.normal(size=(n_rows + 16, n_rows)) / np.sqrt(n_rows + 16)

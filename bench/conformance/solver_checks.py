@@ -74,7 +74,7 @@ def can_be_pickled(solver: Solver) -> None:
 
 
 def declines_through_supports(solver: Solver) -> None:
-    """``supports`` is deterministic and returns None or a reason; supported problems do not end as unsupported."""
+    """``supports`` is deterministic and returns None or a reason; supported problems never end with UNSUPPORTED."""
     for problem in samples():
         fault = reason_fault(solver.supports(problem))
         if fault:
@@ -150,7 +150,7 @@ def is_useful(solver: Solver) -> None:
 
 
 def reports_infeasibility(solver: Solver) -> None:
-    """A closing contact that cannot move ends as INFEASIBLE, or is not supported."""
+    """A problem with a closing contact that cannot move is reported as INFEASIBLE, or is not supported."""
     problem = infeasible()
     if solver.supports(problem):
         return
@@ -287,7 +287,7 @@ BRIEF_CHECKS: tuple[Check[Solver], ...] = (
     ),
     *INVARIANCE_CHECKS,
 )
-"""The tests of a solver on small problems alone."""
+"""The tests of a solver that use small problems only."""
 
 SOLVER_CHECKS: tuple[Check[Solver], ...] = (*BRIEF_CHECKS, *HARD_CHECKS)
 """All tests of a solver, in the order in which they run.
@@ -308,7 +308,7 @@ def _supported(solver: Solver) -> list[ContactProblem]:
 
 
 def _have_equal_results(one: Solution, other: Solution) -> bool:
-    """Return whether two solves give identical results, unless one of them met the time limit."""
+    """Return whether two solves give identical results; True if one of them reached the time limit."""
     if Status.TIME_LIMIT in (one.status, other.status):
         return True
     return one.impulses.tobytes() == other.impulses.tobytes() and one.iterations == other.iterations

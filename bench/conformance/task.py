@@ -28,7 +28,7 @@ class CheckingTask:
     _before: ProcessState | None = None
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer "check" (kind, name, name of the check).
+        """Answer the request "check" (kind and name of the subject, name of the check).
 
         Raises:
             MisbehaviourError: if the judge, or another part of the framework, was replaced, which invalidates all

@@ -1,1 +1,1 @@
-"""Child processes of cases: start, limit, supervise and end them."""
+"""Start, limit, supervise and end the child processes of cases."""

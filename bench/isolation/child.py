@@ -27,13 +27,13 @@ from .pipe import read_message, write_message
 from .process_tree import describe_exit, end_with_parent
 
 IN_A_COPY = "in a copy"
-"""Request that forks the process; the fork answers the request in its arguments."""
+"""Request to fork the process; its arguments are another request, which the fork answers."""
 
 MAX_FILE_BYTES = 2**24
 """Largest size of a file that a case may write, including its captured output."""
 
 MAX_TRACEBACK_LENGTH = 20_000
-"""Number of characters at the end of a traceback that are sent."""
+"""Largest number of characters that are sent from the end of a traceback."""
 
 MAX_CAUSES = 100
 """Largest number of causes of an exception to follow, because a plugin may link them in a cycle."""
@@ -73,7 +73,7 @@ class Assignment:
 
 
 def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) -> None:
-    """Start a new session and answer requests until the pipe is closed. Never returns.
+    """Start a new session and answer requests until the pipe is closed. This function never returns.
 
     Args:
         pipe: file descriptor of requests and answers.
@@ -158,7 +158,7 @@ def _fork_copy(pipe: int) -> bool:
 
 
 def exit_reason(status: int, output: int, start: int) -> str:
-    """Return how a process ended, with the last line of its output if it exited; a signal prints a stack instead.
+    """Return how a process ended, with the last line of its output if it exited (a signal prints a stack instead).
 
     Args:
         status: its wait status.

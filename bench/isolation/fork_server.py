@@ -1,6 +1,7 @@
 """The fork server of supervisors and cases: it loads libraries once, so that a case starts within milliseconds.
 
-It has no file and no address. Its only client is the process that started it, and it ends with that process.
+It listens on no socket file and no network address. Its only client is the process that started it, and it ends with
+that process.
 """
 
 import atexit
@@ -44,7 +45,7 @@ KEPT_MEMORY = {f"MALLOC_{name}_THRESHOLD_": str(2**30) for name in ("TRIM", "MMA
 START_SECONDS = 900.0
 """Wall time limit for loading libraries, compiling kernels that are not cached, and forking [s].
 
-Compilation takes minutes on a slow core. The end of a server is noticed at once.
+Compilation takes minutes on a slow core. If a server ends, its client stops waiting at once.
 """
 
 _MAX_ATTEMPTS = 3
@@ -197,7 +198,7 @@ def _end() -> None:
 
 
 def serve(descriptor: int, announces: bool) -> None:
-    """Run the server. Never returns.
+    """Run the server. This function never returns.
 
     Args:
         descriptor: file descriptor of the socket to the client.
@@ -210,7 +211,7 @@ def serve(descriptor: int, announces: bool) -> None:
     from .process_state import exempt_from_collection
 
     exempt_from_collection()
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report their end themselves
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # supervisors report the end of their cases themselves
     requests = socket.socket(fileno=descriptor)
     while True:
         request, descriptors, _, _ = socket.recv_fds(requests, len(_REQUEST), _N_DESCRIPTORS)
@@ -224,7 +225,7 @@ def serve(descriptor: int, announces: bool) -> None:
         except EOFError:  # the client has ended
             os._exit(0)
         if assignment.module.startswith(_FRAMEWORK):
-            import_module(assignment.module)  # once here, not in each case
+            import_module(assignment.module)  # imported once here, not in each case
         load_kernels_of(assignment.solvers)
         if os.fork() == 0:
             requests.close()

@@ -69,7 +69,7 @@ class ProcessState:
         )
 
     def after_imports(self) -> Self:
-        """Return this state, with present values of settings that libraries change if any was imported since."""
+        """Return this state; if modules were imported since, with present values of settings that libraries change."""
         if self.modules.issuperset(sys.modules):
             return self
         return replace(self, settings=self.settings | {name: _read(_STATE[name]) for name in _OF_LIBRARIES})
@@ -99,7 +99,7 @@ _NOTHING = object()
 
 
 def _names_of(module_name: str) -> dict[str, object]:
-    """Return the objects of a module by name, with members of classes and code of functions for our own modules."""
+    """Return the objects of a module by name; for the framework, also members of classes and code of functions."""
     module, found = sys.modules.get(module_name), dict[str, object]()
     for key, value in list(vars(module).items()) if module else ():
         if module_name in _RELIED_ON:
@@ -119,7 +119,7 @@ def _names_of(module_name: str) -> dict[str, object]:
 
 
 def _read(read: Callable[[], Any]) -> Any:
-    """Return the value of a setting; the error as text if it cannot be read."""
+    """Return the value of a setting, or the error as text if it cannot be read."""
     try:
         return read()
     except (OSError, ValueError) as error:

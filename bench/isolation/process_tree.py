@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 
 _MAX_PASSES = 100
-"""Largest number of attempts to stop all processes, while they start others, before they are killed."""
+"""Largest number of passes that stop all processes before they are killed; running ones may start others."""
 
 _ALL_THREADS = 2
 """Low bits of a clock id that select the processor time of all threads of a process (clock_getcpuclockid(3))."""
@@ -27,7 +27,7 @@ def adopt_orphans() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Let the system kill this process when its parent ends, on Linux; exit if ``parent`` has already ended."""
+    """On Linux, make the system kill this process when its parent ends; exit if ``parent`` has already ended."""
     _prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
@@ -76,7 +76,7 @@ def running(processes: Iterable[int]) -> list[int]:
 def processor_seconds(process: int) -> float:
     """Return the processor time of a process and of children that it waited for [s]; 0 if it has ended.
 
-    On Linux, its own time is that of its clock; that of children has the resolution of system ticks.
+    On Linux, its own time is read from its processor-time clock; that of children has the resolution of system ticks.
     """
     try:
         times = psutil.Process(process).cpu_times()
@@ -89,7 +89,7 @@ def processor_seconds(process: int) -> float:
 
 
 def describe_exit(status: int) -> str:
-    """Return a clause that tells how a process ended, from its wait status."""
+    """Return a clause that describes how a process ended, from its wait status."""
     if os.WIFEXITED(status):
         return f"its process ended with exit code {os.WEXITSTATUS(status)}"
     try:
@@ -110,7 +110,7 @@ def kill_all(case: int, status: int) -> int:
 
     Args:
         case: process id of the case.
-        status: its wait status if it has already ended.
+        status: the wait status to return if the case has already ended.
 
     Returns:
         The wait status of ``case``.

@@ -37,7 +37,7 @@ _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 
 
 def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> None:
-    """Fork the process of the case, monitor it, and report its end. Never returns.
+    """Fork the process of the case, monitor it, and report its end. This function never returns.
 
     Args:
         pipe: descriptor for requests to the case and its answers.
@@ -71,12 +71,12 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
 
 
 def _peak_memory(of: int) -> int:
-    """Return the largest resident memory of this process and of all children that it has waited for [bytes]."""
+    """Return the largest resident memory of this process, or of a child that it has waited for [bytes]."""
     return resource.getrusage(of).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _signal_pipe() -> tuple[int, int]:
-    """Return a pipe (out, in) that receives the number of every signal in ``_SIGNALS``."""
+    """Return a pipe (read end, write end) that receives the number of every signal in ``_SIGNALS``."""
     wakeup = os.pipe()
     for end in wakeup:
         os.set_blocking(end, False)

@@ -1,8 +1,8 @@
 """Child processes of cases, and the communication with them.
 
-Cases are forked from a server with all libraries loaded (``preload``). Each has a supervisor that ends all its
-processes, even if this process has ended (``supervisor``). A case answers with JSON and raw numbers, never with objects
-that could run code here, within its time limit (``pipe``).
+Cases are forked from a server with all libraries loaded (``preload``). Each case has a supervisor that ends all
+processes of the case, even if this process has ended (``supervisor``). Within its time limit, a case answers with JSON
+and raw numbers, never with objects that could run code here (``pipe``).
 """
 
 import contextlib
@@ -174,7 +174,7 @@ class Worker:
         return next(iter(descendants(self._supervisor.process)), 0)
 
     def processor_seconds(self) -> float:
-        """Return the processor time that the process of the case, and those that it keeps, have used [s]."""
+        """Return the processor time that the process of the case and its descendants have used [s]."""
         return sum(map(processor_seconds, descendants(self._supervisor.process)))
 
     def output(self) -> str:
@@ -197,7 +197,7 @@ class Worker:
         self._release()
 
     def _kill_orphans(self) -> None:
-        """Kill the processes that a killed or stopped supervisor has left; they print to the output of the case."""
+        """Kill the processes that a killed or stopped supervisor has left; they share the output file of the case."""
         deadline = time.monotonic() + END_SECONDS
         while (left := writers(self._output)) and time.monotonic() < deadline:
             send_signal(signal.SIGKILL, left)
@@ -276,7 +276,7 @@ def _setting() -> dict[str, Any]:
 class RenewedWorker:
     """A process for one task that starts with the first request, and is replaced after a fault.
 
-    Use it as a context manager, or call ``close``; the process ends with the object at the latest.
+    Use it as a context manager, or call ``close``; otherwise the process ends when the object is deleted.
 
     Attributes:
         seconds: wall time limit of each request [s].
@@ -299,7 +299,7 @@ class RenewedWorker:
         """Return the answer to one request, within ``seconds`` or the default limit [s].
 
         Raises:
-            Exception: the result of ``failure`` for a request without an answer.
+            Exception: the one that ``failure`` returns, if the request gets no answer.
         """
         try:
             if not self._running:

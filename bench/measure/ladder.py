@@ -30,7 +30,7 @@ MAX_PARALLEL_STARTS = 4
 """Largest number of cases that start at the same time."""
 
 INTERRUPT_SECONDS = 0.05
-"""Interval at which an interrupt asks starting cases to end [s]."""
+"""Interval at which starting cases are asked to end after an interrupt [s]."""
 
 Answer = TypeVar("Answer")
 """The result of one round of a level."""
@@ -98,7 +98,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def needs_round(self, answers: Sequence[Answer]) -> bool:
-        """Return whether the level needs another round after these answers, at least one."""
+        """Return whether the level needs another round after those with these answers, at least one."""
 
     @abstractmethod
     def point(self, value: float, answers: list[Answer]) -> Point:
@@ -182,7 +182,7 @@ class LadderCase(ABC, Generic[Answer]):
         return self.reason_to_stop(self.points[level - 1]) if level > 0 else ""
 
     def _start(self, task: Task, solvers: Sequence[str] = ()) -> None:
-        """Start the process, in which the kernels of ``solvers`` are loaded; fail if that is impossible."""
+        """Start the process, in which the kernels of ``solvers`` are loaded; fail the case if that is impossible."""
         try:
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes, solvers)
         except Fault as unsent:
@@ -210,7 +210,10 @@ class LadderCase(ABC, Generic[Answer]):
     def _timed_round(
         self, kind: type[Timed], number: int, request: str, *arguments: Any
     ) -> tuple[Timed, Round, FloatArray] | None:
-        """Return round ``number`` between two probes of the core, with its record and numbers; None if it failed."""
+        """Run round ``number`` between two probes of the core; return it with its record and numbers.
+
+        The result is None if the case failed.
+        """
         if self._worker is None:
             return None
         process, probe, began = self._worker.process, self.core.probe(), time.monotonic()

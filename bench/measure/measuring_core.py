@@ -1,12 +1,12 @@
 """The processor core on which solves are timed, and measurements of the load of the machine.
 
-A run claims one core. While solves are timed, the process of the case and this process are pinned to it, so that the
-system moves other programs elsewhere, and another run on the same machine claims another core. Three measurements
+A run claims one core; another run on the same machine claims another one. While solves are timed, the process of the
+case and this process are pinned to the core, so that the system moves other programs elsewhere. Three measurements
 show whether other programs disturbed a round of solves:
 
-* context switches and processor seconds of the solves (``Round`` in ``store/records.py``);
-* a *probe*: before and after each round this process, which runs no code of a plugin, times a fixed computation on
-  the same core, which takes longer if another hardware thread shares the core, or if the clock rate drops;
+* context switches and processor time of the solves (``Round`` in ``store/records.py``);
+* a *probe*: before and after each round, this process, which runs no code of a plugin, times a fixed computation on
+  the same core. The computation takes longer if another hardware thread shares the core, or if the clock rate drops;
 * the load of the *other* cores, which are idle if only this run works.
 
 A disturbed round is excluded and measured again. Measured times are never corrected.
@@ -55,7 +55,7 @@ class MeasuringCore:
     """One core, claimed for this process until ``release``.
 
     Attributes:
-        number: number of the core; None if the system has no affinity, or other runs have claimed every core.
+        number: number of the core; None if the system does not support affinity, or other runs have claimed every core.
         probes: wall times of all probes [s].
         allowed: numbers of the cores that this process may use.
         busy_cores: mean number of other busy cores while this one was last occupied.
@@ -70,7 +70,7 @@ class MeasuringCore:
 
     @staticmethod
     def claim() -> "MeasuringCore":
-        """Claim the highest core that this process may use and no other run has claimed."""
+        """Claim the core of the highest number that this process may use and no other run has claimed."""
         allowed = frozenset(_allowed_cores())
         for number in sorted(allowed, reverse=True):
             claim = _claim_socket(number)
@@ -86,7 +86,7 @@ class MeasuringCore:
 
     @contextlib.contextmanager
     def occupied(self, count: int = 1) -> Iterator[None]:
-        """Pin the calling thread to the core, and measure the load of all except ``count`` cores, those of solvers."""
+        """Pin the calling thread to the core, and measure the load of all except the ``count`` cores of solvers."""
         own = set[int]() if self.number is None else self.cores(count)
         before = _allowed_cores()
         if self.number is not None:
@@ -102,7 +102,7 @@ class MeasuringCore:
                 os.sched_setaffinity(0, before)
 
     def cores(self, count: int) -> set[int]:
-        """Return the core, and the highest other cores that this process may use, up to ``count`` in all."""
+        """Return at most ``count`` cores: this one, and those of the highest numbers that this process may use."""
         others = sorted(self.allowed - {self.number}, reverse=True)[: count - 1]
         return set(others) if self.number is None else {self.number, *others}
 
@@ -153,7 +153,7 @@ class MeasuringCore:
 
 
 def _allowed_cores() -> set[int]:
-    """Return the cores that the calling thread may use; an empty set if the system has no affinity."""
+    """Return the cores that the calling thread may use; an empty set if the system does not support affinity."""
     return set(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else set()
 
 

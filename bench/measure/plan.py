@@ -46,7 +46,7 @@ Measured = TypeVar("Measured", SolverSpec, Method)
 
 @dataclass(frozen=True)
 class Plan(Generic[Measured]):
-    """A plan, with the objects of its names.
+    """A plan, with the problems and solvers that it names.
 
     Attributes:
         record: the stored plan.
@@ -104,9 +104,9 @@ def make_plan(
         shard: measure every n-th problem from the i-th on, for "i/n".
 
     Raises:
-        ProblemError: for an unknown problem or suite, with the nearest name, a file or folder without any, or an empty
-            sample.
-        SolverError: for an unknown solver or option, with the nearest name.
+        ProblemError: for an unknown problem or suite (the message suggests the nearest name), a file or folder without
+            a problem, or an empty sample.
+        SolverError: for an unknown solver or option; the message suggests the nearest name.
         PluginError: if a plugin's solver breaks the contract, or a plugin does not create the problem that it offers.
         BenchError: for an empty list of solvers, a name given twice, a problem with the name of a library problem and
             other numbers, a solver object that breaks the contract, or a shard out of range.

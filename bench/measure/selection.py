@@ -58,8 +58,8 @@ def select(
         sampling: how the sample is divided among families, see ``sampled``.
 
     Raises:
-        ProblemError: for an unknown problem or suite, with the nearest name, a file without a problem, a folder without
-            readable problems, or a sample that is not positive.
+        ProblemError: for an unknown problem or suite (the message suggests the nearest name), a file without a problem,
+            a folder without readable problems, or a sample that is not positive.
         PluginError: if a plugin does not create the problem that it offers.
         BenchError: for an empty list of problems, a name given twice, or a problem with the name of a library problem
             and other numbers.
@@ -129,7 +129,7 @@ class _Candidate:
 
 
 def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
-    """Return all given problems, the reasons of skipped files, and the names of the folders."""
+    """Return all given problems, the reasons for skipped files, and the names of the folders."""
     known = set(problem_names())
     check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
@@ -157,7 +157,7 @@ def _drawn(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: S
 
 
 def _read_into(taken: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
-    """Add the drawn problems that ``taken`` lacks to it; return the reasons of those that cannot be read, by name."""
+    """Add drawn problems to ``taken``; return, by name, why some of them cannot be read."""
     reasons = {}
     for one in drawn:
         try:

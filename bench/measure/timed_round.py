@@ -1,8 +1,8 @@
 """A round of timed solves from the process of a case, and whether other programs disturbed it.
 
 A process loses time while another one runs on its core (it is *preempted*), while the hypervisor runs another machine,
-or while it sleeps or waits for a device. With T the wall seconds of the solves, P their processor seconds, and w the
-seconds that it spends runnable but waiting for the core,
+or while it sleeps or waits for a device. Let T be the wall time of the solves, P their processor time, and w the time
+for which the process is runnable but waits for the core [s]. Then
 
     lost = w                 if the process only switched voluntarily: it may have slept,
     lost = max(T - P, w)     otherwise: it never slept, or another process or thread took the core,
@@ -11,8 +11,8 @@ and the round is excluded if lost > TOLERATED_SHARE · T + TOLERATED_SECONDS. If
 
 Preemption of further threads of a solver is not detected: w is that of its main thread, and P may exceed T.
 
-An adapter of an external solver also works outside its library, for example to judge answers. T includes
-that work for these checks, but the time of a solve does not.
+An adapter of an external solver also works outside its library, for example to judge answers. T includes that work, but
+the time of a solve does not.
 
 The first solve of a round has cold caches. Its time counts only if it is the only solve.
 """
@@ -40,7 +40,7 @@ TOLERATED_SECONDS = 5e-5
 """Additional time that a round may lose to system interrupts [s]."""
 
 CLOCK_SECONDS = 5e-6
-"""Processor time of a solve between the readings of both clocks [s]."""
+"""Processor time of a solve between reading one clock and reading the other [s]."""
 
 PARALLEL_SECONDS = 1e-3
 """Processor time of each core by which a round may exceed its wall time [s]."""
@@ -140,7 +140,7 @@ class TimedRound(Struct, frozen=True):
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
 
     def threads_used(self, declared: int) -> int:
-        """Return the number of threads in which the last solve computed, at most those that its solver declares."""
+        """Return the number of threads that the last solve used, at most the number that its solver declares."""
         return declared if self.threads is None else min(self.threads, declared)
 
     def exceeds(self, cores: int) -> bool:

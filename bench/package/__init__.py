@@ -49,7 +49,7 @@ def __dir__() -> list[str]:
     return sorted([*__all__, *_SUBPACKAGES])
 
 
-if not TYPE_CHECKING:  # a type checker reports unknown names only where it finds no __getattr__
+if not TYPE_CHECKING:  # a type checker reports unknown names only if it finds no __getattr__
 
     def __getattr__(name: str) -> object:
         """Import a name on first use, and cache it."""

@@ -20,7 +20,7 @@ class BallsRecord(Record, frozen=True, kw_only=True):
     Attributes:
         dimension: 2 or 3.
         has_rotation: whether the balls rotate.
-        inertia_factor: J/(m r²).
+        inertia_factor: moment of inertia of a ball over m r².
         planes: the planes.
         segments: the other surfaces that can be drawn.
     """

@@ -89,7 +89,7 @@ def describe_solver(name: str) -> dict[str, Any]:
 
 
 def option_texts(name: str) -> list[str]:
-    """Return the options of a solver with their defaults: ``"relaxation=1.0"``; the plugin is imported if necessary."""
+    """Return the options of a solver with their defaults, as ``"relaxation=1.0"``; import its plugin if necessary."""
     options = inspect.signature(registry.factory(name)).parameters.values()
     return [f"{option.name}={option.default!r}" for option in options if option.default is not option.empty]
 
@@ -185,7 +185,7 @@ class DescribingTask:
     """The task of the child: it answers "offers" (file), "solver" (name, pickled object), "problem", "scene" (name)."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; the answer to a request that fails by a user error is {"refused": message}."""
+        """Answer one request; if it raises a ``ProxbenchError``, the answer is {"refused": message}."""
         try:
             if request == "offers":
                 return {"offers": _offers(*arguments)}, b""

@@ -82,7 +82,7 @@ def check_plugins_unchanged(recorded: Iterable[PluginUse]) -> None:
     The files are not registered automatically, because resuming someone else's run would execute its code.
 
     Raises:
-        BenchError: if a file is not registered, missing, or changed, so that two versions would share a name.
+        BenchError: if a file is not registered, is missing, or has changed, so that two versions would share a name.
     """
     used = {str(file.path): file.sha256 for file, _ in registered()}
     files = {(use.file, use.sha256, "file" if is_native_use(use) else "plugin file") for use in recorded if use.file}

@@ -1,4 +1,4 @@
-"""The problems of a run: find them, and store those that the package does not contain.
+"""Find the problems of a run, and store those that the package does not contain.
 
 The hard cases and the frozen library have the same numbers in every installation of one version. All other problems (of
 plugins, of the caller, generated ones) are stored with the run, so that it can be resumed, judged again and shown

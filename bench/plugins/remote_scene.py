@@ -1,7 +1,7 @@
 """A scene in a separate process, with the ``Scene`` interface.
 
-The process describes the scene, and evaluates single states: energies and observables, and the contacts that a
-recording draws. Another process takes the steps of a simulation, see ``simulation.remote_steps``. If the scene raises
+The process describes the scene, and evaluates single states: energies, observables, and the contacts that a recording
+draws. Another process computes the steps of a simulation (``simulation.remote_steps``). If the scene raises
 an exception, hangs, crashes or exhausts memory, this process is not affected. A request without an answer raises
 ``FailedSceneError``, and the next request starts a new process.
 """
@@ -97,7 +97,7 @@ class RemoteSystem(RenewedWorker):
         functions = record.functions
         return Scene(
             self._name,
-            system=cast(System, self),  # the only methods that are called
+            system=cast(System, self),  # it has all methods that are called
             start=start,
             **{name: getattr(record, name) for name in SAME_FIELDS},
             kinetic_energy=lambda velocity: self._number("kinetic_energy", velocity),

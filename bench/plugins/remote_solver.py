@@ -1,8 +1,8 @@
 """A solver in a separate process, with the ``Solver`` interface.
 
-It is used for successive solves: those of a solver matrix, of a recording, and of the steps of a simulation. The
-solver of a plugin may raise, hang, crash or exhaust memory without harm to the process that judges. A request without
-an answer raises ``FailedSolveError``, and the next request starts a new process.
+It is used for successive solves: those of a solver matrix, of a recording, and of the steps of a simulation. If the
+solver raises an exception, hangs, crashes or exhausts memory, this process is not affected. A request without an answer
+raises ``FailedSolveError``, and the next request starts a new process.
 """
 
 import io
@@ -89,17 +89,17 @@ class RemoteSolver(RenewedWorker):
         return str(answer.get("unsupported_reason", "")) or None
 
     def prepare(self, problem: ContactProblem) -> "RemotePrepared":
-        """Let the solver prepare ``problem``.
+        """Prepare ``problem`` in the process of the solver.
 
         Raises:
-            FailedSolveError: if it does not answer.
+            FailedSolveError: if the solver does not answer.
         """
         self._ready = None
         self.ensure_prepared(problem)
         return RemotePrepared(self, problem)
 
     def ensure_prepared(self, problem: ContactProblem) -> None:
-        """Let the solver prepare ``problem``, unless its process has just done so."""
+        """Prepare ``problem`` in the process of the solver, unless it is the last one prepared there."""
         self._send(problem)
         if self._ready is not problem:
             self.ask_in_time("prepare")
@@ -162,10 +162,10 @@ class RemotePrepared:
         Raises:
             FailedSolveError: if the solver does not answer, or its answer is not a solution.
         """
-        self.solver.ensure_prepared(self.problem)  # another problem has been prepared, or the process is new
+        self.solver.ensure_prepared(self.problem)  # needed if another problem was prepared, or the process is new
         arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
-        _, content = self.solver.ask("impulses")  # the transfer of iterates does not count
+        _, content = self.solver.ask("impulses")  # outside the time limit: the transfer of iterates does not count
         shown: Any = answer.get("shown")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
@@ -195,7 +195,7 @@ def are_iterations(shown: Any) -> bool:
 class SolvingTask:
     """The task of the child process, which answers requests.
 
-    These are "problem", "supports", "prepare", "solve", and "impulses", which returns those of the last solve.
+    The requests are "problem", "supports", "prepare", "solve", and "impulses" for the impulses of the last solve.
     """
 
     solver_spec: SolverSpec

@@ -66,7 +66,7 @@ def contact_arrays(contacts: ActiveContacts) -> Arrays:
 
 
 def packed(arrays: Arrays) -> bytes:
-    """Return arrays as bytes, empty without arrays."""
+    """Return arrays as bytes; empty if there are none."""
     if not arrays:
         return b""
     buffer = io.BytesIO()

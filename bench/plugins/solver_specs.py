@@ -58,7 +58,7 @@ class SolverSpec:
 
     @property
     def compiled_solvers(self) -> list[str]:
-        """Built-in solvers whose kernels it uses; all of them if it is not built in, as it may use any."""
+        """Built-in solvers whose kernels it uses; all of them if it is not built in, because it may use any."""
         return registry.compiled_solvers(self.name if self.is_built_in else None)
 
     def make(self) -> Solver:
@@ -98,7 +98,7 @@ def warm(spec: SolverSpec) -> SolverSpec:
 def pickle_solver(solver: Any) -> bytes:
     """Pickle a solver object of the caller for the processes of its cases.
 
-    The pickle includes a class that children cannot import (of a notebook, a script, or standard input).
+    If child processes cannot import the class (of a notebook, a script, or standard input), the pickle includes it.
 
     Raises:
         BenchError: if the object or its class cannot be pickled.

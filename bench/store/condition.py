@@ -108,7 +108,7 @@ def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
 
 
 def _short(value: object) -> str:
-    """Return a value as text, a digest by its first characters."""
+    """Return a value as text; of a digest, only the first characters."""
     return str(value)[:12] if len(str(value)) == 64 else str(value) or "unknown"
 
 

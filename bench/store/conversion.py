@@ -1,4 +1,4 @@
-"""Conversion of records to files and back: JSON with a checksum, displayable texts, and null for infinite numbers."""
+"""Convert records to files and back: JSON with a checksum, displayable texts, and null for nonfinite numbers."""
 
 import hashlib
 import json
@@ -33,7 +33,7 @@ def printable(value: Any) -> Any:
 
 
 def content_of(record: Record) -> dict[str, Any]:
-    """Return a record as a JSON object, as ``printable`` does."""
+    """Return a record as a JSON object, with its values converted by ``printable``."""
     content: dict[str, Any] = printable(msgspec.to_builtins(record))
     return content
 
@@ -114,7 +114,7 @@ def inflated(content: bytes, limit: int) -> bytes:
 
 
 def _field(fault: str) -> str:
-    """Return the field that a message of msgspec is about: ``"points[...].tolerance"``."""
+    """Return the field that a message of msgspec is about, such as ``"points[...].tolerance"``."""
     path = re.search(r"at `\$\.?(.*)`$", fault)
     missing = re.search(r"missing required field `(\w+)`", fault)
     names = [found.group(1) for found in (path, missing) if found]

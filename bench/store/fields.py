@@ -20,7 +20,7 @@ Positive = Annotated[float, Meta(gt=0.0, lt=MAX_NUMBER)]
 """A positive finite number."""
 
 Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
-"""A whole number of at least 0."""
+"""A nonnegative integer."""
 
 Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
 """A tolerance, between 0 and 1."""

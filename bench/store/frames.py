@@ -29,7 +29,7 @@ JUDGED, LOCAL = "judged", "local"
 """Residuals that tables and charts can show: the judged one, or the local one of the verdict."""
 
 RESIDUALS = (JUDGED, LOCAL)
-"""Names of these residuals."""
+"""Names of all kinds of residuals."""
 
 _IDENTITY = ("problem", "solver", "model")
 """Fields of a case that its points repeat."""
@@ -184,7 +184,7 @@ def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:
 
 
 class _Column(NamedTuple):
-    """One column: its name, the path to its values in a record, their type, and the value of None."""
+    """One column: its name, the path to its values in a record, their type, and the number that None means."""
 
     name: str
     path: tuple[str, ...]
@@ -250,7 +250,7 @@ def _plain(hint: Any) -> tuple[Any, float]:
 def _parts(
     points: Sequence[tuple[CaseRecord, Point]], kind: type[Record], parts: Callable[[Point], Sequence[Record]]
 ) -> pd.DataFrame:
-    """Return one row per record of a kind in the points, after the names of its case and the tolerance."""
+    """Return one row per record of a kind in the points; its first columns are problem, solver and tolerance."""
     found = [(case, point, part) for case, point in points for part in parts(point)]
     identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
     names = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})

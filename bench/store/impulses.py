@@ -14,7 +14,7 @@ from .fields import Record, Residual
 _NUMBER = np.dtype("<f8")
 
 _FAST = 1
-"""Level of compression; higher ones gain nothing, because only zeros compress."""
+"""Level of compression; higher levels save no space, because only zeros are compressible."""
 
 
 def number_of(residual: float | None) -> float:

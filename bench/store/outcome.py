@@ -48,12 +48,12 @@ FAULTS = (Outcome.TIMEOUT, Outcome.CRASHED, Outcome.OUT_OF_MEMORY, Outcome.MISBE
 """Failures of a whole case."""
 
 BAD_OUTCOMES = (*FAULTS, Outcome.WRONG)
-"""Outcomes that no cell may have."""
+"""Outcomes that no cell of a solver matrix may have."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One solver on one problem.
+    """The result of one solver on one problem.
 
     Attributes:
         problem: name.
@@ -102,7 +102,7 @@ def claim_outcome(tolerance: float, model: Model, own: float, coulomb: float) ->
     """Return the outcome of a claim of success, by the residuals under the solver's own model and Coulomb's law.
 
     Returns:
-        WRONG if the residual under the solver's own model refutes the claim; RELAXED for a right solution of another
+        WRONG if the residual under the solver's own model refutes the claim; RELAXED for a correct solution of another
         model, whose Coulomb residual exceeds the claim or is far above that of its own model; otherwise SOLVED.
     """
     if not own <= WRONG_FACTOR * tolerance:
@@ -122,7 +122,7 @@ LATE_PREPARING = "preparing took longer than the time limit"
 
 
 def late_reason(seconds: float, limit: float) -> str:
-    """Return the reason of a claim of success after the time limit [s]; empty within the limit."""
+    """Return why a claim of success after the time limit [s] does not count; empty within the limit."""
     return f"solved after {seconds:.3g} s, but its limit is {limit:g} s" if seconds > limit else ""
 
 

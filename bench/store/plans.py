@@ -17,7 +17,7 @@ THOROUGH_LADDER = tuple(10.0**-k for k in range(1, 11))
 """Tolerances of a thorough run, 1e-1 … 1e-10."""
 
 PASSES, THOROUGH_PASSES = 2, 5
-"""Default passes. With one pass, ratios of times have no confidence intervals."""
+"""Default numbers of passes. With one pass, ratios of times have no confidence intervals."""
 
 MAX_PASSES = 1000
 """Largest number of passes."""
@@ -52,7 +52,7 @@ class Limits(Struct, frozen=True):
 
 
 def limit_in_bytes(memory: float | None) -> int | None:
-    """Return a memory limit in bytes, given in MiB, or None if it is None.
+    """Convert a memory limit from MiB to bytes; None remains None.
 
     Raises:
         BenchError: if the limit is less than 1 MiB or not finite.

@@ -1,6 +1,6 @@
 """Ratios of two times with confidence intervals: the only estimator of such ratios in this package.
 
-Two solvers that are measured in the same pass meet the same state of the machine, so their times t are compared in
+Two solvers are measured in the same pass in the same state of the machine. Their times t are therefore compared in
 pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; if there are
 too few passes, each round gives a pair. The ratio is exp(median d), because other programs disturb few rounds, each by
 a large factor.
@@ -10,9 +10,9 @@ ends are the quantiles
 
     Φ(±t(1/2 + level/2, n - 1) √(n / (n - 1)))
 
-with the normal distribution Φ and the quantile t of Student's (T. Hesterberg, What Teachers Should Know About the
-Bootstrap, The American Statistician 69(4), 2015); the plain interval is too narrow for small n. Fewer than
-``MIN_PAIRS`` pairs have no interval, because it would miss the true ratio too often.
+with the normal distribution function Φ and the quantile t of Student's distribution (T. Hesterberg, What Teachers
+Should Know About the Bootstrap, The American Statistician 69(4), 2015). The plain interval is too narrow for small n.
+Fewer than ``MIN_PAIRS`` pairs have no interval, because it would miss the true ratio too often.
 
 Excluded rounds never count. If too few pairs remain, the remaining times are compared as two samples,
 median log t_a - median log t_b, with n the size of the smaller one. ``MIN_ROUNDS`` rounds of both are enough: all of
@@ -48,10 +48,10 @@ RESAMPLES = 1000
 """Number of resamples of a bootstrap."""
 
 MAX_OVERTIME = 1.1
-"""Solves that exceed this multiple of their time limit reach nothing; others may have finished an iteration."""
+"""Largest multiple of the time limit at which a solve counts; it may finish an iteration after the limit."""
 
 SLOWER, EXCLUDED, ALONE = "slower", "excluded", "alone"
-"""Standings of a solver that is slower than the fastest one, and of one whose rounds are all excluded."""
+"""Standings of a solver that is slower than the fastest one, one whose rounds are all excluded, and the only one."""
 
 STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")
 """Columns of ``standings``."""
@@ -143,7 +143,7 @@ def counted_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
 
 
 def times_by_point(rounds: pd.DataFrame) -> Times:
-    """Return the logarithms of the counted rounds of one problem, whose rounds are as in ``RunFrames``."""
+    """Return the logarithms of the times in the counted rounds of one problem; ``rounds`` are as in ``RunFrames``."""
     logarithms = counted_rounds(rounds).set_index(_ROUND)
     groups: Any = logarithms.groupby(["solver", "tolerance"], sort=False)["logarithm"]
     return dict(iter(groups))

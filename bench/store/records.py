@@ -13,11 +13,11 @@ from .outcome import Outcome
 from .plans import PlanRecord
 
 MAX_ANSWERS = 20
-"""Largest number of different answers of a point that is counted."""
+"""Largest number of distinct answers of a point that are counted."""
 
 
 class ThreadPool(Record, frozen=True, kw_only=True):
-    """A library with threads, as threadpoolctl describes it. Cases use one thread of each library."""
+    """A multithreaded library, as threadpoolctl describes it. Cases use one thread of each library."""
 
     user_api: str | None = None
     internal_api: str | None = None
@@ -144,8 +144,8 @@ class Round(Record, frozen=True, kw_only=True):
         voluntary_switches: context switches in which the process slept or waited.
         waited_seconds: time for which the process was ready to run but did not run [s]; None if unknown.
         probe_seconds: longer one of the probes of the core before and after the round [s].
-        uncounted_seconds: wall time of all solves together outside the library of an external solver, if it alone is
-            timed [s].
+        uncounted_seconds: wall time of all solves together outside the library of an external solver, if only the
+            library is timed [s].
         excluded: "preempted" or "unsteady" if other programs used the core; empty otherwise.
     """
 
@@ -186,15 +186,15 @@ class Measured(Record, frozen=True, kw_only=True):
         first_repeated_seconds: for each of them, the time of repeated solves that it is compared with [s].
         copy_seconds: times of first solves of copies of the problem [s].
         copy_repeated_seconds: for each of them, the time of repeated solves of the problem [s].
-        answers: number of different impulse vectors of solved solves, up to ``MAX_ANSWERS``; the worst is judged.
+        answers: number of distinct impulse vectors claimed as solutions, up to ``MAX_ANSWERS``; the worst one counts.
         hashes: hashes of these vectors.
         verdict: the other numbers of the verdict.
-        impulses: the judged impulses, stored at the finest point of a case; empty elsewhere.
+        impulses: the impulses with the worst verdicts, stored at the finest point of a case; empty elsewhere.
         impulse_error: distance to the known impulses; None if they are unknown.
         errors: errors of a trajectory, one for each quantity.
         unsolved_steps: number of steps of all members of a trajectory whose judged residual is too large.
-        overlapping_steps: number of steps of all members whose projection of positions leaves too deep overlaps; 0 in
-            runs that were stored before it was counted.
+        overlapping_steps: number of steps of all members whose projection of positions leaves overlaps deeper than its
+            tolerance; 0 in runs that were stored before it was counted.
         failed_members: number of members of a trajectory that failed.
     """
 
@@ -274,14 +274,15 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         problem: name.
         digest: SHA-256 of the problem's numbers.
         start: digest of the earlier steps and the contacts that a warm start continues; empty for a start from zero,
-            and in runs that were stored before it was recorded. Equal cases have equal digests of both kinds.
+            and in runs that were stored before it was recorded. Cases of one solver are comparable only if both digests
+            are equal.
         solver: name, with options.
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
         is_randomised: whether the solver declares that its answers differ between repeats.
         threads: number of threads that the solver declares.
-        threads_used: largest number of threads in which it computed on this problem; 0 if it has no timed solve, and in
-            runs that were stored before it was recorded.
+        threads_used: largest number of threads that it used on this problem; 0 if it has no timed solve, and in runs
+            that were stored before it was recorded.
         n_rows: number of rows of the problem.
         n_contacts: number of contacts of the problem.
         outcome: the outcome.
@@ -332,7 +333,7 @@ class CaseRecord(Record, frozen=True, kw_only=True):
 
 
 def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
-    """Return a case with other numbers of its sessions: ``places[i]`` for i."""
+    """Return a case with its sessions renumbered: ``places[i]`` instead of i."""
 
     def moved(point: Point) -> Point:
         if point.measured is None:

@@ -1,1 +1,1 @@
-"""Measure one solver on one contact problem: problem, case, process, and control solves."""
+"""Measure one solver on one contact problem: the case, its process, and control solves."""

@@ -21,12 +21,12 @@ class JudgedAnswers:
     """The judgement of all answers to one tolerance.
 
     Attributes:
-        outcome: the common outcome.
+        outcome: the outcome of the point.
         own: the worst verdict under the solver's own model.
         coulomb: the worst verdict under Coulomb's law.
-        different: the different answers, each of shape (n_rows,).
+        different: the distinct answers [N s], each of shape (n_rows,).
         claims: the claimed solutions, as bytes.
-        kept: the answers of the worst verdicts.
+        kept: the answers with the worst verdicts.
     """
 
     outcome: Outcome
@@ -52,7 +52,7 @@ def judge_answers(
         problem: the problem.
         model: the model of the solver.
         tolerance: the requested tolerance.
-        status: status of the last solve; all other solves claim to be solved.
+        status: status of the last solve; all other solves ended SOLVED.
         rows: the answers in order [N s], each of shape (n_rows,).
     """
     different = {impulses.tobytes(): impulses for impulses in rows}
@@ -75,8 +75,8 @@ def judge_control_solves(
 ) -> Point:
     """Judge the control solves of a point, and return the point with the worst outcome.
 
-    A control solve that reaches a limit of time does not change the outcome. A copy may be harder than the problem, so
-    only false claims on it count; its answers are not kept.
+    A control solve that reaches its time limit does not change the outcome. A copy may be harder than the problem:
+    only false claims on it count, and its answers are not kept.
 
     Args:
         problem: the problem.

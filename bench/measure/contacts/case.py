@@ -39,19 +39,19 @@ ROUND_SECONDS = 0.005
 """Least wall time of a round [s]; every round has at least one timed solve."""
 
 ROUNDS = 2
-"""Number of rounds of a point in a pass that must not be excluded."""
+"""Number of counted rounds that a point needs in a pass."""
 
 ENOUGH_SECONDS = 0.02
-"""If a counted round takes at least this wall time, one round per pass suffices [s]."""
+"""Wall time of a counted round from which one round per pass suffices [s]."""
 
 MAX_EXCLUDED = 3
 """Largest number of excluded rounds of a point in a pass."""
 
 MAX_EXCLUDED_SECONDS = 0.2
-"""Wall time of the excluded rounds of a point in a pass after which it is not repeated [s]."""
+"""Wall time of the excluded rounds of a point in a pass after which no other round follows [s]."""
 
 MAX_RESTS = 20
-"""Number of pauses in which processes of a solver may still end; afterwards, the solver has misbehaved."""
+"""Number of pauses in which processes of a solver may end; if one still runs afterwards, the solver has misbehaved."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class MeasuredRound:
     Attributes:
         timed: the timed solves.
         record: the record of the round.
-        impulses: the different answers, shape (n, n_rows).
+        impulses: the distinct answers [N s], shape (n, n_rows).
     """
 
     timed: TimedRound
@@ -200,7 +200,7 @@ class Case(LadderCase[MeasuredRound]):
         return MeasuredRound(timed, record, impulses)
 
     def _answers(self, timed: TimedRound, numbers: FloatArray) -> FloatArray:
-        """Return the different answers of a round, shape (n, n_rows).
+        """Return the distinct answers of a round [N s], shape (n, n_rows).
 
         Raises:
             Fault: MISBEHAVED, if the number of values is wrong.
@@ -214,7 +214,7 @@ class Case(LadderCase[MeasuredRound]):
         return numbers.reshape(-1, n_rows)
 
     def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
-        """Return whether a point needs more undisturbed rounds; failed and long solves are not repeated."""
+        """Return whether a point needs another round, because too few are counted; a failed solve is not repeated."""
         last = answers[-1]
         excluded = [one.record.wall_seconds for one in answers if one.record.excluded]
         if len(excluded) >= MAX_EXCLUDED or sum(excluded) > MAX_EXCLUDED_SECONDS or last.timed.status != Status.SOLVED:
@@ -253,16 +253,16 @@ class Case(LadderCase[MeasuredRound]):
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
 
     def reason_to_stop(self, point: Point) -> str:
-        """Return why finer points are not attempted after an unsolved or late one; empty if they are."""
+        """Return why finer points are not attempted after an unsolved or late one; empty if they are attempted."""
         if point.outcome is Outcome.NOT_ATTEMPTED:
             return point.reason
         has_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
         return f"{point.tolerance:g} already ended {point.outcome.value}" if has_ended else ""
 
     def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
-        """Add one point of the ladder, after first solves in fresh processes confirm its times.
+        """Add one point of the ladder, and check its times by first solves in fresh processes.
 
-        In later passes, first solves are repeated if a round is faster than the earlier ones explain.
+        In later passes, first solves are repeated only if the new rounds are too fast to explain the earlier ones.
         """
         super().add_point(level, answers)
         self.points = keep_finest_impulses(self.points)
@@ -286,14 +286,14 @@ class Case(LadderCase[MeasuredRound]):
         self.points[level] = point
 
     def _compared_with_copies(self, point: Point, measured: Measured, seconds: float) -> Point:
-        """Return a point with the times of copies of the problem, and their answers judged."""
+        """Solve copies of the problem; return the point with their times, after judging their answers."""
         stop = self._stop(point.tolerance)
         copies = self._controls.copies(stop, seconds, partial(self._measure_again, stop))
         point = replace(point, measured=_with_times(measured, "copy", copies))
         return judge_control_solves(self.problem, self.solver.model, point, copies, ON_COPY)
 
     def _compared_with_first_solves(self, point: Point, seconds: float) -> Point:
-        """Return a point with the times of its first solves, and their answers judged."""
+        """Run first solves of a point; return the point with their times, after judging their answers."""
         stop, measured = self._stop(point.tolerance), point.measured
         start = self._starts.impulses(stop)
         firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)

@@ -2,7 +2,7 @@
 
 Timed solves are never observed, and observed ones are never timed. Each timed solve gets a fresh copy of the problem,
 so that all assembly is timed. Garbage collection is off while the clock runs. The clock stops when the impulses are
-copied. The process returns the impulses of every timed solve, equal ones once.
+copied. The process returns the distinct impulses of all timed solves.
 """
 
 import _thread
@@ -37,7 +37,7 @@ FIRST_ITERATIONS = 30
 """Number of first iterations in the convergence curve; later ones are thinned to a geometric sequence."""
 
 MARK_RATIO = 1.04
-"""Ratio of that sequence."""
+"""Ratio of the geometric sequence of iterations."""
 
 LAST_ITERATIONS = 40
 """Number of last iterations in the curve, because the last part of a composite solver may be short."""
@@ -49,7 +49,7 @@ WARM_SECONDS = 0.004
 """Wall time of solving another problem before a first solve, to warm the caches [s]."""
 
 MAX_NUMBERS = 2**22
-"""A round ends when its different answers contain this many values in all."""
+"""A round ends when its distinct answers contain more than this number of values in total."""
 
 
 @dataclass
@@ -58,11 +58,11 @@ class TimedSolve:
 
     Attributes:
         solution: the solution, with a copy of its impulses.
-        prepare: wall seconds of ``prepare``, 0 if the library of an external solver alone is timed [s].
-        solve: wall seconds of ``solve`` and of copying its impulses, or of the library alone [s].
-        processor: processor seconds of both, of all threads, of processes that were waited for, and of the program of
+        prepare: wall time of ``prepare``; 0 if only the library of an external solver is timed [s].
+        solve: wall time of ``solve`` and of copying its impulses, or of the library only [s].
+        processor: processor time of both, including all threads, processes that were waited for, and the program of
             an executable [s].
-        uncounted: wall seconds of everything outside the library [s].
+        uncounted: wall time outside the library; 0 if more than the library is timed [s].
         threads: number of threads, if the prepared solver declares it.
     """
 
@@ -100,8 +100,8 @@ class Measurement:
     def warm_up(self, stop: Stop) -> None:
         """Run everything once, so that compilation and first memory accesses are not timed.
 
-        Exempt the objects that then exist, such as imported modules, from later garbage collections, which would count
-        as untimed work between solves: a full collection takes 1 to 5 ms with them and 1 µs without.
+        Exempt the objects that then exist, such as imported modules, from later garbage collections. A full collection
+        takes 1 to 5 ms with them and 1 µs without, and would count as untimed work between solves.
         """
         prepared = self.solver.prepare(self.problem.fresh())
         raise_fault(prepared_fault(prepared))
@@ -146,7 +146,7 @@ class Measurement:
         A solve that does not end SOLVED ends the round.
 
         Returns:
-            The round, and the different impulses of its solves, each of shape (n_rows,).
+            The round, and the distinct impulses of its solves [N s], each of shape (n_rows,).
         """
         solves: list[TimedSolve] = []
         answers: dict[bytes, FloatArray] = {}
@@ -168,14 +168,14 @@ class Measurement:
     def first_solves(
         self, stop: Stop, problems: Sequence[ContactProblem], start: FloatArray | None = None
     ) -> tuple[TimedRound, list[FloatArray]]:
-        """Return a round of one solve of each of several problems, the last from ``start``, and the last impulses.
+        """Solve each of several problems once, the last from ``start``; return the round and the last impulses.
 
         The problems are new to the process. Solves of its present problem warm its caches.
         """
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
         while True:
-            # counted before the last solve, since the system's files displace what the caches hold
+            # read before the last solve, because reading files of the system displaces data in the caches
             before = ContextSwitches.now()
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
@@ -242,7 +242,7 @@ class Measurement:
         self._check_unchanged()
 
     def _check_threads(self) -> None:
-        """Raise ``MisbehaviourError`` if threads of Python outlive a call."""
+        """Raise ``MisbehaviourError`` if Python threads outlive a call."""
         left = _thread._count() - self.before.n_threads
         raise_fault(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
 
@@ -270,7 +270,7 @@ class MeasuringTask:
         return Measurement(_problem(self.problem_data), spec.make(), before, times_library=spec.is_built_in)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request, by its name and arguments.
+        """Answer one request, given by its name and arguments.
 
         "supports"                          why the solver does not support the problem
         "warm_up" (stop)                    run everything once

@@ -1,12 +1,13 @@
 """Compare the clock in the process of a case with the processor time that the system counts.
 
-N solves in n rounds take P processor seconds on the clock. In addition, the harness creates a fresh problem for each
-solve, which takes about h seconds, measured here on the same core. The process of a case may work for
+N solves in n rounds take P seconds on the clock; of the wall and processor time of each solve, the longer one counts.
+In addition, the harness creates a fresh problem for each solve, which takes about h seconds, measured here on the same
+core. The process of a case may use the processor time
 
     W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS
 
-in the rounds that are not excluded. The excess is untimed work, unless a repeated measurement of h explains it, because
-other programs slow down the harness as well.
+in the rounds that are not excluded. The excess is untimed work, unless a repeated measurement of h explains it: other
+programs slow down the harness as well.
 """
 
 from time import process_time

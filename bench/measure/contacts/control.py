@@ -1,24 +1,24 @@
 """Control solves: first solves in fresh processes, which detect solvers that repeat stored answers.
 
 A process that has warmed up on a copy of the problem with another solution is forked. The fork solves the copy again
-until its caches are warm, then solves the problem for the first time, in new units (``variants``), and ends. With t₁
-the time of such a first solve and t that of the repeated ones, repetition explains
+until its caches are warm, then solves the problem for the first time, in new units (``variants``), and ends. Let t₁ be
+the time of such a first solve, and t that of repeated ones. Repetition explains
 
     t₁ ≤ EXPLAINED_RATIO t + ALLOWANCE_SECONDS.
 
 The speed of a core drifts. If a first solve is beyond the bound, a round of repeated ones directly after it gives
-another time, and the slower one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
+another t, and the larger one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
 within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If the fastest of them is beyond it
-for the slowest t, their ratio becomes part of the row (``notes``).
+for the largest t, a note of the point gives their ratio (``notes``).
 
 A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
 t. A solver may load or compile something in its first solve, and the first run of any code is slow. Before a solver is
 accused, first solves are therefore repeated in forks that have solved copies to the same tolerance. All cached kernels
 are in their memory, among them those that only the timed solves have used. Copies may take fewer iterations than the
 problem and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them take about as many, a solver is accused only if
-a solve that follows solves of the problem in several other units is slow as well, because it runs the same code as they
-do. A solver that stores answers for any units and counts iterations wrongly is thus only noted. Only solves during
-which no other program used the core accuse a solver, and only if they are more than half of ``MAX_SLOW_SOLVES``.
+a solve after solves of the problem in several other units is slow as well; all these solves run the same code. A solver
+that stores answers for any units and counts iterations wrongly is thus only noted. Only solves during which no other
+program used the core count against a solver, and more than half of ``MAX_SLOW_SOLVES`` of them are needed.
 """
 
 import time
@@ -60,19 +60,19 @@ MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """Factor and time [s] by which first solves must exceed repeated ones to prove a repeated answer."""
 
 MAX_LOADED_COPIES = 2
-"""Number of copies after which cached kernels are loaded; the first one may compile some, and the next find all."""
+"""Largest number of slow copies after which cached kernels are loaded; the first copy may compile some kernels."""
 
 N_COPIES, MAX_WARM_UPS = 2, 8
 """Least and largest number of problems that a fork solves before a further first solve, to run the same code."""
 
 WARM_UP_SECONDS = 0.02
-"""Time for which a fork solves them if the largest number permits [s]."""
+"""Time for which a fork solves these problems, unless the largest number is reached before [s]."""
 
 MIN_SECONDS = 1e-6
 """Least time that a solve is assumed to take [s]."""
 
 MIN_SIMILAR_COPIES, MAX_DIFFERENCE = 2, 0.25
-"""Least number of copies that must take about as many iterations as the problem, to this relative difference."""
+"""Least number of copies whose iterations must equal those of the problem to within this relative difference."""
 
 MAX_COPIES = 6
 """Largest number of copies to solve if the first one is slower than the problem."""
@@ -90,8 +90,8 @@ class ControlSolve:
         timed: the round that ends with the solve.
         impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the probes of the core before and after it are close to the reference.
-        is_first: whether the process had not solved the problem in other units before, so that its time is noted.
-        repeated: time of repeated solves [s]; measured again directly after this solve if it does not explain its time.
+        is_first: whether the process had not solved the problem in other units before; otherwise no time is stored.
+        repeated: time of repeated solves [s]; measured again directly after a solve whose time it does not explain.
     """
 
     problem: ContactProblem
@@ -125,7 +125,7 @@ class ControlSolve:
 
     @property
     def is_explained(self) -> bool:
-        """Whether the machine explains its time, given that of repeated solves."""
+        """Whether the time of repeated solves explains its time."""
         return is_explained(self.repeated, self.seconds)
 
 
@@ -164,7 +164,7 @@ class Controls:
             self._worker = None
 
     def solve_once(self, problem: ContactProblem, stop: Stop, start: FloatArray | None) -> FloatArray:
-        """Return the impulses [N s] of one solve of any problem from ``start``, in a process that has solved no other.
+        """Return the impulses [N s] of one solve of any problem from ``start``, in a fork of the warmed-up process.
 
         Raises:
             Fault: if there is no valid answer.
@@ -180,7 +180,7 @@ class Controls:
         Args:
             stop: stop criterion of the timed solves, which ended SOLVED.
             seconds: median time of the timed solves [s].
-            again: function that returns this median of one more round [s].
+            again: function that measures one more round, and returns its median time [s].
             start: impulses from which they started [N s], shape (n_rows,); zero if None.
 
         Raises:
@@ -219,7 +219,7 @@ class Controls:
         Args:
             stop: stop criterion of the timed solves.
             seconds: median time of the timed solves [s].
-            again: function that returns this median of one more round [s].
+            again: function that measures one more round, and returns its median time [s].
         """
         found: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
@@ -283,7 +283,7 @@ class Controls:
         return ControlSolve(problem, timed, scale * _of_length(impulses, problem.n_rows), is_steady)
 
     def _load_kernels(self) -> None:
-        """Continue in a process that has all cached kernels in memory, those of the framework from the fork server."""
+        """Continue in a process with all cached kernels in memory; the fork server loads those of the framework."""
         if not self._loads_kernels:
             self._loads_kernels = True
             load_kernels()

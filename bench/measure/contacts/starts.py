@@ -1,8 +1,8 @@
-"""Starts of the solves of a case: zero, or the solver's own answer to the step before.
+"""Starts of the solves of a case: zero, or the solver's own answer to the previous step.
 
-A warm solver solves the steps that precede its problem in their order, each from its answer to the one before and to
-the tolerance of the timed solves, as it does in a simulation. It does so off the clock, in processes that have not seen
-the problem. An answer that misses the tolerance is a start like any other.
+A warm solver first solves the earlier steps in order, each from its answer to the previous one and to the tolerance of
+the timed solves, as in a simulation. These solves are not timed, and run in processes that have not received the
+problem. An answer that misses the tolerance is used as well.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ class Starts:
     """The starts of one case.
 
     Attributes:
-        steps: the steps before the problem, from the first on; none for a start from zero.
+        steps: the earlier steps, from the first on; empty for a start from zero.
         problem: the problem.
     """
 
@@ -31,14 +31,14 @@ class Starts:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of what determines the starts, as ``start_digest``; empty for starts from zero."""
+        """Digest of what determines the starts, from ``start_digest``; empty for starts from zero."""
         return start_digest(self.steps, self.problem)
 
     def impulses(self, stop: Stop) -> FloatArray | None:
-        """Return the start of a solve with a stop criterion [N s], shape (n_rows,); None for zero.
+        """Return the start [N s] of a solve with a stop criterion, shape (n_rows,); None for zero.
 
         Raises:
-            Fault: if the solver has no valid answer to a step before.
+            Fault: if the solver gives no valid answer to an earlier step.
         """
         if stop.tolerance not in self._known:
             start = None

@@ -1,17 +1,17 @@
 """Variants of a problem that are as hard for an honest solver as the problem itself.
 
 ``in_other_units`` changes every number but no operation: with powers of two, G → m G, c → s c, Λ → (s/m) Λ preserve the
-digits of every floating-point operation (moments of rolling friction scale with a further length). The exponent of m
-is even, because solvers take roots of masses.
+digits of every floating-point operation (moments of rolling friction scale with a further factor of length). The
+exponent of m is even, because solvers take roots of masses.
 
 ``perturbed_copy`` is another problem of similar difficulty, with matrices of the same sizes. With P the cyclic shift of
 the contacts and random η,
 
     G' = Pᵀ G P,      c' = Pᵀ (c + G η),      η_i = s u_i ‖c_k‖ / α_i,      u_i uniform in [-1, 1],
 
-for row i of contact k with the diagonal entry α_i of G, in other units. The shift of c is in the range of G, so that
-a solvable problem remains solvable even with redundant contacts. Contacts keep their neighbours, and thus the memory
-access pattern.
+for row i of contact k, where α_i is the diagonal entry of G and ‖c_k‖ the largest |c| of the contact. The copy is in
+other units. The shift of c is in the range of G, so that a solvable problem remains solvable even with redundant
+contacts. Contacts keep their neighbours, and thus the memory access pattern.
 
 ``disguised_copy`` also has rotated tangents, G'' = Qᵀ G' Q and c'' = Qᵀ c'. Its shift s is so small that solvers need
 about as many iterations, but so large that a stored answer does not solve it.

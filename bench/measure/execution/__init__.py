@@ -1,1 +1,1 @@
-"""Executors of runs: in this process, or on the workers of an executor."""
+"""Execute the plan of a run in this process, or on the workers of an executor."""

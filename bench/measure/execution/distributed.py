@@ -1,7 +1,7 @@
 """Execute the plan of a run on the workers of an executor, with one task for each problem.
 
 Executors such as dask may repeat the task of a lost worker; a repeated task writes the same cases again. An error at
-the end counts the lost problems, which a resumed run measures.
+the end reports the number of lost problems; a resumed run measures them.
 """
 
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -25,7 +25,7 @@ MAX_SUBMITTED = 64
 
 
 class DistributedExecutor(RunExecutor):
-    """Measure on workers only, not on the machine of this process."""
+    """Measure in the processes of workers only, not in this process."""
 
     def __init__(
         self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, *, executor: Executor, mix: bool

@@ -9,10 +9,10 @@ from ...store.plans import TrajectoryRecord
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The run has started, with a plan and a folder.
+    """The run has started.
 
     Attributes:
-        run_dir: the folder.
+        run_dir: folder of the run.
         total: number of cases.
         done: number of finished cases.
         points: number of points of all cases of a study, for its progress; 0 in other runs.

@@ -1,4 +1,4 @@
-"""Execute the plan of a run in this process: in passes over all problems, stored point by point.
+"""Execute the plan of a run in this process, in passes over all problems, and store each new point.
 
 Each pass has a different order of problems and solvers, and measures one or two rounds of each point, so that another
 program disturbs few rounds of any point.
@@ -31,7 +31,7 @@ class LocalExecutor(RunExecutor):
     """Measure on a core of this machine, in a new session."""
 
     def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
-        """Set the plan, the store, the receiver of events, and whether machines may mix."""
+        """Store the arguments; ``mix`` allows cases of several machines in one run."""
         super().__init__(solvers, store, record, on_event, mix)
         self._session = Session(started=_now(), machine=this_machine())
         self._core = MeasuringCore(None)
@@ -122,7 +122,7 @@ class LocalExecutor(RunExecutor):
         )
 
     def _discard_stale_cases(self) -> None:
-        """Discard stale cases, and unfinished problems of another machine, as one machine must measure all solvers."""
+        """Discard stale cases, and unfinished problems of another machine: one machine must measure all solvers."""
         super()._discard_stale_cases()
         for name in self._cases:
             if not (self._mix or self._is_finished(name) or self._is_of_this_machine(name)):

@@ -60,7 +60,7 @@ class MeasuredProblem:
 
 
 def measure_problem(task: ProblemTask) -> MeasuredProblem:
-    """Measure a task, one at a time in this process.
+    """Measure the problem of a task, after other tasks in this process have ended.
 
     Raises:
         BenchError: if the judge or the source of Proxbench on this machine differs from that of the run.

@@ -30,7 +30,7 @@ class RunExecutor(ABC):
     """The state of a run, and the execution of its plan."""
 
     def __init__(self, solvers: Solvers, store: Store, record: RunRecord, on_event: OnEvent, mix: bool = False) -> None:
-        """Set the plan, the store, the receiver of events, and whether machines may mix."""
+        """Store the arguments; ``mix`` allows cases of several machines in one run."""
         self._solvers, self._store, self._record, self._on_event = solvers, store, record, on_event
         self._mix = mix
         self._cases: dict[str, dict[str, CaseRecord]] = {name: {} for name in record.plan.problems}
@@ -64,7 +64,7 @@ class RunExecutor(ABC):
         """Measure and store the remaining cases."""
 
     def _discard_stale_cases(self) -> None:
-        """Discard the stored cases of problems whose numbers have changed, and warm cases that start differently."""
+        """Discard the stored cases of problems whose numbers have changed, and warm cases whose starts have changed."""
         for name, cases in self._cases.items():
             if cases:
                 digest, starts = self._digest(name), self._starts(name)

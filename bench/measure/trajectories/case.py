@@ -1,4 +1,4 @@
-"""Measure a stepper with a solver on a trajectory, in a child process; a round is one member.
+"""Measure a stepper with a solver on a trajectory, in a child process; each round simulates one member.
 
 Members are the seeds of a scene, or factors of the steps or tolerances.
 """
@@ -79,7 +79,7 @@ class TrajectoryCase(LadderCase[Member]):
         return level >= len(self.points)
 
     def begin(self) -> None:
-        """Start the process and simulate the beginning of the motion, so that kernels are compiled."""
+        """Start the process and simulate the motion once, so that kernels are compiled."""
         task = TrajectoryTask(self.problem, self.method, self.limits.solve_seconds)
         self._start(task, self.method.solver.compiled_solvers)
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
@@ -96,7 +96,7 @@ class TrajectoryCase(LadderCase[Member]):
         return Member(simulated, record)
 
     def needs_round(self, answers: Sequence[Member]) -> bool:
-        """Return whether members are left, and the last one ended within the time limit."""
+        """Return whether members remain to be simulated, and the last one ended within the time limit."""
         return len(answers) < len(self.problem.members) and answers[-1].run.status is not Status.TIME_LIMIT
 
     def point(self, value: float, answers: list[Member]) -> Point:
@@ -139,7 +139,7 @@ class TrajectoryCase(LadderCase[Member]):
         return point.reason if point.outcome is Outcome.NOT_ATTEMPTED else ""
 
     def identity(self) -> dict[str, Any]:
-        """Return problem and method."""
+        """Return the fields of the record that identify problem and method."""
         return {
             "problem": self.problem.name,
             "digest": self.problem.digest,

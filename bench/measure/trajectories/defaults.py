@@ -30,7 +30,7 @@ FIXED_STEPS = 5000
 """Number of fixed steps in the duration for comparing tolerances of a solver."""
 
 FIXED_TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8)
-"""Tolerances of these solvers with a fixed step, for which coarser ones suffice."""
+"""Tolerances of a solver with a fixed step, for which coarser ones suffice."""
 
 LARGE_SOLVER = "MomentumFallback"
 """The solver for many contacts."""
@@ -79,5 +79,5 @@ def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:
 
 
 def _usual_tolerance(trajectory: TrajectoryRecord) -> float:
-    """Return the tolerance of solvers in a fixed step; for a single motion, it must not dominate the step's error."""
+    """Return the tolerance of solvers in a fixed step; for a single motion, the error of the step must dominate."""
     return 1e-4 if trajectory.error == "aggregates" else 1e-8

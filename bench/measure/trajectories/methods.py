@@ -24,7 +24,7 @@ from ...store.plans import MethodRecord
 WITH, IN = " with ", " in "
 
 RESOLUTION = 100.0
-"""Tolerance of a variable stepper relative to its default minimal step [s]."""
+"""Ratio of the tolerance of a variable stepper to its default minimal step in seconds."""
 
 ITERATIONS = 20_000
 """Iteration limit of the solver in a one-step inclusion."""
@@ -48,7 +48,7 @@ class Method:
         """Return the method with another start; a stepper without initial impulses keeps its start.
 
         Raises:
-            BenchError: for an unknown start, with the nearest name.
+            BenchError: for an unknown start; the message suggests the nearest name.
         """
         check_start(start)
         stepper = make_stepper(self.stepper)
@@ -83,19 +83,19 @@ def make_method(
     *,
     start: str = DEFAULT_START,
 ) -> Method:
-    """Return the method with a name.
+    """Return the method of a given name.
 
     Args:
         name: ``STEPPER with SOLVER`` or ``SOLVER in STEPPER``.
         values: the ladder, in any order.
         tolerance: tolerance of the solver if the stepper varies.
         max_iterations: iteration limit of the solver.
-        given: the solver, if it is known.
+        given: the solver, if its specification is known.
         start: name of the start of each solve.
 
     Raises:
         BenchError: if ``name`` is not a method, or a value is out of range.
-        ProxbenchError: for an unknown stepper, solver or option, with the nearest name.
+        ProxbenchError: for an unknown stepper, solver or option; the message suggests the nearest name.
     """
     stepper, joint, solver = name.partition(WITH)
     varies_solver = not joint or stepper.partition("(")[0].strip() not in STEPPERS
@@ -125,7 +125,7 @@ def stored_method(record: MethodRecord) -> Method:
 def scaled_stepper(stepper: Stepper, factor: float, duration: float) -> Stepper:
     """Return a stepper with ``factor`` times its tolerance, or times the number of steps in ``duration`` [s].
 
-    A whole number of steps reaches the end exactly.
+    The number of steps is rounded, so that the last one ends exactly at ``duration``.
     """
     made: Any = stepper
     if isinstance(stepper, Moreau):

@@ -46,7 +46,7 @@ def make_study_plan(
     limits: Limits | None = None,
     start: str = DEFAULT_START,
 ) -> Plan[Method]:
-    """Return the plan of the study of a scene.
+    """Return the plan of a study of a scene.
 
     Args:
         scene: name of the scene, with or without options.
@@ -88,7 +88,7 @@ def make_study_plan(
 
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
-    """Return the record of a trajectory, without its reference if it must be simulated, and the scene."""
+    """Return the record of a trajectory, before its reference is simulated, and the scene."""
     plain, options = parse_scene(scene)
     study = SCENES[plain].study if plain in SCENES else StudyDefaults()
     is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options

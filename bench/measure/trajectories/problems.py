@@ -73,7 +73,7 @@ def reference_members(record: TrajectoryRecord) -> list[float]:
 
 
 def _reference(record: TrajectoryRecord) -> Method:
-    """Return the method of the reference; any method serves if the scene gives its final state in closed form."""
+    """Return the method of the reference; it is not used if the scene gives its final state in closed form."""
     if record.reference is None:
         return make_method("Moreau with SORprox", [1e-3])
     return stored_method(record.reference)

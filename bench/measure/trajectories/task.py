@@ -46,7 +46,7 @@ class TrajectoryTask:
         if request == "known":
             return self._known(), b""
         value, member = arguments
-        # only the limit of the case applies to compiling, and only a whole motion has contacts of all kinds
+        # compiling has only the time limit of the case; the whole motion is simulated, to have contacts of all kinds
         task = replace(self, seconds=math.inf) if request == "warm_up" else self
         try:
             return task._simulated(value, member), b""

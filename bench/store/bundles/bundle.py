@@ -1,7 +1,7 @@
-"""Runs as single files: plan, machines, cases with the impulses of their finest points, and the problems not shipped.
+"""Runs as single files, with the problems that the package does not contain.
 
-A bundle is one JSON document with a checksum, compressed by gzip. It may come from a stranger: nothing in it is code or
-a path, and reading checks that its parts are consistent. ``rejudge`` checks whether its residuals are true.
+A bundle is one JSON document with a checksum, compressed by gzip. It may come from an untrusted source: it contains no
+code and no paths, and reading checks that its parts are consistent. ``rejudge`` checks whether its residuals are true.
 """
 
 import gzip
@@ -67,15 +67,15 @@ class Bundle:
         return shipped
 
     def read_run(self) -> RunRecord:
-        """Return the record of the run, as ``Store.read_run``."""
+        """Return the record of the run, as ``Store.read_run`` does."""
         return self.run
 
     def read_cases(self, problem: str | None = None) -> tuple[list[CaseRecord], list[str]]:
-        """Return all cases, or those of one problem, as ``Store.read_cases``; none of them is damaged."""
+        """Return all cases, or those of one problem, as ``Store.read_cases`` does; none of them is damaged."""
         return [case for case in self.cases if problem in (None, case.problem)], []
 
     def read_problem(self, digest: str) -> ContactProblem:
-        """Return a problem that the bundle contains by its digest, as ``Store.read_problem``."""
+        """Return a problem that the bundle contains by its digest, as ``Store.read_problem`` does."""
         return next(problem for problem in self.carried.values() if problem.digest == digest)
 
 

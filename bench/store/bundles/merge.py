@@ -1,7 +1,7 @@
-"""Merging of runs: the problems of several runs as one run, each problem measured on one machine.
+"""Merge several runs into one, each problem measured on one machine.
 
 A case that several sources contain counts once. A finished case replaces an unfinished one; two finished cases that
-differ are a contradiction.
+differ are an error.
 """
 
 import os
@@ -34,7 +34,7 @@ def merge(
 
     Args:
         sources: files of bundles, and folders of runs. Their residuals are recomputed first.
-        folder: folder of the new run, which gets its name.
+        folder: folder of the new run; its name becomes that of the run.
         on_case: called with the number of recomputed cases of a source and of all its cases.
         on_missing: called with a sentence for each missing shard.
 
@@ -178,7 +178,7 @@ def _unique(items: Iterable[Item]) -> list[Item]:
 
 
 def _write(folder: Path, merged: Bundle) -> None:
-    """Write a run into a temporary folder, which then takes its place."""
+    """Write a run into a temporary folder, which is then renamed to ``folder``."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".", suffix=PART) as made:

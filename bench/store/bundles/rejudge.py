@@ -30,13 +30,13 @@ ROUNDING = 2.0**-44
 """Relative change of impulses as large as the rounding of sums over a row."""
 
 N_CHANGES = 3
-"""Number of such changes whose effects are compared."""
+"""Number of changes of the impulses whose effects are compared."""
 
 MARGIN = 8.0
-"""Multiple of the effect of ``ROUNDING`` that is not a disagreement."""
+"""Largest multiple of the effect of ``ROUNDING`` that is not a disagreement."""
 
 RELATIVE = 1e-6
-"""Relative difference that is not a disagreement."""
+"""Largest relative difference that is not a disagreement."""
 
 MAX_SIDES = 10**6
 """Largest number of sides of a pyramid; with more, it is a cone up to rounding."""

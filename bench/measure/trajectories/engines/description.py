@@ -1,6 +1,7 @@
 """Descriptions of scenes that every engine builds: balls and cubes of one friction coefficient, above static boxes.
 
-Bodies are homogeneous. Nothing rebounds or is damped, and friction resists neither rolling nor spinning.
+Bodies are homogeneous. They do not rebound, their motion is not damped, and friction resists neither rolling nor
+spinning.
 """
 
 from collections.abc import Callable

@@ -43,7 +43,7 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
         errors: errors by name, in the order of the scene.
         own_residual: largest residual of the judged steps under the engine's own model, None if it publishes none.
         residual: largest judged residual of the judged steps under Coulomb's law, None if impulses are unknown.
-        solved_residual: the largest residual of Proxbench's solver ``Robust`` on the same problems, for few bodies.
+        solved_residual: largest residual of Proxbench's solver ``Robust`` on the same problems; None for many bodies.
         failure: why there is no measurement, empty if there is one.
     """
 

@@ -1,4 +1,4 @@
-"""MuJoCo: a scene as a model, stepped by ``mj_step``; judged steps are captured, so that its own model is known."""
+"""MuJoCo: a scene as a model, stepped by ``mj_step``; judged steps are captured, to judge its own model as well."""
 
 import copy
 from dataclasses import replace

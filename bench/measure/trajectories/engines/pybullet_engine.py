@@ -16,7 +16,7 @@ class PyBulletEngine:
         client = import_module("pybullet_utils.bullet_client")
         library: Any = client.BulletClient(connection_mode=import_module("pybullet").DIRECT)
         self.library, self.description, self.time_step = library, description, time_step
-        self._advance = library.stepSimulation  # bound once, since each access of the client costs a wrapper
+        self._advance = library.stepSimulation  # bound once, because each access to it creates a wrapper
         self._body_options = {"useMaximalCoordinates": bool(options.get("maximal_coordinates"))}
         library.setGravity(*description.gravity)
         library.setPhysicsEngineParameter(

@@ -72,15 +72,15 @@ class RapierEngine:
             self._before = self.states()
             colliders, bodies = self.world.colliders, self.world.rigid_bodies
             found = [(handle, colliders.get(handle)) for handle in self._colliders]
-            self._places = {  # a collider is moved to its body in the next step only
+            self._places = {  # Rapier moves a collider to its body only in the next step
                 handle: one.position if one.parent is None else bodies.get(one.parent).position for handle, one in found
             }
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step; None where the reported impulses do not explain its velocities.
+        """Return the problem of the last step; None if the reported impulses do not explain its velocities.
 
-        Rapier reports no friction impulses of its default model. In stacks that turn, its impulses act at other points
-        than those that it reports.
+        Rapier reports no friction impulses of its default model. In stacks that turn, impulses act at points other than
+        the reported ones.
         """
         if not self.reports_friction:
             return None
@@ -120,7 +120,7 @@ def _first_tangent(x: float, y: float, z: float) -> FloatArray:
     """Return the direction of Rapier's first friction impulse on body 2; it depends on the normal alone.
 
     Rapier's basis is that of −n: with s the sign of −n_z and a = −1/(s − n_z), its first vector is
-    (n_x n_y a, s + n_y² a, n_y) on body 1. Its impulses act halfway between the two points of a contact.
+    (n_x n_y a, s + n_y² a, n_y) on body 1. Impulses act halfway between the two points of a contact.
     """
     sign = np.copysign(1.0, -z)
     scale = -1.0 / (sign - z)

@@ -34,7 +34,7 @@ FACETS = 32
 
 WALL_HEIGHT, PANEL_THICKNESS = 0.5, 0.05
 SETTLED_SECONDS = 0.1
-"""Time before the end of a pile over which its overlap counts [s]."""
+"""Time at the end of a pile over which its overlap is measured [s]."""
 
 
 def describe(name: str) -> Description:
@@ -54,7 +54,7 @@ def _thrown_cube() -> Description:
 
 
 def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the largest rise of the centre [mm], and the error of the final speed over the initial speed [%]."""
+    """Return the largest rise of the centre [mm], and the error of the final speed relative to the initial one [%]."""
     exact = THROW_SPEED - SLIDING_FRICTION * STANDARD_GRAVITY * motion.times[-1]
     return _lift(motion), 100.0 * abs(motion.velocities[-1, 0, 0] - exact) / THROW_SPEED
 
