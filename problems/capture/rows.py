@@ -30,8 +30,8 @@ from ..engine_model import EngineSet
 from .mujoco_import import mujoco
 
 EMPTY = 1e-14
-"""A contact row whose norm is below this fraction of the largest one of the contact moves nothing, for example friction
-normal to a planar model."""
+"""A contact row whose norm is below this fraction of the largest row norm of the contact counts as zero, for example
+friction normal to a planar model."""
 
 IMMOBILE = "it moves no degree of freedom; give one of its bodies a joint, or remove it from the model"
 """Reason for not capturing a row of zeros."""
@@ -234,7 +234,7 @@ def _norms(rows: Sequence[_Row], jacobian: sp.csr_array[Any]) -> FloatArray:
 
 
 def _anchor(data: Any, contact: Any, side: int) -> FloatArray:
-    """Return the point of a contact in the frame of a geometry, in the world for deformable ones [m], shape (3,)."""
+    """Return the point of a contact in the frame of a geometry, or of the world if it is deformable [m], shape (3,)."""
     index, point = int(contact.geom[side]), np.array(contact.pos)
     if index < 0:
         return point

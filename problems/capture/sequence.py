@@ -1,4 +1,4 @@
-"""Simulation by MuJoCo, with problem files of one suite at regular intervals."""
+"""Simulation by MuJoCo, of which every n-th step is written as a problem file of one suite."""
 
 import json
 import math
@@ -119,7 +119,7 @@ def capture(
         on_step: called with each captured step after it is written.
 
     Returns:
-        A summary of the written files; if a step fails, of those before it, with the error.
+        A summary of the written files. If a step fails, it covers the steps before it and contains the error.
 
     Raises:
         ProblemError: if the model cannot be read, its first step cannot be captured, or no step has a supported row.
@@ -239,7 +239,7 @@ def _steps_of(output: Path, stem: str = "") -> list[Path]:
 
 
 def _describe(output: Path, stem: str) -> None:
-    """Make the folder a suite with a family per captured model; keep a description without ``HEADING``."""
+    """Make the folder a suite with a family per captured model; do not replace a description without ``HEADING``."""
     file = output / DESCRIPTION
     if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
         return

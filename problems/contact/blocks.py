@@ -80,7 +80,7 @@ class BlockLayout:
     def first(self, n_blocks: int) -> "BlockLayout":
         """Return the layout of the first ``n_blocks`` blocks.
 
-        The layout must be dense, and no later block may bound the friction of these.
+        The layout must be dense, and no later block may bound the friction of these blocks.
         """
         arrays = {name: getattr(self, name)[:n_blocks] for name in _OF_BLOCKS}
         slot = self.slot[: n_blocks * self.width]

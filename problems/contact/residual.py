@@ -39,7 +39,7 @@ UNIT = 2.0**-53
 """Unit roundoff u."""
 
 INSIDE = 1.0 - 2.0**-48
-"""Fraction of b²; ‖h − ξ‖² below it is below b² despite rounding."""
+"""Fraction of b² below which ‖h − ξ‖² is less than b² despite rounding."""
 
 PROJECTION_ROUNDINGS = 8.0
 """Number of roundings of ‖h‖ in a projection onto a cone or a polygon."""
@@ -167,7 +167,7 @@ class ModelResidual(Residual):
 class EngineResidual(Residual):
     """The residual under the model of the engine of a captured step; attributes as in ``Residual``.
 
-    The model has a solution for any constraints, because its regularisation lets them give way.
+    The model has a solution for any constraints, because its regularisation makes them compliant.
     """
 
     def __init__(self, problem: ContactProblem, engine: EngineModel) -> None:

@@ -157,7 +157,7 @@ def _in_length(problem: ContactProblem, mass: float, length: float, time: float)
 
 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
-    """Return uncoupled problems as one in Delassus form, with their answers.
+    """Return uncoupled problems as one problem in Delassus form, with their answers.
 
     Velocities and sums are known if they are known for all parts, impulses if each part has exactly one solution.
     """

@@ -134,7 +134,7 @@ def random_spectrum_problem(eigenvalues: FloatArray, dim: int, friction: float, 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
     """Return a problem of ``family`` from float32 arrays, which represent its short fractions exactly.
 
-    The problem has factors; if ``assembled``, it has G, which is exact for equal masses and few degrees of freedom.
+    The problem has factors, or G if ``assembled``. G is exact for equal masses and few degrees of freedom.
     """
     whole = random_problem(family, seed)
     assert whole.factors is not None
@@ -196,7 +196,7 @@ def _complementary(family: Family, rng: np.random.Generator) -> tuple[FloatArray
 
 
 def _direction(dim: int, rng: np.random.Generator) -> FloatArray:
-    """Return a tangential vector of length 5 with whole entries, shape (dim − 1,)."""
+    """Return a tangential vector of length 5 with integer entries, shape (dim − 1,)."""
     if dim == 1:
         return np.zeros(0)
     if dim == 4:

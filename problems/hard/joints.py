@@ -41,9 +41,9 @@ def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
 def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     """Return parallel cranks between the ground and a coupler, all of 1 kg and 1 m, that fall from rest.
 
-    Two cranks form a four-bar loop. Each further crank adds four rows for three degrees of freedom but does not
-    restrict the motion, so G loses a rank. With the velocities J per angular velocity ω of the cranks, at ``angle``
-    [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
+    Two cranks form a four-bar loop. Each further crank adds four rows and three degrees of freedom but does not
+    restrict the motion, so one more row is redundant. With the velocities J per angular velocity ω of the cranks, at
+    ``angle`` [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
     """
     tangent = np.array([-np.sin(angle), np.cos(angle)])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
@@ -110,7 +110,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
 
 
 def immovable_joint() -> ContactProblem:
-    """Return a joint between two walls that separate at 1 m/s, G_ii = 0, and one that a body can follow."""
+    """Return a joint between two walls that separate at 1 m/s, G_ii = 0, and one that a body can close."""
     laws = Laws.joints(2)
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 

@@ -1,6 +1,6 @@
 """Checks that the available memory suffices for large arrays.
 
-Without them, the system may kill the process, because it grants more memory than it has.
+Without these checks, the system may kill the process, because it grants more memory than it has.
 """
 
 import contextlib
@@ -131,7 +131,7 @@ def _droppable_bytes(group: Path) -> int:
 
 
 def _address_bytes() -> float:
-    """Return the memory left by the limit of the address space (``ulimit -v``), which measured cases have."""
+    """Return the memory left by the limit of the address space (``ulimit -v``), under which measured cases run."""
     try:
         import resource  # systems other than Unix have no such limit
 

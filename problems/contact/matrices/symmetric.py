@@ -28,7 +28,7 @@ LANCZOS_STEPS = 16
 """Number of steps of Lanczos' method in the search for a negative eigenvalue."""
 
 MAX_DENSE_ROWS = 64
-"""Largest number of rows for which all eigenvalues are computed instead."""
+"""Largest number of rows for which all eigenvalues are computed instead of Ritz values."""
 
 BREAKDOWN_TOLERANCE = 1e-12
 """Lanczos' method ends if the norm of a new vector is below this fraction of the largest Ritz value."""
