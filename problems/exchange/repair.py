@@ -114,7 +114,7 @@ def named_in_errors(name: str, file_format: str, repair: Repair) -> Iterator[Non
     Args:
         name: the path of the file.
         file_format: its format, as ``proxbench import`` calls it.
-        repair: the remedies that were not enough; the command keeps those that were chosen.
+        repair: the remedies that did not suffice; the command keeps those that differ from the defaults.
     """
     command = f"run: proxbench import {file_format} {shlex.quote(name)}"
     try:

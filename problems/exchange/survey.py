@@ -27,7 +27,7 @@ MAX_RANK_ROWS = 8000
 """Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
 
 _REPAIRS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
-"""Repairs in the order of trials, so that any asymmetric matrix can be described."""
+"""Repairs in the order in which they are tried, so that any asymmetric matrix can be described."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Survey:
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: number of stored guesses.
         solution: judged residual of the stored impulses; ``None`` if none were written.
-        own_solution: their residual in the own model of the engine; ``None`` without such a model.
+        own_solution: residual of these impulses in the engine's own model; ``None`` without such a model.
     """
 
     file: str

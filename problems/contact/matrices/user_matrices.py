@@ -40,7 +40,7 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
         matrix.has_canonical_format = True
     else:
         _check_sparse(matrix, name)
-        matrix = kind(matrix, copy=True)  # copied as is: a copy ignores the order of arrays
+        matrix = kind(matrix, copy=True)  # without the flags of sorted indices, which may be wrong
         matrix.sum_duplicates()
         check_finite(matrix, name)
     read_only(matrix.data, matrix.indices, matrix.indptr)

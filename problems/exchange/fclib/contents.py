@@ -69,7 +69,7 @@ class Contents:
 
 @dataclass(frozen=True, eq=False)
 class LocalContents(Contents):
-    """A problem by its Delassus matrix.
+    """A problem given by its Delassus matrix.
 
     Attributes:
         W: between contacts [1/kg], shape (n_contact_rows, n_contact_rows).
@@ -98,7 +98,7 @@ class LocalContents(Contents):
 
 @dataclass(frozen=True, eq=False)
 class GlobalContents(Contents):
-    """A problem by its mass matrix and force directions.
+    """A problem given by its mass matrix and force directions.
 
     Attributes:
         M: mass matrix, shape (n_dofs, n_dofs).

@@ -27,7 +27,7 @@ def is_fclib_name(name: str) -> bool:
 def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefinite = "refuse") -> ContactProblem:
     """Read the problem of an FCLIB file; its name is that of the file.
 
-    Links to other files are not followed, and no more is read than the size of the file. FCLIB has no checksums: a
+    Links to other files are not followed, and arrays never exceed the size of the file. FCLIB has no checksums: a
     changed number that is still valid is detected only in files of ``write_fclib``.
 
     Args:

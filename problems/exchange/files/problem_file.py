@@ -131,7 +131,7 @@ def read_problem(
 
 @contextmanager
 def _prefixed(name: str) -> Iterator[None]:
-    """Put the name of a file before a ``ProblemError``."""
+    """Put the name of a file before the message of a ``ProblemError``."""
     try:
         yield
     except ProblemError as error:

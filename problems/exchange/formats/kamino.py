@@ -11,8 +11,8 @@ belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc)
 bounded multiplier is the friction or the limited effort of a joint, |λ| ≤ b; its bounds are b/P.
 
 The compliance R [1/kg], shape (n,), is physical: D = P (G + diag R) P. It lets a contact or limit approach at −R λ, so
-v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard contacts; G + diag R
-with Coulomb friction is the own model of Kamino.
+v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard contacts; Kamino's own
+model is G + diag R with Coulomb friction.
 
 Arrays may be longer than their content, as Kamino allocates them; lambdas are physical impulses [N s]. Source: Newton
 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.
@@ -49,7 +49,7 @@ _SETS = {
     LawKind.SPATIAL_FRICTION: EngineSet.INTERVAL,
     LawKind.UNILATERAL: EngineSet.HALF_LINE,
 }
-"""Sets of the rows of a law in the own model of Kamino; a contact without friction has intervals of length 0."""
+"""Sets of the rows of a law in Kamino's own model; a contact without friction has intervals of length 0."""
 
 
 def recognises(arrays: Arrays) -> bool:

@@ -65,7 +65,7 @@ UNIT = 1e-3
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether the arrays look like those of rigid bodies."""
+    """Whether an array has the name body_1, or two have the names mass and inertia."""
     return "body_1" in arrays or {"mass", "inertia"} <= arrays.keys()
 
 

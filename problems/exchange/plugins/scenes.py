@@ -24,7 +24,7 @@ def plugin_scene(name: str) -> Offer | None:
     """Return the offer of a scene by its plain name; None for a scene of Proxbench.
 
     Raises:
-        ProblemError: for an unknown scene, with the nearest name.
+        ProblemError: if the scene is unknown; the message suggests the nearest name.
         PluginError: if the name is rejected.
     """
     if name in SCENES:
@@ -46,7 +46,7 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
         options: further options.
 
     Raises:
-        ProblemError: for an unknown scene or option.
+        ProblemError: if the scene or an option is unknown.
         PluginError: if the plugin does not return a scene.
     """
     name, written = parse_scene(text)
