@@ -9,8 +9,8 @@ and proves that no Λ balances: the loads do work on it, hᵀu > 0, and contacts
 enough if friction has a fixed bound. Limit analysis calls it the collapse mechanism of the associated model.
 
 Rest requires only that Λ lies in K, so "cannot stand" is exact for Coulomb friction. "Can stand" means that rest is
-one motion that the laws allow. It may be unstable; and unless the mechanism consists of hinges, it may not be the only
-one, since a sliding contact opens in the associated model, but not with Coulomb's law.
+one motion that the laws allow. Rest may be unstable. Unless the mechanism consists of hinges, other motions may also
+be possible, since a sliding contact opens in the associated model, but not with Coulomb's law.
 
 A second program computes the largest additional push M b before collapse,
 
@@ -52,7 +52,7 @@ MAX_FRICTION = 1e3
 """Largest friction coefficient that ``least_friction`` tries."""
 
 FRICTION_ACCURACY = 1e-7
-"""Width of the last bracket of ``least_friction``, relative to it."""
+"""Width of the last bracket of ``least_friction``, relative to its result."""
 
 
 @runtime_checkable
@@ -127,7 +127,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
 
 
 def find_equilibrium(problem: ContactProblem) -> Equilibrium:
-    """Return whether forces within the laws balance the loads, with the forces or the mechanism that proves this.
+    """Return whether forces within the laws balance the loads, with the forces or the mechanism as proof.
 
     Args:
         problem: one step from rest with its factors and free motion, as ``problem_at_rest`` returns it.

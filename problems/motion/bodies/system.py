@@ -271,8 +271,8 @@ class MechanicalSystem:
         """Linearise at q_M: M(q_M), h(q_M, u_B), and W(q_M) of the contacts with g(q_M) < 0.
 
         Raises:
-            ProblemError: if M is not positive definite there, or M, h, g or W has another shape than u and the contacts
-                require, or contains NaN.
+            ProblemError: if M is not positive definite there, or M, h, g or W contains NaN or has a shape that does not
+                match u and the contacts.
         """
         inverse, sparse_inverse = self._inverse_mass(midpoint)
         free_motion = velocity + inverse @ self._force(midpoint, velocity) * seconds

@@ -16,7 +16,7 @@ def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # 
     An edge with one end within the slack and the other beyond it does not cross the plane, and is cut at the former.
 
     Args:
-        polygon: corners, of which the first ``n`` count.
+        polygon: corners; only the first ``n`` are used.
         edges: number of the edge that leaves each of them.
         n: number of corners.
         across: normal of the plane.

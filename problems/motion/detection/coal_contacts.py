@@ -1,4 +1,4 @@
-"""Contacts of cylinders with capsules, cylinders and polyhedra, by the library coal."""
+"""Contacts of cylinders with capsules, cylinders and polyhedra, computed by the library coal."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -20,7 +20,7 @@ CURVED_SAMPLES = 12
 """Number of points of the patch if an end of a cylinder lies on a face."""
 
 TOLERANCE = 1e-10
-"""Error of gaps [m]; gaps of curved shapes err by 2e-6 with 1e-6, the default of coal."""
+"""Tolerance of coal for gaps [m]; with its default of 1e-6, gaps of curved shapes have errors of 2e-6."""
 
 MAX_ITERATIONS = 256
 """Iteration limit of coal for one pair of shapes."""
@@ -94,8 +94,8 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
 
     Near gap 0, coal has errors of 1e-6 m in gaps, and 1e-4 in normals, and finds no contact at some poses. Bodies are
     therefore searched with a larger margin. The second one is moved along the normal to where coal is exact, and this
-    distance is subtracted from the gap. Where bodies are farthest apart along the normal of a face or an axis, this
-    direction is exact.
+    distance is subtracted from the gap. If bodies are farthest apart along the normal of a face or an axis, this
+    direction is the normal, without error.
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
     directions = _directions(first, second)
@@ -104,7 +104,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     gap = least_gap = float(separations[best])
     if least_gap > margin:
         return
-    # of deep penetrations, coal finds the least at the given poses only
+    # coal finds the smallest of deep penetrations only at the given poses
     way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
     for _ in range(MAX_PASSES):
         result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)

@@ -53,13 +53,13 @@ STANDARD_GRAVITY = 9.81
 """Default gravitational acceleration [m/s²]."""
 
 POUR_SECONDS = 5.0
-"""Time that a thousand balls have to leave through the outlet [s]; a pour ends earlier when all are through."""
+"""Default duration of a pour [s]; a pour ends earlier when all balls are through the outlet."""
 
 JAM_SECONDS = 0.25
-"""Simulated time of rest after which a funnel counts as jammed [s]; a ball falls through thirty radii in it."""
+"""Simulated time of rest after which a funnel counts as jammed [s]; a ball falls by thirty radii in this time."""
 
 JAM_AGITATION = 1e-4
-"""A pile rests while its balls move with less than this kinetic energy over m g r, on average."""
+"""Mean kinetic energy of a ball, divided by m g r, below which a pile counts as at rest."""
 
 STANDARD_EFFECTS: tuple[Effect, ...] = (Gravity(9.81), Friction(0.3), Restitution(0.3, 0.0))
 """The effects of the paper's example."""

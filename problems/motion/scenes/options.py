@@ -76,7 +76,7 @@ def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, obje
     """Return the value of each option of the scene called ``scene``: the given one, checked, or the default.
 
     Raises:
-        ProblemError: for an unknown option, with the nearest one, or a value out of range.
+        ProblemError: if an option is unknown (the message suggests the nearest one), or a value is out of range.
     """
     check_options(f"the scene {scene!r}", given, options, ProblemError)
     return {

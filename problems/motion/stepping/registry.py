@@ -25,8 +25,8 @@ def make_stepper(text: str) -> Stepper:
     """Return a stepper: ``make_stepper("Moreau(step=5e-4)")``.
 
     Raises:
-        ProblemError: for an unknown stepper, option or search of switching points, with the nearest name, or for a
-            value of the wrong type.
+        ProblemError: if the stepper, an option or the search of switching points is unknown (the message suggests the
+            nearest name), or a value has the wrong type.
     """
     written = read_name(text, "stepper", EXAMPLE, ProblemError)
     name = written.plain

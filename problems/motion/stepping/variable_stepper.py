@@ -52,13 +52,13 @@ class VariableStepper(Stepper):
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
         min_step: Δt_min [s], the accuracy of switching points. A contact that closes with velocity v remains
-            v Δt_min / 2 deep. If solver tolerance and rounding move it by more, it flickers between open and closed.
+            v Δt_min / 2 deep. If errors of the solver and rounding exceed this depth, it opens and closes repeatedly.
         max_step: Δt_max [s]; that of the scene if None.
         search: method that locates switching points: "anticipating", "nested" or "last".
         max_levels: largest number of sequences of 1, 2, … steps to compare.
 
     Raises:
-        ProblemError: for an unknown search, with the nearest name.
+        ProblemError: if the search is unknown; the message suggests the nearest name.
     """
 
     tolerance: float

@@ -1,7 +1,7 @@
 """Aggregates of a pour, whose single trajectories are chaotic: flow rate, mean height, energy.
 
-Two pours that differ in the last bit differ in every ball after some tenths of a second. They have in common how fast
-balls leave, the mean height of the others, and how much energy is lost.
+Two pours that differ in the last bit differ in every ball after some tenths of a second. They still agree in the flow
+rate, in the mean height of the remaining balls, and in the energy lost.
 """
 
 from dataclasses import dataclass, field

@@ -1,8 +1,8 @@
 """Trajectory problems, on which steppers with solvers are measured: a scene, a duration, members, and a measure.
 
-One simulation is not representative if its error is erratic in the number of steps, or its motion chaotic. A problem
-therefore has members: factors of the steps or tolerances of a stepper, with the median of their errors, or seeds of a
-scene of balls, which are compared with the same seeds of a reference.
+One simulation is not representative if its error varies erratically with the number of steps, or its motion is chaotic.
+A problem therefore has several members. These are factors of the steps or tolerances of a stepper, whose median error
+is taken, or seeds of a scene of balls, which are compared with the same seeds of a reference.
 """
 
 import hashlib
@@ -78,7 +78,7 @@ class _OfOneTrajectory(Measure):
 
 @dataclass(frozen=True)
 class LimitCycle(_OfOneTrajectory):
-    """The state after one period from the section of a known limit cycle, which the scene knows by name.
+    """The error of the state one period after the section of the known limit cycle of a scene.
 
     Attributes:
         known: the limit cycle.

@@ -5,7 +5,7 @@ Let p and p' be points of the two bodies, and d = x + R p − x' − R' p' the v
     distance       |d|
     along an axis  (R' n)ᵀ d        for n fixed in the second body
     orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
-    angle          θ about n, by which the first body is rotated in the second one; f points along s at θ = 0
+    angle          θ about n of the first body relative to the second one; f points along s at θ = 0
 
 They do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
 """
@@ -35,14 +35,14 @@ class JointRow(NamedTuple):
 
     Attributes:
         kind: kind of the scalar.
-        bodies: indices of the two bodies; −1 stands for the world.
+        bodies: indices of the two bodies, −1 for the world.
         points: p and p' in body axes [m], shape (2, 3).
         first_axis: f.
         second_axis: n.
         side: s, a unit vector of the second body perpendicular to n.
         sign: 1 or −1.
         offset: [m or rad].
-        middle: angles are reduced to within π of this one [rad].
+        middle: an angle is changed by multiples of 2π until it differs by at most π from this one [rad].
     """
 
     kind: int

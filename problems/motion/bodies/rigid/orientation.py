@@ -180,7 +180,7 @@ def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-
             r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0 - p[1]
             r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1 - p[2]
             size = max(abs(r0), abs(r1), abs(r2))
-            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # only rounding is left
+            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # the rest is rounding
                 break
             last = size
             half = 0.5 * seconds

@@ -162,7 +162,7 @@ class Dominoes:
         # inertia and moments are divided by the mass
         inertia = (height**2 + thickness**2) / 3.0
         moments = 0.5 * self.gravity * (height * np.sin(angles) - thickness * np.cos(angles))
-        head_speed, seconds = self.push, []  # of the head after an impact; times from one to the next one
+        head_speed, seconds = self.push, []  # speed of the head after an impact; times between impacts
         for n in range(1, TRAIN):
             # n dominoes move; y = ω² of the head has dy/dθ + P y = Q
             c = weights[:n]

@@ -9,7 +9,7 @@ from math import acos, atan2, cos, hypot, inf, sin, sqrt
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which imports its parts at their first use
+import scipy  # imports its subpackages at their first use
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
