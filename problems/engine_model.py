@@ -167,7 +167,7 @@ class EngineModel:
 
     @staticmethod
     def of_numbers(name: str, content: Mapping[str, NDArray[Any]]) -> "EngineModel":
-        """Return the model with these arrays, which may be among others.
+        """Return the model with these arrays; ``content`` may contain other arrays.
 
         Raises:
             KeyError: if an array is missing.

@@ -6,7 +6,7 @@ MuJoCo computes f on the state before the step, and the step then ends with
 
 with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator: M + hD (Euler),
 M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo keeps its factor in ``qH``.
-If a step does not end with this velocity, another problem determines it, and the step is refused.
+A step that does not end with this velocity is not a step of this problem, and is not captured.
 
 The impulses of refused rows, as MuJoCo computed them, are part of the free velocity.
 """
@@ -175,7 +175,7 @@ def take_step(model: Any, data: Any) -> None:
     """Let MuJoCo take one step.
 
     Raises:
-        ProblemError: if it fails, or resets the state because a number is huge or not finite.
+        ProblemError: if MuJoCo fails, or resets the state because a number is huge or not finite.
     """
     module = mujoco()
     time, kinds = data.time, module.mjtWarning

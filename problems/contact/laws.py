@@ -137,7 +137,7 @@ class Laws:
         in_range = (self.partner >= -1) & (self.partner < len(self.kind))
         _require(in_range, "partner", self.partner, "the index of a law, or -1")
         _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a law without friction")
-        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # the last entry stands for partner −1
+        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # partner −1 selects the last entry
         _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
         has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
         _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
@@ -327,7 +327,7 @@ class Laws:
             n_rows: axes of rolling: 1, 2 or 3.
 
         Raises:
-            ProblemError: for another number of axes, or if the laws already have rolling friction.
+            ProblemError: if ``n_rows`` is not 1, 2 or 3, or the laws already have rolling friction.
         """
         if n_rows not in (1, 2, 3):
             raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
@@ -373,7 +373,7 @@ def _many_equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
 
 
 def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], wanted: str) -> None:
-    """Raise ``ProblemError`` that names the first law for which ``holds`` is false."""
+    """Raise a ``ProblemError`` that names the first law for which ``holds`` is false."""
     if not holds.all():
         law = int(np.argmin(holds))
         raise ProblemError(f"laws.{field}[{law}] = {values[law]} must be {wanted}.")

@@ -276,13 +276,13 @@ class ContactProblem:
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
-        """Return the problem with another c [m/s], shape (n_rows,), and the matching engine model; omit the answer."""
+        """Return the problem with a new c [m/s], shape (n_rows,), and the matching engine model; omit the answer."""
         c = _as_vector(free_velocity, "c")
         engine = None if self.engine is None else self.engine.shifted(c - self.free_velocity)
         return replace(self, free_velocity=c, answer=None, engine=engine)
 
     def answered(self, answer: Answer | None, **provenance: str | int | float) -> "ContactProblem":
-        """Return the same problem with another known answer, and ``provenance`` added."""
+        """Return the same problem with a new known answer, and ``provenance`` added."""
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def keyed(self, keys: Sequence[str]) -> "ContactProblem":

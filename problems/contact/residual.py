@@ -350,7 +350,7 @@ def _convex_violations(
     lanes, moved = layout.pad(impulses), layout.pad(velocity)
     lanes[:, 1 + layout.sliding :] /= unit[:, None]
     moved[:, 1 + layout.sliding :] *= unit[:, None]
-    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # the last entry stands for law −1
+    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # law −1 selects the last entry
     block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
     step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
     target = lanes - step[:, None] * moved

@@ -50,7 +50,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
     laws = np.concatenate([chosen[contact] for contact in contacts]) if len(contacts) else np.zeros(0, dtype=np.int64)
     place = np.empty(len(laws) + 1, dtype=np.int64)
     place[laws] = np.arange(len(laws))
-    place[-1] = -1  # stands for partner −1
+    place[-1] = -1  # partner −1 selects this entry
     old = problem.laws
     new_laws = old.chosen(laws, place[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")

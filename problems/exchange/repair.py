@@ -1,7 +1,7 @@
 """Repair of matrices, read from files, that are not quite symmetric or semidefinite.
 
 Public files contain mass matrices with a single triangle, and matrices that lost their symmetry or their smallest
-eigenvalues to rounding. The reader chooses a remedy by name, and the provenance of the problem records it.
+eigenvalues to rounding. The user chooses a remedy by name, and the provenance of the problem records it.
 """
 
 import shlex

@@ -92,7 +92,7 @@ class Collapse:
 
     Attributes:
         factor: s, the push relative to the loads; 0 for bodies that cannot stand without it, inf if no push moves them.
-        forces: Λ [N] under this push, shape (n_rows,); NaN if it is infinite.
+        forces: Λ [N] under this push, shape (n_rows,); NaN if the push is infinite.
         mechanism: velocity u of the collapse, up to a factor, shape (n_dofs,); NaN if the push is infinite.
     """
 
@@ -149,7 +149,7 @@ def largest_push(problem: ContactProblem, direction: FloatArray) -> Collapse:
         direction: b, the acceleration of free bodies by the push, of any size, shape (n_dofs,).
 
     Raises:
-        ProblemError: as ``find_equilibrium``, or if b has another shape, is zero or is not finite.
+        ProblemError: as ``find_equilibrium``, or if b has a wrong shape, is zero or is not finite.
     """
     scaled = _ScaledProblem(problem)
     b, n_rows, n_dofs = np.asarray(direction, dtype=np.float64), len(scaled.unit), len(scaled.load)
@@ -175,7 +175,7 @@ def least_friction(problem: ContactProblem) -> float:
     """Return the least friction coefficient, equal at all contacts, with which bodies can stand.
 
     Returns:
-        μ, found by bisection to ``FRICTION_ACCURACY``; inf if they cannot stand with ``MAX_FRICTION``.
+        μ, found by bisection to ``FRICTION_ACCURACY``; inf if the bodies cannot stand with ``MAX_FRICTION``.
 
     Raises:
         ProblemError: as ``find_equilibrium``, or if no contact has friction.

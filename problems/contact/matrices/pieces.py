@@ -274,7 +274,7 @@ def _write_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
             for lane in range(values.shape[1]):
                 for k in range(values.shape[2]):
                     entry = values[p, lane, k]
-                    sums[i, lane] += entry * entry  # no power, whose rounding depends on other kernels
+                    sums[i, lane] += entry * entry  # not entry**2, whose rounding depends on other kernels
 
 
 @njit(cache=True)

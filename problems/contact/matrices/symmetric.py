@@ -44,7 +44,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
 
     Raises:
         IndefiniteError: if a diagonal entry, a 2×2 minor or an eigenvalue is negative beyond rounding.
-        ProblemError: if G has another shape, contains numbers that are not finite, or is not symmetric.
+        ProblemError: if G has the wrong shape, contains numbers that are not finite, or is not symmetric.
     """
     source = as_matrix(given, "G")
     is_single = source.dtype == np.float32

@@ -20,8 +20,8 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     """Return a copy of a matrix, dense or sparse, as a canonical read-only CSR or CSC array of doubles.
 
     Raises:
-        ProblemError: if it is not a matrix of real numbers, or has an index outside its shape or an entry that is
-            not finite.
+        ProblemError: if ``given`` is not a matrix of real numbers, or has an index outside its shape or an entry that
+            is not finite.
     """
     source = as_matrix(given, name)
     if type(source) is kind and source.dtype == np.float64:
@@ -51,7 +51,7 @@ def as_matrix(given: Any, name: str) -> Any:
     """Return ``given`` if it is a sparse matrix, else a dense matrix of numbers.
 
     Raises:
-        ProblemError: if it is neither.
+        ProblemError: if ``given`` is neither.
     """
     try:
         matrix: Any = given if sp.issparse(given) else np.asarray(given)

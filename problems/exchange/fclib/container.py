@@ -85,7 +85,7 @@ class Group:
         """Return a vector in double precision, shape (n,).
 
         Raises:
-            ContainerError: if the data set is missing, has another type or shape, or has no data in the file.
+            ContainerError: if the data set is missing, has the wrong type or shape, or has no data in the file.
         """
         types = self._h5py.h5t
         return self._read_vector(name, (types.IEEE_F64LE, types.IEEE_F64BE), np.dtype(np.float64), "64-bit numbers")

@@ -131,7 +131,7 @@ def read_contents(file: Group) -> LocalContents | GlobalContents:
     """Return the contents of a file.
 
     Raises:
-        ContainerError: if it contains no problem, several, or parts that do not match.
+        ContainerError: if the file contains no problem, several problems, or parts that do not match.
     """
     roots = [name for name in (LOCAL, GLOBAL, ROLLING) if name in file]
     if len(roots) != 1:

@@ -74,8 +74,8 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
 
     A problem with factors becomes a global one, and one with a Delassus matrix a local one. The matrices, μ, μ_r, q and
     s of a problem from an FCLIB file are written exactly. If only M⁻¹ is known and has blocks of more than one degree
-    of freedom, M is its inverse up to rounding, and the problem has another digest when it is read. The same holds if
-    joints precede contacts, because FCLIB stores joints last.
+    of freedom, M is its inverse up to rounding, and the problem has a different digest when it is read. The same holds
+    if joints precede contacts, because FCLIB stores joints last.
 
     Args:
         problem: contacts with Coulomb friction, all planar or all spatial, and joints. With rolling friction, about
@@ -84,7 +84,7 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 
     Raises:
-        ProblemError: if FCLIB has no such laws, the name has another ending, or the file cannot be written.
+        ProblemError: if FCLIB has no such laws, the name has a different ending, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:

@@ -26,12 +26,12 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
     """Return the matrix of a group; duplicate entries are summed, as in CSparse.
 
     Args:
-        group: where it is stored.
+        group: the group that contains its arrays.
         shape: required numbers of rows and columns. Vectors of these lengths exist, so that a file cannot demand a
             matrix of absurd size.
 
     Raises:
-        ContainerError: if it has another shape, or its arrays contradict each other.
+        ContainerError: if the matrix does not have this shape, or its arrays contradict each other.
     """
     found = group.integer("m"), group.integer("n")
     if found != shape:

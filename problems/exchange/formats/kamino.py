@@ -116,7 +116,7 @@ def _compliance(arrays: Arrays, diagonal: FloatArray) -> FloatArray:
     """Return the compliance of each row [1/kg], zeros if there is none.
 
     Raises:
-        ProblemError: if it is negative, or larger than the diagonal of D in physical units.
+        ProblemError: if a compliance is negative, or larger than the diagonal of D in physical units.
     """
     if "compliance" not in arrays:
         return np.zeros(len(diagonal))

@@ -142,7 +142,7 @@ def stored_impulses(given: NDArray[Any], n_rows: int) -> FloatArray:
     """Return the impulses of a file as numbers, shape (n_rows,).
 
     Raises:
-        ProblemError: if they are not finite numbers, one per row.
+        ProblemError: if the impulses are not finite numbers, one per row.
     """
     if given.size != n_rows or given.dtype.kind not in "fiu" or not np.isfinite(given).all():
         raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one per row; got shape {given.shape}.")

@@ -1,8 +1,8 @@
 """Plugins as single Python files, named on the command line instead of being installed.
 
 A file lists what it offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
-``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was
-read, so that editing the file does not change a run.
+``SCENES = {"my_scene": my_scene}``. The file is read once, and every process runs the content that was read. Editing
+the file therefore does not change a run.
 """
 
 import hashlib
@@ -73,7 +73,7 @@ class PluginFile:
         """Return the module of the file, which runs at the first call after ``make_importable``.
 
         Raises:
-            PluginError: if it fails to import; the message gives the line.
+            PluginError: if the module fails to import; the message gives the line.
         """
         try:
             with redirect_stdout(sys.stderr):

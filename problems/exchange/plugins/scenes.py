@@ -70,7 +70,7 @@ def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
     """Return the options of a function that makes a scene, with their defaults.
 
     Raises:
-        PluginError: if one has no default; ``head`` begins the sentence.
+        PluginError: if an option has no default; ``head`` begins the message.
     """
     parameters = inspect.signature(make).parameters.values()
     for one in parameters:

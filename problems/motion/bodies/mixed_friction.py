@@ -25,7 +25,7 @@ class MixedFriction:
         seed: seed of the coefficients.
 
     Raises:
-        ProblemError: for an invalid range, or a seed out of range.
+        ProblemError: if the range of coefficients is not valid, or the seed is out of range.
     """
 
     lowest: float

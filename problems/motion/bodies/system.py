@@ -309,8 +309,8 @@ class MechanicalSystem:
         """Check M, h, g and W at (q, u).
 
         Raises:
-            ProblemError: if M is not positive definite there, or one of them has another shape than u and the contacts
-                require, or contains NaN.
+            ProblemError: if M is not positive definite there, or one of them contains NaN or has a shape that does not
+                match u and the contacts.
         """
         self._inverse_mass(position)
         self._force(position, velocity)
@@ -384,7 +384,7 @@ class MechanicalSystem:
 
 
 def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values``, or raise ``ProblemError`` if they have another shape or NaN; ``why`` explains the shape."""
+    """Return ``values``, or raise ``ProblemError`` if they have a wrong shape or NaN; ``why`` explains the shape."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
     if np.isnan(values).any():

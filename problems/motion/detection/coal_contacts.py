@@ -160,7 +160,7 @@ def _collide(
     which they are closer than along one of the ``known`` directions; bodies are then moved apart a little more.
 
     Raises:
-        ProblemError: if coal finds no normal however far they are moved apart.
+        ProblemError: if coal finds no normal at any of the distances ``RETRY_SHARES``.
     """
     request = coal.CollisionRequest()
     request.gjk_tolerance = request.epa_tolerance = TOLERANCE
@@ -188,7 +188,7 @@ def _collide(
 def _directions(first: _Body, second: _Body) -> FloatArray:
     """Return unit vectors from first to second along which they may be closest, shape (n, 3).
 
-    They are those of the line of centres, of faces, of axes, and normal to axes.
+    These are the directions of the line of centres, of face normals, of axes, and of normals to axes.
     """
     between = second[1] - first[1] + TINY
     found = [between[None]]
@@ -255,7 +255,7 @@ def require_coal() -> Any:
     """Return the module coal.
 
     Raises:
-        ProblemError: if it is not installed.
+        ProblemError: if coal is not installed.
     """
     try:
         return import_module("coal")

@@ -69,7 +69,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
         margin: gap below which a contact is reported [m].
 
     Raises:
-        ProblemError: for a half-space as first body, and for pairs that need coal if it is not installed.
+        ProblemError: if the first body of a pair is a half-space, or a pair needs coal and it is not installed.
     """
     if not len(pairs):
         return _contact_set([])
@@ -293,7 +293,7 @@ def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, apart, margin, keys, numbers
 
 @njit(cache=True)
 def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the face of the other box that faces the reference face by the sides of the latter."""
+    """Clip the opposing face of the other box by the sides of the reference face."""
     out = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
     normal = out * r_r[axis, 0], out * r_r[axis, 1], out * r_r[axis, 2]
     facing, most = 0, -1.0

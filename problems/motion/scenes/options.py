@@ -22,7 +22,7 @@ class Option:
         meaning: its description for users, with the unit.
         lowest: smallest allowed number.
         highest: largest allowed number.
-        choices: allowed words, if it is a word.
+        choices: allowed words, if the value is a word.
         can_be_off: whether None is allowed.
     """
 
@@ -37,7 +37,7 @@ class Option:
         """Return ``value`` converted to the type of this option.
 
         Raises:
-            ProblemError: if it has the wrong type or is out of range; messages call the option ``name``.
+            ProblemError: if the value has the wrong type or is out of range; messages call the option ``name``.
         """
         if value is None and self.can_be_off:
             return None

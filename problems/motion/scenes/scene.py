@@ -297,7 +297,7 @@ def check_positive(scene: object, what: str, *names: str) -> None:
     """Check the attributes ``names`` of a scene, which messages call ``what``.
 
     Raises:
-        ProblemError: for the first one that is not positive and finite.
+        ProblemError: if an attribute is not positive and finite; the message names the first one.
     """
     for name in names:
         value = getattr(scene, name)

@@ -96,7 +96,7 @@ def woodpecker(
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: for a coefficient out of range.
+        ProblemError: if a coefficient is out of range.
     """
 
     def force(position: FloatArray, velocity: FloatArray) -> FloatArray:

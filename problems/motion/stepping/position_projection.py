@@ -177,7 +177,7 @@ def _entries(joints: JointErrors) -> tuple[FloatArray, NDArray[np.int32], NDArra
 
 @njit(cache=True)
 def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-def]
-    """Return Wᵀ x for a vector, or a matrix with such columns."""
+    """Return Wᵀ x for a vector x, or for each column of a matrix x."""
     product = np.zeros((len(starts) - 1, *vector.shape[1:]))
     for row in range(len(product)):
         for k in range(starts[row], starts[row + 1]):

@@ -7,7 +7,7 @@ Let p and p' be points of the two bodies, and d = x + R p − x' − R' p' the v
     orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
     angle          θ about n of the first body relative to the second one; f points along s at θ = 0
 
-They do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
+The scalars do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
 """
 
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ class JointRow(NamedTuple):
 
 
 class JointTable(NamedTuple):
-    """Rows as arrays: the attributes of each ``JointRow``, one row after the other."""
+    """Rows as arrays: each attribute of ``JointRow`` for all rows."""
 
     kind: IntArray
     bodies: IntArray

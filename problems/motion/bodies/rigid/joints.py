@@ -64,7 +64,7 @@ class Joint:
         first: index of a body.
         second: index of the other one, or ``WORLD``.
         first_point: the point of the first body [m], in its body axes.
-        second_point: the point of the second body, likewise.
+        second_point: the point of the second body [m], in its body axes.
         axis: direction of a revolute or prismatic joint, of any length, in the body axes of the second one.
         rotation: a unit quaternion that maps vectors from the first body's axes to the second's when a prismatic or
             fixed joint is closed, and when the angle of a revolute joint is 0.
@@ -249,7 +249,7 @@ class RigidJoints:
         """Check that all joints close, and that none is beyond a limit.
 
         Raises:
-            ProblemError: for the joint with the largest error, if it exceeds ``MAX_CLOSING_ERROR``.
+            ProblemError: if an error exceeds ``MAX_CLOSING_ERROR``; the message names the joint with the largest one.
         """
         values = np.abs(self._held.at(poses)[0])
         ends = np.cumsum([joint.n_rows for joint in self.joints], dtype=np.int64)

@@ -129,7 +129,7 @@ def _finite_points(points: ArrayLike) -> FloatArray:
     """Return points as an array of shape (n, 3), n ≥ 4.
 
     Raises:
-        ProblemError: if they are of another form, or one of them is not finite.
+        ProblemError: if the points do not form such an array, or one of them is not finite.
     """
     form = "a polyhedron needs at least 4 points (x, y, z)"
     try:

@@ -40,7 +40,7 @@ class FixedBody:
         orientation: rotation of its body axes, a unit quaternion.
 
     Raises:
-        ProblemError: if it has no shape, a number is not finite, or the quaternion does not have unit length.
+        ProblemError: if the body has no shape, a number is not finite, or the quaternion does not have unit length.
     """
 
     shape: Shape

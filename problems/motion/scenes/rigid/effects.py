@@ -31,7 +31,7 @@ class RollingResistance:
         axes: "rolling" in the plane of contact, "spinning" about the normal, or "both" with one bound.
 
     Raises:
-        ProblemError: for unknown axes.
+        ProblemError: if the axes are unknown.
     """
 
     coefficient: float
