@@ -1,6 +1,6 @@
 """One step of MuJoCo as a contact problem, with MuJoCo's forces and the model that it solves.
 
-MuJoCo computes f on the state before the step, and the step then ends with
+MuJoCo computes f in the state before the step, and the step then ends with
 
     u⁺ = u* + M̂⁻¹ Jᵀ h f,      so that      J u⁺ = G Λ + c,   G = J M̂⁻¹ Jᵀ,   c = J u*,   Λ = h f,
 

@@ -100,7 +100,7 @@ class Laws:
         friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
         fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
-            Rolling friction always has one, and follows it and its sliding friction.
+            A law of rolling friction has a partner, and follows it and the sliding friction between them.
 
     Raises:
         ProblemError: if the arrays are inconsistent; the message names the field, the law and the value.

@@ -29,7 +29,7 @@ PILE_SIZES = (100, 300, 1000)
 """Numbers of balls in the piles of that suite."""
 
 MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
-"""Names of the piles with different friction coefficients."""
+"""Names of the piles whose friction coefficients differ from contact to contact."""
 
 WOODPECKER_SWITCHES = (
     "lower-release",

@@ -1,8 +1,8 @@
 """Random problems with a chosen solution, of any rank, mass ratio, sparsity and friction.
 
-Λ and ξ are random and complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ are
-random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5). So
-c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
+Λ and ξ are random and complementary, law by law (open, sticking, sliding, and the boundaries between them), W and M⁻¹
+are random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5).
+So c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
 
 Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
 solutions, unless normal impulses alone carry the load (see ``random_braced_problem``).

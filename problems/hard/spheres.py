@@ -54,7 +54,7 @@ def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactP
 def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProblem:
     """Return ``n`` spheres that strike the ground at 1 m/s, at angles below and above the critical angle.
 
-    With ε_T = 0 a sphere sticks iff |v_T| ≤ 7/2 μ (1 + ε_N) |v_N|; the middle one of an odd n strikes exactly there.
+    With ε_T = 0 a sphere sticks iff |v_T| ≤ 7/2 μ (1 + ε_N) |v_N|. For odd ``n``, equality holds for the middle sphere.
     """
     critical = np.arctan(3.5 * friction * (1.0 + restitution))
     angle = critical * (1.0 + np.linspace(-0.5, 0.5, n))

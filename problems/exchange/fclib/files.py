@@ -25,9 +25,9 @@ def is_fclib_name(name: str) -> bool:
 
 
 def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefinite = "refuse") -> ContactProblem:
-    """Read the problem of an FCLIB file; its name is that of the file.
+    """Read the problem of an FCLIB file, and name it after the file.
 
-    Links to other files are not followed, and arrays never exceed the size of the file. FCLIB has no checksums: a
+    Links to other files are not followed, and no array is larger than the file. FCLIB has no checksums: a
     changed number that is still valid is detected only in files of ``write_fclib``.
 
     Args:
@@ -78,8 +78,8 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
     if joints precede contacts, because FCLIB stores joints last.
 
     Args:
-        problem: contacts with Coulomb friction, all planar or all spatial, and joints. With rolling friction, about
-            the axis of the plane or both tangents, it must have factors.
+        problem: contacts with Coulomb friction, all planar or all spatial, and joints. A problem with rolling friction,
+            about the axis of the plane or both tangents, must have factors.
         path: the file, ending in .hdf5 or .h5; its folder is created.
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 

@@ -1,7 +1,7 @@
 """Detection of overlapping balls by a cell list, in time and memory proportional to the number of balls.
 
-Cells are as wide as the largest ball. Balls are sorted by the number of their cell; because neighbours along the first
-axis have consecutive numbers, the search visits a few ranges of cells per ball, whose starts only move forward.
+Cells are as wide as the largest ball. Balls are sorted by the number of their cell. Neighbours along the first axis
+have consecutive numbers, so the search visits a few ranges of cells per ball. Their starts only move forward.
 """
 
 import numpy as np

@@ -27,7 +27,7 @@ FACE_FEATURES = 12 * 6 * 8 * 8
 """Number of features of a face on a face of two boxes; those of edges on edges follow."""
 
 SLACK = 1e-6
-"""Length over the size of a box within which faces and points count as equal, so that features persist."""
+"""Distance, divided by the size of a box, up to which faces and points count as equal; so features persist."""
 
 PARALLEL = 1e-6
 """Sine of the angle between two edges below which they count as parallel."""

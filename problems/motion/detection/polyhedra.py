@@ -19,7 +19,7 @@ from ..bodies.rigid.shapes import Box
 from .clipping import clip, dot
 
 SLACK = 1e-6
-"""Length over the size of bodies within which faces, edges and points count as equal, so that features persist."""
+"""Distance, divided by the size of bodies, up to which faces, edges and points count as equal; so features persist."""
 
 EDGE_NUMBERS = 2 * MAX_CORNERS
 """Numbers of the edges of a clipped face: its own, and the sides that clip it."""
@@ -35,7 +35,7 @@ _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 
 
 
 class PackedPolyhedra(NamedTuple):
-    """The polyhedra among some shapes, for kernels; starts have one entry per shape and one more.
+    """The polyhedra among some shapes, for kernels; arrays of starts have one entry more than there are shapes.
 
     Attributes:
         vertices: corners in body axes [m].

@@ -105,7 +105,7 @@ class Funnel:
         return ball_system(np.full(self.n_balls, RADIUS), self._masses, self._surfaces(), self.effects)
 
     def start(self) -> State:
-        """Return the balls on their lattice above the cone, dropping."""
+        """Return the balls on their lattice above the cone, moving downwards."""
         system = self.system()
         velocities = np.zeros((self.n_balls, system.dimension))
         velocities[:, -1] = -DROP_SPEED
@@ -118,7 +118,7 @@ class Funnel:
     def agitation(self, position: FloatArray, velocity: FloatArray) -> float:
         """Return the mean kinetic energy of the balls above the outlet over m g r; 0 if all are through.
 
-        At 1, they could rise by a radius; a pile whose value is 1e-4 moves at less than 5 mm/s.
+        At 1, the balls could rise by one radius. At 1e-4, the balls of a pile move at less than 5 mm/s.
         """
         above = position[self._dimension - 1 :: self._dimension] >= 0.0
         if not above.any():

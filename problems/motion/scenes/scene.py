@@ -198,7 +198,7 @@ WORLD_RADIUS = 1e4
 
 
 def completed(scene: Scene) -> Scene:
-    """Check the start of a scene of rigid bodies, and return it with ``bounded``; return other scenes unchanged.
+    """Check the start of a scene of rigid bodies, and apply ``bounded`` to it; return other scenes unchanged.
 
     Raises:
         ProblemError: if rigid bodies cannot start from this state, see ``check_start``, or one of them is farther than

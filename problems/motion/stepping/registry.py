@@ -1,4 +1,4 @@
-"""The registry of steppers, created by name with options: ``make_stepper("Extrapolated(tolerance=1e-8)")``."""
+"""The registry, which creates steppers by name with options: ``make_stepper("Extrapolated(tolerance=1e-8)")``."""
 
 from dataclasses import fields
 from typing import Any
@@ -18,7 +18,7 @@ EXAMPLE = "Extrapolated(tolerance=1e-8)"
 """A stepper with an option, for error messages."""
 
 _TYPES = {str: (str, "a name"), int: (int, "a whole number")}
-"""Types of an option and their description, by the type of its default; options of other types are numbers."""
+"""Types of an option and their description, by the type of its default value; all other options are numbers."""
 
 
 def make_stepper(text: str) -> Stepper:

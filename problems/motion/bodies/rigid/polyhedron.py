@@ -20,7 +20,7 @@ MAX_CORNERS = 32
 """Largest number of corners of a face."""
 
 ALIKE = 1e-9
-"""Tolerance for equal points, faces and directions: length divided by the size of a polyhedron, or angle."""
+"""Distance, divided by the size of a polyhedron, or angle up to which points, faces and directions count as equal."""
 
 FLATNESS = 1e-4
 """Tolerated distance of corners from their face divided by the size; triangles are merged to 3e-5."""
