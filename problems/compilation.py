@@ -41,7 +41,7 @@ class CompilationListener(event.Listener):
         self._depth, self._begin = 0, 0.0
 
     def on_start(self, compilation: event.Event) -> None:
-        """Count the compilation, and write the notice if the ones before it took too long."""
+        """Count the compilation, and write the notice if earlier ones took too long."""
         now = time.perf_counter()
         if self._depth == 0:
             self._begin = now

@@ -115,7 +115,7 @@ def capture(
         file: an MJCF or URDF file, or a compiled model (.mjb).
         output: the folder.
         options: options of the simulation and the capture.
-        force: replace the steps of a model of that name in the folder.
+        force: replace the existing steps of this model in the folder.
         on_step: called with each captured step after it is written.
 
     Returns:

@@ -45,7 +45,7 @@ def components(problem: ContactProblem) -> IntArray:
 
 
 def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
-    """Return for each contact the largest value among itself and the contacts that share a body with it.
+    """Return, for each contact, the largest value of this contact and of those that share a body with it.
 
     Args:
         problem: the problem.

@@ -1,4 +1,4 @@
-"""Problems as files: arrays without pickle, compressed or as JSON, written atomically, verified by their digest."""
+"""Problem files: arrays without pickle, compressed or as JSON; they are written atomically and have a digest."""
 
 import io
 import json

@@ -93,7 +93,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
-    """Register a plugin file in this process without running it, in place of one of the same path.
+    """Register a plugin file in this process without running it; it replaces a registered file of the same path.
 
     Args:
         file: the file.

@@ -30,8 +30,8 @@ MAX_JOINT_ERROR = 1e-11
 class ActiveContacts:
     """The contacts of one step, those with g(q_M) < 0, and the joints, which are always active.
 
-    Rows are ordered by key. A vector over rows can be padded to ``width`` lanes per key; states store it so from step
-    to step.
+    Rows are ordered by key. A vector over rows can be padded to ``width`` lanes per key; states store impulses in this
+    form.
 
     Attributes:
         keys: identity of each contact and joint, ascending and distinct, shape (n_keys,). A contact keeps its key from

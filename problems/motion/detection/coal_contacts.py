@@ -32,7 +32,7 @@ MAX_PASSES = 20
 """Largest number of moves to that gap along a better normal; two or three suffice, more if rims touch rims."""
 
 TINY = np.array([0.0, 0.0, 1e-12])
-"""Distance below which centres coincide [m]."""
+"""Offset that defines a direction between centres that coincide [m]."""
 
 RETRY_SHARES = (0.0, 0.01, 0.1, 1.0)
 """Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller one."""
@@ -47,11 +47,11 @@ END = 0.7
 """Cosine of the largest angle between contact normal and axis at which a cylinder touches with its end."""
 
 CUT = np.pi / CURVED_SAMPLES
-"""Angle between the first axis and the first point of a patch [rad]; coal's points of an end are not near to it."""
+"""Angle between the first axis and the first point of a patch [rad]; coal returns no points of an end near it."""
 
 
 def needs_coal(first: Shape, second: Shape) -> bool:
-    """Return whether contacts of two shapes are found by coal."""
+    """Return whether coal finds the contacts of two shapes."""
     one, other = isinstance(first, Cylinder), isinstance(second, Cylinder)
     return (one and not isinstance(second, Sphere | HalfSpace)) or (other and not isinstance(first, Sphere | HalfSpace))
 

@@ -175,7 +175,7 @@ def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
 def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number.
 
-    Most pairs are apart, so they are tested before anything else, without views of the arrays.
+    Most pairs are too far apart for a contact. This is tested first, without views of the arrays.
     """
     count = 0
     for k in range(len(pairs)):

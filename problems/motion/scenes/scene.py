@@ -24,10 +24,10 @@ LENGTH = 1.0
 """Reference length of penetrations in scenes without a radius [m]."""
 
 STEP_SIZE = 5e-4
-"""Δt [s] of a fixed step."""
+"""Default Δt of a fixed step [s]."""
 
 MAX_STEP = 0.02
-"""Δt_max [s] of a variable step for the motion of a few bodies."""
+"""Default Δt_max of a variable step for the motion of a few bodies [s]."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class StudyDefaults:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene with its options chosen, ready to be simulated.
+    """A scene with values for all options, ready to be simulated.
 
     Attributes:
         name: its name in the registry.
@@ -113,7 +113,7 @@ class Scene:
         n_balls: number of balls, 0 if there are none.
         depth: penetration [m] to which positions are projected, None if they are not.
         longest_step: default Δt_max of a variable step [s], short enough to detect every contact.
-        coordinates: index of each named coordinate by its name, in the order of figures.
+        coordinates: index of each named coordinate by its name, in the order in which figures show them.
         has_few_contacts: whether contacts are so few that accurate solves and variable steps are the default.
         exact: returns the state in closed form at t [s]; None if there is none.
         balls: sizes and surfaces of the balls, to draw them; None if there are none.

@@ -66,7 +66,7 @@ class Stepper(ABC):
         return name_with_options(self)
 
     def with_defaults_of(self, scene: Scene) -> Self:
-        """Return the stepper with the defaults of ``scene`` that its name shows."""
+        """Return the stepper with those defaults of ``scene`` that its name should show."""
         return self
 
     @abstractmethod
