@@ -69,7 +69,7 @@ class EngineModel:
         back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem differ from the captured ones.
 
     Raises:
-        ProblemError: if shapes do not fit, the sets do not tile the rows, or a kind is unknown.
+        ProblemError: if shapes do not match, the sets do not tile the rows, or a kind is unknown.
     """
 
     name: str
@@ -171,7 +171,7 @@ class EngineModel:
 
         Raises:
             KeyError: if an array is missing.
-            ValueError: if an array does not fit.
+            ValueError: if an array does not match the others.
         """
         scale, time_step = map(float, content["engine.scalars"])
         vectors: dict[str, Any] = {one: content[f"engine.{one}"] for one in _VECTORS}
@@ -320,7 +320,7 @@ class _Sets:
 
 
 def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
-    """Return how far forces are from solving the model of their engine.
+    """Return the residual of forces under the model of their engine.
 
     With α_i the largest diagonal entry of A + diag R over the rows of set i, friction rows of a cone scaled by μ,
 
@@ -333,7 +333,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
         forces: f [N], shape (n,).
 
     Raises:
-        ProblemError: if the shape of the forces does not fit.
+        ProblemError: if the forces have a wrong shape.
     """
     found = np.asarray(forces, dtype=np.float64)
     if found.shape != model.offset.shape:

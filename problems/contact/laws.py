@@ -243,7 +243,7 @@ class Laws:
     def in_order(
         kind: ArrayLike, friction_coefficient: FloatArray, fixed_bound: FloatArray, partner: IntArray
     ) -> "Laws":
-        """Return laws that tile the rows in the order given; the arguments are as the attributes."""
+        """Return laws that tile the rows in the order given; the arguments are attributes of ``Laws``."""
         kinds = np.asarray(kind, dtype=np.int8)
         first_row = np.cumsum(np.append(0, ROWS_OF_KIND[kinds]))[:-1]
         return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)

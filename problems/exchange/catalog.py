@@ -179,7 +179,7 @@ def is_available(name: str) -> bool:
 
 
 def is_path(name: str | Path) -> bool:
-    """Whether ``load`` takes ``name`` for a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
+    """Whether ``load`` treats ``name`` as a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
     return isinstance(name, Path) or name.endswith(SUFFIXES) or is_fclib_name(name)
 
 

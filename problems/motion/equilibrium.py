@@ -1,4 +1,4 @@
-"""Equilibrium at rest: a test for a Λ within the laws that balances the forces, h + W Λ = 0.
+"""Equilibrium at rest: a test whether some Λ within the laws balances the forces, h + W Λ = 0.
 
 By Gauss's principle of least constraint, find the Λ with the least acceleration,
 
@@ -71,7 +71,7 @@ class Equilibrium:
     Attributes:
         imbalance: ‖h + W Λ‖/‖h‖ in the norm of M⁻¹: the least acceleration relative to that without contacts, 0 for
             bodies that can stand, 1 for bodies that fall freely.
-        forces: Λ [N], shape (n_rows,); redundant contacts share the load in one of many ways.
+        forces: Λ [N], shape (n_rows,); if contacts are redundant, one of many distributions of the load.
         mechanism: u = M⁻¹ (h + W Λ) [m/s²], shape (n_dofs,), the acceleration from rest of the associated model; zero
             for bodies that can stand.
     """

@@ -126,7 +126,7 @@ class Pieces:
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray | None:
         """Return the diagonal of G [1/kg], shape (n_rows,), for a diagonal M⁻¹, shape (n_chunks · length,).
 
-        None if it requires the pieces of W̃; it is then their ``square_sums``.
+        Return None if the diagonal requires the pieces of W̃, whose ``square_sums`` it is.
         """
         return None
 

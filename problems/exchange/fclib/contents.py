@@ -72,9 +72,9 @@ class LocalContents(Contents):
     """A problem given by its Delassus matrix.
 
     Attributes:
-        W: between contacts [1/kg], shape (n_contact_rows, n_contact_rows).
-        V: between contacts and joints, shape (n_contact_rows, n_joints).
-        R: between joints, shape (n_joints, n_joints).
+        W: block of the Delassus matrix between contacts [1/kg], shape (n_contact_rows, n_contact_rows).
+        V: block between contacts and joints, shape (n_contact_rows, n_joints).
+        R: block between joints, shape (n_joints, n_joints).
         q: free velocity of the contacts [m/s], shape (n_contact_rows,).
         s: free velocity of the joints [m/s or rad/s], shape (n_joints,).
     """

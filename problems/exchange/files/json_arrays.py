@@ -40,7 +40,7 @@ def read_json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def json_text(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Return the JSON text of a problem, one array per line; numbers keep every bit."""
+    """Return the JSON text of a problem, one array per line; numbers have full precision."""
     lines = [f'"about": {json.dumps(dict(about), ensure_ascii=False)}']
     lines += [f"{json.dumps(name)}: {json.dumps(array.tolist())}" for name, array in arrays.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"

@@ -35,7 +35,7 @@ from ..stored_solution import with_stored_solution
 from .plain import Arrays, normal_first, problem_of_delassus, stored_impulses
 
 COUNTS = ("njc", "nbc", "nl", "nc")
-"""Names of the numbers of rows and contacts."""
+"""Names of the arrays that contain numbers of rows and contacts."""
 
 SINGLE_PRECISION = 1e-4
 """Tolerated error of sums in single precision, relative to their terms."""
@@ -157,7 +157,7 @@ def _own_model(problem: ContactProblem, compliance: FloatArray) -> EngineModel:
 
 
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
-    """Raise ``ProblemError`` if (G + diag R) Λ + c differs from Kamino's velocity by more than single precision."""
+    """Raise ``ProblemError`` if (G + diag R) Λ + c and Kamino's velocity differ by more than rounding."""
     terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
     found = problem.relative_velocity(impulses)
     if problem.engine is not None:

@@ -1,4 +1,4 @@
-"""Scenes that plugins offer: functions with keyword options that return a scene, or a system with its first state."""
+"""Scenes that plugins offer: functions with keyword options that return a scene, or a system with its initial state."""
 
 import inspect
 import sys

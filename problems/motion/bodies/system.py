@@ -66,7 +66,7 @@ class ActiveContacts:
 
     @cached_property
     def is_contact(self) -> NDArray[np.bool_]:
-        """Whether each key is that of a contact or of the limit of a joint, not of a joint, shape (n_keys,)."""
+        """Whether each key identifies a contact or the limit of a joint, not a joint itself, shape (n_keys,)."""
         if self.row_counts is None:
             return np.ones(len(self.keys), dtype=np.bool_)
         first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
@@ -157,7 +157,7 @@ class Overlaps:
 
     Attributes:
         gap: g(q) [m], negative, shape (n_contacts,).
-        normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or with joints scipy
+        normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or, with joints, scipy
             CSC.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
         joints: the joints, which are closed together with the contacts; None if there are none.

@@ -1,6 +1,6 @@
 """Contacts of pairs of shapes: boxes on half-spaces, and boxes on boxes by separating axes and clipped faces.
 
-Other pairs are found in ``polyhedra``, ``round_bodies`` and ``cylinders``, and the rest by coal.
+The modules ``polyhedra``, ``round_bodies`` and ``cylinders`` and the library coal find the contacts of other pairs.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ PARALLEL = 1e-6
 BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, REFUSED = range(6)
 """Methods that find the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders`` and coal.
 
-A pair with a half-space as first body is refused."""
+A half-space as the first body of a pair is an error."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -208,7 +208,7 @@ def _polyhedron_on_plane(corners, centre, rotation, margin, keys, numbers, count
 def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
     packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, numbers, count
 ):
-    """Write the contacts of two polyhedra; faces precede edges, and faces of the first body those of the second."""
+    """Write the contacts of two polyhedra; of equal separations, that of a face of the first body is used first."""
     size = np.sqrt(dot(offset, offset))
     best, best_face, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
@@ -255,7 +255,7 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the face of body ``o`` that faces a face of body ``r`` by the sides of that face."""
+    """Clip the opposing face of body ``o`` by the sides of a face of body ``r``."""
     normal, facing, most = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
         along = dot(normal, normals_o[k])

@@ -54,7 +54,7 @@ class BouncingBall(ClosedFormScene):
 
     @property
     def rest_time(self) -> float:
-        """Time after which the ball rests, at the limit of its impacts [s], √(2h/g) (1 + e)/(1 − e).
+        """Time at which the impacts accumulate and the ball comes to rest [s], √(2h/g) (1 + e)/(1 − e).
 
         It is the sum of the fall √(2h/g) and the flight times 2 eᵏ √(2h/g), k = 1, 2, ….
         """

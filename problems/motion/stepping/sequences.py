@@ -20,7 +20,7 @@ class UnsolvedStepError(Exception):
 
 @dataclass(eq=False)
 class StepCounter:
-    """Takes midpoint steps of any length and counts them.
+    """A counter that takes midpoint steps of any length.
 
     Attributes:
         system: the mechanical system.

@@ -18,7 +18,7 @@ from .midpoint import ContactSolver
 from .step import AcceptedStep, LawStates
 
 TIME_RESOLUTION = 2.0**-20
-"""Time resolution of a variable step divided by the longest step; no two steps are closer."""
+"""Smallest time between two steps of a variable stepper, divided by the longest step."""
 
 END_TOLERANCE = 1e-3
 """A motion has reached its end if at most this fraction of its shortest step remains, which may be rounding."""
@@ -83,7 +83,7 @@ class Stepper(ABC):
 
     @abstractmethod
     def check(self, scene: Scene, begin: float, until: float) -> None:
-        """Check the options and the times before anything starts.
+        """Check the options and the times before the motion starts.
 
         Raises:
             ProblemError: if an option is out of range, a time is too short, or the scene is not supported.

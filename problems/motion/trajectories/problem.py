@@ -64,7 +64,7 @@ class Measure(ABC):
 
 
 class _OfOneTrajectory(Measure):
-    """Base of measures in which each member has an error."""
+    """Base class of measures in which each member has an error."""
 
     @abstractmethod
     def error(self, values: Values) -> float:
@@ -104,7 +104,7 @@ class LimitCycle(_OfOneTrajectory):
         return {**_coordinates(recorder), **velocity}
 
     def error(self, values: Values) -> float:
-        """Return the largest relative error in the section."""
+        """Return the largest relative error at the section."""
         numbers = np.array([values[name] for name in self.names])
         return self.known.section_error(State(0.0, *np.split(numbers, 2)))
 
@@ -176,7 +176,7 @@ class Aggregates(Measure):
     def spreads(self) -> dict[str, tuple[float, float]]:
         """Return for each aggregate its mean over the seeds of the reference, and its relative standard error.
 
-        Empty with fewer than two seeds.
+        The result is empty if there are fewer than two seeds.
         """
         if len(self.reference) < 2:
             return {}

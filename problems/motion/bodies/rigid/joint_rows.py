@@ -41,7 +41,7 @@ class JointRow(NamedTuple):
         second_axis: n.
         side: s, a unit vector of the second body perpendicular to n.
         sign: 1 or −1.
-        offset: [m or rad].
+        offset: number to add [m or rad].
         middle: an angle is changed by multiples of 2π until it differs by at most π from this one [rad].
     """
 
@@ -154,7 +154,7 @@ def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _columns(bodies, rates):  # type: ignore[no-untyped-def]
-    """Return entries other than 0, their dofs, which ascend, and where each column starts; bodies below 0 have none."""
+    """Return entries other than 0, their dofs, ascending, and the start of each column; the world has no dofs."""
     n = len(bodies)
     data, dofs = np.empty(12 * n), np.empty(12 * n, dtype=np.int32)
     starts, count = np.zeros(n + 1, dtype=np.int32), 0
