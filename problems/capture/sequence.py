@@ -1,4 +1,4 @@
-"""Simulation by MuJoCo, of which every n-th step is written as a problem file of one suite."""
+"""Simulation by MuJoCo; every n-th step is written as a problem file of one suite."""
 
 import json
 import math
@@ -39,7 +39,7 @@ class CaptureOptions:
     Attributes:
         duration: simulated time [s].
         every: number of steps from one captured step to the next.
-        keyframe: name or number of the model's keyframe to start from; its initial state if empty.
+        keyframe: name or number of the model's keyframe to start from; the model's initial state if empty.
         seed: seed of random controls; ``None`` leaves the controls unchanged.
 
     Raises:
@@ -109,7 +109,7 @@ def capture(
     force: bool = False,
     on_step: Callable[[CapturedStep], None] = lambda step: None,
 ) -> CaptureSummary:
-    """Simulate a model and write the captured steps to the folder ``output``, a suite.
+    """Simulate a model and write the captured steps to the folder ``output``, which becomes a suite.
 
     Args:
         file: an MJCF or URDF file, or a compiled model (.mjb).

@@ -5,7 +5,7 @@ MuJoCo computes f in the state before the step, and the step then ends with
     u⁺ = u* + M̂⁻¹ Jᵀ h f,      so that      J u⁺ = G Λ + c,   G = J M̂⁻¹ Jᵀ,   c = J u*,   Λ = h f,
 
 with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator: M + hD (Euler),
-M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo keeps its factor in ``qH``.
+M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo stores its factor in ``qH``.
 A step that does not end with this velocity is not a step of this problem, and is not captured.
 
 The impulses of refused rows, as MuJoCo computed them, are part of the free velocity.

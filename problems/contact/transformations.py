@@ -1,7 +1,7 @@
 """Transformations of contact problems: order, tangents, units, duplicated contacts, and problems side by side.
 
 Each is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
-gives the solution T Λ' of the old one. They show whether a solver depends on such choices.
+gives the solution T Λ' of the old one. The transformations show whether a solver depends on such choices.
 """
 
 from collections.abc import Sequence
@@ -94,7 +94,7 @@ def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
 def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> TransformedProblem:
     """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], including its answer.
 
-    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
+    G → G · mass, c → c · time/length, Λ and fixed bounds → Λ · time/(mass · length). Rows of rolling friction have
     angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
     """
     if problem.laws.is_rolling.any():

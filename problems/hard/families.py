@@ -36,7 +36,7 @@ class Family:
             ``MAX_MASS_EXPONENT``.
         density: fraction of nonzero entries of W; every column has at least one.
         friction: μ of all contacts, a multiple of 1/8.
-        states: the states that contacts may have, of ``STATES``.
+        states: the states that contacts may have, a subset of ``STATES``.
     """
 
     n_contacts: int

@@ -11,7 +11,7 @@ PART = ".part"
 """Suffix of a file that is being written; its name begins with a dot."""
 
 PERMISSIONS = 0o666
-"""Permissions of a new file before the mask of the process."""
+"""Permissions of a new file before the mask of the process is applied."""
 
 
 @contextmanager

@@ -60,12 +60,12 @@ class PluginFile:
 
     @property
     def source(self) -> str:
-        """Its name in messages."""
+        """Name of the file in messages."""
         return f"plugin file {self.path}"
 
     @property
     def module_name(self) -> str:
-        """The name under which it is imported, different for each path."""
+        """Name under which the file is imported, different for each path."""
         stem = re.sub(r"\W", "_", self.path.stem)
         return f"proxbench_plugin_{stem}_{hashlib.sha256(str(self.path).encode()).hexdigest()[:8]}"
 

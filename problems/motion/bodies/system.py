@@ -187,7 +187,7 @@ class System(Protocol):
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return the contacts with g(q) < 0, and the joints.
 
-        None if no contact is deeper than ``tolerated`` [m], and there are no joints.
+        Return None if no contact is deeper than ``tolerated`` [m], and there are no joints.
         """
         ...
 

@@ -2,7 +2,7 @@
 
 The paper gives no geometry; this scene has balls of radius 1 cm and 2500 kg/m³, a cone of half-angle 45° and 14.5 cm
 height over an outlet of 4.5 ball radii, a vertical wall above, and a circular rim at the outlet. The balls start on a
-jittered lattice of pitch 2.3 radii and drop at 1 m/s.
+jittered lattice of pitch 2.3 radii and move downwards at 1 m/s.
 """
 
 from collections.abc import Mapping, Sequence
@@ -142,7 +142,7 @@ class Funnel:
         return SceneEnding("jammed", sentence, False)
 
     def potential_energy(self, position: FloatArray) -> float:
-        """Return V [J] of the effects at q, shape (n_balls · d,); weight counts from the outlet."""
+        """Return V [J] of the effects at q, shape (n_balls · d,); that of the weight is 0 at the outlet."""
         centres = position.reshape(self.n_balls, self._dimension)
         return sum(effect.potential_energy(centres, self._masses) for effect in self._conservative)
 
@@ -258,7 +258,7 @@ _OPTIONS: dict[str, Option] = {
 }
 
 _STUDY = StudyDefaults({"balls": 250}, duration=0.6)
-"""A small pour: it begins after 0.2 s, and half of the balls are through when it ends."""
+"""A small pour: the flow begins after 0.2 s, and half of the balls are through the outlet at the end."""
 
 FUNNEL = SceneKind(
     "balls pouring through a funnel",

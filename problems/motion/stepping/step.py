@@ -79,7 +79,7 @@ class SwitchingPoint:
         law: the law of the contact.
         contact: key of the contact.
         before: the state of the law before.
-        after: its state after; slip before and after is a reversal.
+        after: the state of the law after; if a contact slips before and after, its slip reverses.
     """
 
     begin: float

@@ -77,7 +77,7 @@ class VariableStepper(Stepper):
 
     @abstractmethod
     def compute_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
-        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries differ by the error.
+        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries give the error.
 
         An entry is (q, u) at the end of the step; T_{n,1} is the result of a sequence of n steps.
         """
@@ -152,7 +152,7 @@ class VariableStepper(Stepper):
             counter: takes the steps and counts them.
             state: state at the beginning of the step.
             length: length of the step [s].
-            states: states of the laws in the step before; any if None.
+            states: states of the laws in the step before; None permits all states.
             relative_error: difference of (q, u) ↦ relative error.
             levels: largest number of sequences.
 

@@ -53,7 +53,7 @@ class MotionRecorder:
             self._columns.setdefault(name, []).append(value)
 
     def aggregates(self, duration: float) -> dict[str, float]:
-        """Return the aggregates over the second half of ``duration`` [s]; an ended pour keeps its last state.
+        """Return the aggregates over the second half of ``duration`` [s]; a pour that has ended keeps its last state.
 
         These are the mean rate of each observable that has one, such as balls per second through the outlet; the mean
         height [m] of all balls above the outlet, where balls below it count as 0; and the energy [J] lost since the

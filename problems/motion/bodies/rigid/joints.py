@@ -71,8 +71,8 @@ class Joint:
         length: length of a distance joint or of a rope [m].
         friction: largest moment [N m] of friction about the axis of a revolute joint, largest force [N] along that of
             a prismatic one.
-        limits: smallest and largest rotation angle of the first body in the second at a revolute joint [rad], or
-            displacement of a prismatic one [m]; None for no limits.
+        limits: smallest and largest angle of a revolute joint [rad], or displacement of a prismatic one [m]; None for
+            no limits.
         restitution: ε at the limits, or of a rope that tightens.
         motor_speed: target speed of the motor of a revolute [rad/s] or prismatic joint [m/s].
         motor_bound: largest moment [N m] or force [N] of the motor; 0 for no motor.
@@ -223,8 +223,8 @@ class RigidJoints:
     def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
         """Return rows, laws and W at poses of shape (n, 7), for a step of ``seconds``.
 
-        Friction and motor of a joint, bounded by a force times the step, follow its constraints. Limits and ropes with
-        a gap below ``margin`` follow all joints.
+        The rows of friction and motor of a joint, bounded by a force times the step, follow its constraints. Limits and
+        ropes with a gap below ``margin`` follow all joints.
         """
         table, active = self._active
         _, rates = table.at(poses)

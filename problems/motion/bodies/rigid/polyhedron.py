@@ -1,4 +1,4 @@
-"""Convex polyhedra as shapes of rigid bodies: the hull of given points, in the principal axes of its mass."""
+"""Convex polyhedra as shapes of rigid bodies: the hull of given points, in its principal axes of inertia."""
 
 from dataclasses import dataclass
 from functools import cached_property

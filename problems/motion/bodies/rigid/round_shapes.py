@@ -9,7 +9,7 @@ from ....arrays import FloatArray
 from ....errors import ProblemError
 
 MIN_LENGTH, MAX_LENGTH = 1e-30, 1e30
-"""Range of lengths [m]: moments of inertia, which grow with the fifth power, then neither vanish nor overflow."""
+"""Range of lengths [m] in which moments of inertia, proportional to fifth powers, neither underflow nor overflow."""
 
 
 @dataclass(frozen=True)

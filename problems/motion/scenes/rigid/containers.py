@@ -301,7 +301,7 @@ class Hopper(BoxContainer):
 
     @cached_property
     def flow_rate(self) -> float:
-        """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if they jam."""
+        """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if the boxes jam."""
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free_width = max(self.outlet * self.edge - BEVERLOO_NARROWING * diameter, 0.0)
         return float(BEVERLOO_COEFFICIENT * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free_width**1.5)
