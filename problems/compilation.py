@@ -28,7 +28,7 @@ NOTICE = "Compiling kernels for the first use; they are cached for the next time
 
 
 class CompilationListener(event.Listener):
-    """Measure the time that kernels take to compile; kernels loaded from the cache do not count.
+    """A listener that measures the time that kernels take to compile; kernels loaded from the cache do not count.
 
     Attributes:
         seconds: wall time of all compilations that have ended, counting nested ones once [s].

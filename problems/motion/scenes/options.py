@@ -73,7 +73,7 @@ class Option:
 
 
 def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, object]) -> dict[str, OptionValue]:
-    """Return the value of each option of the scene called ``scene``: the given one, checked, or the default.
+    """Return the value of each option of the scene called ``scene``: the checked value given, or the default.
 
     Raises:
         ProblemError: if an option is unknown (the message suggests the nearest one), or a value is out of range.

@@ -51,7 +51,7 @@ class Trigger:
 
 @dataclass(frozen=True, eq=False)
 class TriggerFactory:
-    """Create the triggers of one phase.
+    """A factory of the triggers of one phase.
 
     Attributes:
         laws: laws of the system at acceleration level.
