@@ -16,7 +16,7 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return ``values`` as an array of real numbers of any type.
 
     Raises:
-        ProblemError: if they are complex numbers, strings or other objects.
+        ProblemError: if ``values`` are complex numbers, strings or other objects.
     """
     try:
         array = np.asarray(values)
@@ -31,7 +31,7 @@ def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
     """Return a contiguous read-only copy of ``values``; messages call it ``name``.
 
     Raises:
-        ProblemError: if they are not real numbers.
+        ProblemError: if ``values`` are not real numbers.
     """
     array = np.array(real_numbers(values, name), dtype=dtype, order="C", copy=True)
     read_only(array)

@@ -1,8 +1,8 @@
-"""Kernels at their first use: a notice if compilation takes long, and interpretation if compilation does not pay.
+"""First calls of kernels: a notice if compilation takes long, and interpretation where it is faster than compilation.
 
-A kernel takes up to half a second to compile. The set-up of one small problem runs each of its kernels once, which
-takes the interpreter milliseconds, so ``solve`` interprets them. The results are identical if a kernel uses only
-correctly rounded operations, and neither powers nor ``fastmath``.
+A kernel takes up to half a second to compile. The set-up of one small problem runs each of its kernels once. The
+interpreter does this in milliseconds, so ``solve`` interprets the kernels. The results are identical if a kernel uses
+only correctly rounded operations, and neither powers nor ``fastmath``.
 """
 
 import os
@@ -23,7 +23,7 @@ from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 
 SECONDS_BEFORE_NOTICE = 1.0
-"""Compilation time before the notice [s]."""
+"""Compilation time after which the notice is written [s]."""
 
 NOTICE = "Compiling kernels for the first use; they are cached for the next time."
 """Text of the notice on standard error."""
@@ -33,7 +33,7 @@ CLEAR_LINE = "\r\x1b[2K"
 
 
 class CompilationListener(event.Listener):
-    """Measure the time that kernels take to compile; kernels loaded from the cache do not count.
+    """A listener that measures the time that kernels take to compile; kernels loaded from the cache do not count.
 
     Attributes:
         seconds: wall time of all compilations that have ended, counting nested ones once [s].
@@ -65,7 +65,7 @@ class CompilationListener(event.Listener):
         self._silent, self._stream = silent, os.fdopen(os.dup(2), "w")
 
     def on_start(self, compilation: event.Event) -> None:
-        """Count the compilation, and write the notice if the ones before it took too long."""
+        """Count the compilation, and write the notice if earlier ones took too long."""
         now = time.perf_counter()
         if self._depth == 0:
             self._begin = now
@@ -123,20 +123,20 @@ def _load_overloads(kernel: Any) -> int:
 
 
 MAX_INTERPRETED_NUMBERS = 50_000
-"""Largest count of numbers that an interpreted kernel reads in one call, which may take 0.05 s."""
+"""Largest count of numbers that an interpreted kernel reads in one call; such a call may take 0.05 s."""
 
 MAX_INTERPRETED_SECONDS = 0.05
-"""Time for which each kernel is interpreted before it is compiled, or loaded from the cache in 0.005 s."""
+"""Time for which each kernel is interpreted [s]; then it is compiled, or loaded from the cache in 0.005 s."""
 
 _INTERPRETS: ContextVar[bool | None] = ContextVar("interprets", default=None)
-"""Whether kernels may be interpreted; False if no function can allow it."""
+"""Whether kernels may be interpreted; False where ``compiled_kernels`` forbids it."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def interprets_kernels(function: Callable[P, R]) -> Callable[P, R]:
-    """Return ``function``, within which the interpreter may run ``interpretable`` kernels at first."""
+    """Return ``function`` in a form in which the interpreter may run the first calls of ``interpretable`` kernels."""
 
     @wraps(function)
     def run(*arguments: P.args, **options: P.kwargs) -> R:
@@ -151,7 +151,7 @@ def interprets_kernels(function: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def compiled_kernels() -> Iterator[None]:
-    """Compile all kernels at their first calls, also within functions from ``interprets_kernels``."""
+    """Compile all kernels at their first calls within the block, also in functions from ``interprets_kernels``."""
     token = _INTERPRETS.set(False)
     try:
         yield
@@ -160,10 +160,10 @@ def compiled_kernels() -> Iterator[None]:
 
 
 class DeferredKernels:
-    """Kernels that replace slower ones with the same results, which are already compiled.
+    """Kernels that replace slower, already compiled kernels with the same results.
 
-    Within a function from ``interprets_kernels``, they are used when they are loaded: after a few uses of the slower
-    ones if they are in the cache, else after as many uses as take the time of a compilation.
+    Within a function from ``interprets_kernels``, they replace the slower ones after ``uses_before_loading`` uses if
+    they are in the cache, otherwise after ``uses_before_compiling`` uses.
 
     Args:
         kernels: the kernels.
@@ -190,11 +190,11 @@ def count_numbers(*arguments: Any) -> int:
 
 
 def interpretable(kernel: Any, count: Callable[..., int] = count_numbers) -> Any:
-    """Return ``kernel``, which the interpreter runs at first within functions from ``interprets_kernels``.
+    """Return ``kernel``, whose first calls in functions from ``interprets_kernels`` are interpreted.
 
     ``count`` returns how many numbers the kernel reads if it is called with these arguments. Calls of a compiled
-    kernel take no longer: numba calls ``_compile_for_args`` only if no compiled version fits the arguments, and then
-    calls its result.
+    kernel do not become slower: numba calls ``_compile_for_args`` only if no compiled version fits the arguments, and
+    then calls its result.
     """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]  # the kernel is a Python function
         return kernel

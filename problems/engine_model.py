@@ -1,4 +1,4 @@
-"""The model that an engine solves in a step, and how well forces or impulses solve it.
+"""The model that a physics engine solves in a step, and the residual of forces or impulses under this model.
 
 MuJoCo minimises over the forces f of its constraint rows
 
@@ -7,12 +7,12 @@ MuJoCo minimises over the forces f of its constraint rows
 with A = J M⁻¹ Jᵀ [1/kg], a regularisation R and b = J q̈ − a_ref [m/s²] (Todorov, Convex and analytically-invertible
 dynamics with contacts and constraints, 2014). The sets Ω are the line (equality), an interval (friction loss), the
 half-line (limits, contacts without friction, edges of a pyramid) and the elliptic cone ‖(f_k/μ_k)‖ ≤ f_N. Coulomb's law
-is another problem: it has neither R nor a_ref, and its friction is not associated.
+defines another problem: it has neither R nor a_ref, and its friction is not associated.
 
-Kamino keeps Coulomb's friction and makes contacts and limits compliant. With g = (A + diag R) f + b it requires, for
+Kamino solves Coulomb's law with compliant contacts and limits. With g = (A + diag R) f + b it requires, for
 each contact, that f and g + μ ‖g_T‖ e_N are complementary in the cone and its dual (De Saxcé & Feng 1998).
 
-The impulses of the contact problem are Λ = h S f. For an elliptic cone this is invertible. A contact with a pyramid has
+The impulses of the contact problem are Λ = h S f. For an elliptic cone, S is invertible. A contact with a pyramid has
 two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋). A and b depend on these sums
 only, and the edges of a contact have one R. So the forces that belong to Λ are those with the least Σ f²: with
 d_k = f₊ − f₋ and s_k = f₊ + f₋,
@@ -58,8 +58,8 @@ class EngineModel:
         matrix: A [1/kg], scipy CSR, shape (n, n) over the rows of the engine.
         regularisation: R [1/kg], shape (n,).
         offset: b [m/s²], shape (n,).
-        scale: largest sum of the absolute values of the terms of an entry of b [m/s²]. Unlike b, it is not small if
-            they cancel.
+        scale: largest sum of the absolute values of the terms of an entry of b [m/s²]. Unlike b, this sum is not small
+            if the terms cancel.
         kind: ``EngineSet`` of each set, shape (n_sets,).
         first_row: first row of each set, shape (n_sets,); the sets tile the rows.
         coefficient: μ_k of each friction row of an elliptic cone, 1 for other rows, shape (n,).
@@ -69,7 +69,7 @@ class EngineModel:
         back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem differ from the captured ones.
 
     Raises:
-        ProblemError: if shapes do not fit, the sets do not tile the rows, or a kind is unknown.
+        ProblemError: if shapes do not match, the sets do not tile the rows, or a kind is unknown.
     """
 
     name: str
@@ -167,11 +167,11 @@ class EngineModel:
 
     @staticmethod
     def of_numbers(name: str, content: Mapping[str, NDArray[Any]]) -> "EngineModel":
-        """Return the model with these arrays, which may be among others.
+        """Return the model with these arrays; ``content`` may contain other arrays.
 
         Raises:
             KeyError: if an array is missing.
-            ValueError: if an array does not fit.
+            ValueError: if an array does not match the others.
         """
         scale, time_step = map(float, content["engine.scalars"])
         vectors: dict[str, Any] = {one: content[f"engine.{one}"] for one in _VECTORS}
@@ -185,7 +185,7 @@ class EngineModel:
 
     @cached_property
     def _forces_without_impulse(self) -> FloatArray:
-        """Solution of each row as if A were 0, which it is for rows that move nothing [N], shape (n,)."""
+        """Solution of each row for A = 0 [N], shape (n,); it is exact for rows that do not move any body."""
         softness, nothing = self.regularisation, np.zeros(len(self.offset))
         alone = np.divide(-self.offset, softness, out=nothing, where=softness > 0.0)
         kinds = np.repeat(self.kind, self.row_counts)
@@ -209,7 +209,7 @@ class _Pyramids:
         first: first row of each pair, shape (n_contacts, n_pairs).
         normal: row of Λ with the sum of all forces of a contact, shape (n_contacts,).
         normal_weight: weight of a force in that sum, shape (n_contacts,).
-        tangent: row of Λ with the difference of a pair; −1 if it moves nothing, shape (n_contacts, n_pairs).
+        tangent: row of Λ with the difference of a pair; −1 if no row has it, shape (n_contacts, n_pairs).
         tangent_weight: weight of the difference, shape (n_contacts, n_pairs).
     """
 
@@ -229,10 +229,10 @@ class _Pyramids:
 
 @dataclass(frozen=True, eq=False)
 class _Decoding:
-    """The rows of an engine by how their forces follow from impulses.
+    """The rows of an engine, grouped by the way in which their forces follow from impulses.
 
     Attributes:
-        single: rows that alone have an impulse, shape (n_single,).
+        single: rows whose force alone determines one impulse, shape (n_single,).
         single_row: row of Λ of each.
         single_weight: weight of each in it.
         pyramids: edges of pyramids.
@@ -275,7 +275,7 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
 def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
     """Return s_k = max(least_k, τ) with the given sums, shape (n, k).
 
-    If Σ least_k exceeds a sum, its s_k are the least_k reduced equally.
+    If Σ least_k exceeds a sum, the same number is subtracted from each of its least_k.
     """
     count = least.shape[1]
     falling = -np.sort(-least, axis=1)
@@ -320,7 +320,7 @@ class _Sets:
 
 
 def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
-    """Return how far forces are from solving the model of their engine.
+    """Return the residual of forces under the model of their engine.
 
     With α_i the largest diagonal entry of A + diag R over the rows of set i, friction rows of a cone scaled by μ,
 
@@ -333,7 +333,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
         forces: f [N], shape (n,).
 
     Raises:
-        ProblemError: if the shape of the forces does not fit.
+        ProblemError: if the forces have a wrong shape.
     """
     found = np.asarray(forces, dtype=np.float64)
     if found.shape != model.offset.shape:

@@ -8,7 +8,7 @@ class ProxbenchError(Exception):
     """A user error, whose message states what is wrong, where, and what to do.
 
     The message names options as in Python, between backticks: ```run_id```, ```force=True```. The command line replaces
-    them by ``--run-id`` and ``--force``.
+    them with ``--run-id`` and ``--force``.
     """
 
 

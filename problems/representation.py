@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 
 MAX_LISTED = 4
-"""Largest number of names that a line of text lists; of more it states the number."""
+"""Largest number of names that a line of text lists; if there are more, it states their number."""
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:

@@ -1,8 +1,8 @@
 """Persistent names of contacts across steps.
 
-Contacts of one pair of geometries are distinguished by a number, ``"floor | box #2"``. In the next step a contact
-keeps the number of the nearest contact of the pair, in the frame of either geometry: the corner of a sliding box does
-not move in the frame of the box.
+Contacts of one pair of geometries are distinguished by a number, ``"floor | box #2"``. In the next step, a contact
+takes the number of the nearest previous contact of the pair. The smaller of the distances in the frames of the two
+geometries counts, because the corner of a sliding box does not move in the frame of the box.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def distinct_keys(
         keys: key of the pair of each contact.
         anchors: point of each contact in the frames of its two geometries [m], shape (len(keys), 2, 3).
         known: distinct keys of the previous step.
-        known_anchors: their points.
+        known_anchors: points of the contacts of the previous step [m], shape (len(known), 2, 3).
     """
     found = [""] * len(keys)
     before: dict[str, list[int]] = {}

@@ -1,7 +1,7 @@
 """Captured steps as files of ``save_problem`` with additional arrays about the engine.
 
-The names of the additional arrays begin with ``capture.``; readers of the problem ignore them. The model of the engine
-belongs to the problem, its forces do not: solvers must not see them.
+The names of the additional arrays begin with ``capture.``; readers of the problem ignore them. The engine's model is
+part of the problem. Its forces are not, because solvers must not see them.
 """
 
 import json

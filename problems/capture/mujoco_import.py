@@ -19,7 +19,7 @@ def mujoco() -> Any:
     """Import MuJoCo on first use.
 
     Raises:
-        ProblemError: if it is not installed, or its version is not supported.
+        ProblemError: if MuJoCo is not installed, or its version is not supported.
     """
     if find_spec("mujoco") is None:
         raise ProblemError(f"capturing needs MuJoCo, which is not installed; run {INSTALL}.")

@@ -13,8 +13,8 @@ contact, ``condim`` 1       a unilateral law
 μ is ``contact.friction``; ``contact.mu`` is divided by √impratio. If friction differs between axes, rows are scaled
 by s_k = μ_k/μ_1, velocities by s_k and impulses by 1/s_k: the elliptic cone becomes circular, and work is unchanged.
 
-A pyramidal contact has the rows J_N ± μ_k J_k instead of J_N and J_k; half their sum and difference are the rows of the
-contact, and their forces add up to f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋), as in ``mju_decodePyramid``.
+A pyramidal contact has the rows J_N ± μ_k J_k instead of J_N and J_k. Half their sum and half their difference give the
+rows of the contact, and f_N = Σ (f₊ + f₋), f_k = μ_k (f₊ − f₋), as in ``mju_decodePyramid``.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ from ..engine_model import EngineSet
 from .mujoco_import import mujoco
 
 EMPTY = 1e-14
-"""A contact row whose norm is below this fraction of the largest one of the contact moves nothing, for example friction
-normal to a planar model."""
+"""A contact row whose norm is below this fraction of the largest row norm of the contact counts as zero, for example
+friction normal to a planar model."""
 
 IMMOBILE = "it moves no degree of freedom; give one of its bodies a joint, or remove it from the model"
 """Reason for not capturing a row of zeros."""
@@ -63,7 +63,7 @@ class CapturedRows:
         laws: the force laws.
         velocity: T with W = Jᵀ Tᵀ, shape (n_rows, n_engine_rows).
         force: S with Λ = h S f, shape (n_rows, n_engine_rows).
-        surface_velocity: addition to the relative velocity by moving surfaces [m/s], shape (n_rows,).
+        surface_velocity: part of the relative velocity that is due to moving surfaces [m/s], shape (n_rows,).
         keys: name of each contact or single law, in row order; contacts of one pair share a key.
         anchors: point of each contact in the frames of its geometries [m], 0 for single laws, shape (len(keys), 2, 3).
         refused: rows of the engine without a law.
@@ -234,7 +234,7 @@ def _norms(rows: Sequence[_Row], jacobian: sp.csr_array[Any]) -> FloatArray:
 
 
 def _anchor(data: Any, contact: Any, side: int) -> FloatArray:
-    """Return the point of a contact in the frame of a geometry, in the world for deformable ones [m], shape (3,)."""
+    """Return the point of a contact in the frame of a geometry, or of the world if it is deformable [m], shape (3,)."""
     index, point = int(contact.geom[side]), np.array(contact.pos)
     if index < 0:
         return point

@@ -1,4 +1,4 @@
-"""Simulation by MuJoCo, with problem files of one suite at regular intervals."""
+"""Simulation by MuJoCo; every n-th step is written as a problem file of one suite."""
 
 import json
 import math
@@ -39,7 +39,7 @@ class CaptureOptions:
     Attributes:
         duration: simulated time [s].
         every: number of steps from one captured step to the next.
-        keyframe: name or number of the model's keyframe to start from; its initial state if empty.
+        keyframe: name or number of the model's keyframe to start from; the model's initial state if empty.
         seed: seed of random controls; ``None`` leaves the controls unchanged.
 
     Raises:
@@ -109,17 +109,17 @@ def capture(
     force: bool = False,
     on_step: Callable[[CapturedStep], None] = lambda step: None,
 ) -> CaptureSummary:
-    """Simulate a model and write the captured steps to the folder ``output``, a suite.
+    """Simulate a model and write the captured steps to the folder ``output``, which becomes a suite.
 
     Args:
         file: an MJCF or URDF file, or a compiled model (.mjb).
         output: the folder.
         options: options of the simulation and the capture.
-        force: replace the steps of a model of that name in the folder.
+        force: replace the existing steps of this model in the folder.
         on_step: called with each captured step after it is written.
 
     Returns:
-        A summary of the written files; if a step fails, of those before it, with the error.
+        A summary of the written files. If a step fails, it covers the steps before it and contains the error.
 
     Raises:
         ProblemError: if the model cannot be read, its first step cannot be captured, or no step has a supported row.
@@ -239,7 +239,7 @@ def _steps_of(output: Path, stem: str = "") -> list[Path]:
 
 
 def _describe(output: Path, stem: str) -> None:
-    """Make the folder a suite with a family per captured model; keep a description without ``HEADING``."""
+    """Make the folder a suite with a family per captured model; do not replace a description without ``HEADING``."""
     file = output / DESCRIPTION
     if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
         return

@@ -1,12 +1,12 @@
 """One step of MuJoCo as a contact problem, with MuJoCo's forces and the model that it solves.
 
-MuJoCo computes f on the state before the step, and the step then ends with
+MuJoCo computes f in the state before the step, and the step then ends with
 
     u⁺ = u* + M̂⁻¹ Jᵀ h f,      so that      J u⁺ = G Λ + c,   G = J M̂⁻¹ Jᵀ,   c = J u*,   Λ = h f,
 
 with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator: M + hD (Euler),
-M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo keeps its factor in ``qH``.
-A step that does not end with this velocity belongs to another problem, and is refused.
+M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo stores its factor in ``qH``.
+A step that does not end with this velocity is not a step of this problem, and is not captured.
 
 The impulses of refused rows, as MuJoCo computed them, are part of the free velocity.
 """
@@ -175,7 +175,7 @@ def take_step(model: Any, data: Any) -> None:
     """Let MuJoCo take one step.
 
     Raises:
-        ProblemError: if it fails, or resets the state because a number is huge or not finite.
+        ProblemError: if MuJoCo fails, or resets the state because a number is huge or not finite.
     """
     module = mujoco()
     time, kinds = data.time, module.mjtWarning
@@ -247,7 +247,7 @@ def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArra
 def _velocity_error(expected: FloatArray, after: FloatArray, before: FloatArray, free: FloatArray) -> float:
     """Return the error of the velocity after a step, relative to its terms; NaN if a velocity is not finite.
 
-    The velocity without constraints is a term too: it exceeds the others by far where bodies are at rest.
+    The velocity without constraints is one of the terms, because it is by far the largest if bodies are at rest.
     """
     scale = np.abs([before, free, expected, after]).max()
     return float(np.abs(after - expected).max() / scale) if scale else 0.0

@@ -16,7 +16,7 @@ class Answer:
     Attributes:
         impulses: all solutions Λ [N s], each of shape (n_rows,), if there are finitely many; any of them is correct.
         velocity: ξ [m/s], shape (n_rows,), if the relative velocity is unique.
-        functionals: A, shape (k, n_rows), if only A Λ = values is determined (a sum of supports, a moment).
+        functionals: A, shape (k, n_rows), if only A Λ = values is unique (a sum of impulses, their moment).
         values: the right-hand side of ``functionals``, shape (k,).
         solvable: False if the problem has no solution and must be reported as infeasible.
         witness: one solution Λ [N s], shape (n_rows,), which proves that the problem is solvable.

@@ -45,7 +45,7 @@ def components(problem: ContactProblem) -> IntArray:
 
 
 def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
-    """Return for each contact the largest value among itself and the contacts that share a body with it.
+    """Return, for each contact, the largest value of this contact and of those that share a body with it.
 
     Args:
         problem: the problem.
@@ -68,7 +68,7 @@ def _touched_bodies(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray
     """Return the bodies that contacts touch, in compressed rows.
 
     With factors, a row is a contact, and a body is a row of W̃. Without factors, a row is a row of G, and each contact
-    stands for a body.
+    serves as a body.
 
     Returns:
         Number of bodies, first entry of each row, body of each entry, contact of each row.
@@ -175,7 +175,7 @@ def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
 def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
     """Unite each contact with its partner and the previous contact of each body, and number the sets (union–find).
 
-    Where contacts stand for bodies, a coupled contact touches its own body by its diagonal entry of G.
+    If contacts serve as bodies, a coupled contact touches its own body through its diagonal entry of G.
     """
     root = np.arange(len(partner))
     _unite_partners(root, partner)

@@ -240,8 +240,8 @@ def _of_components(residual: Residual, violation: FloatArray) -> tuple[float, ..
 def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
     """Return α_i ‖R_i‖/s_i of each law.
 
-    s_i is the largest ‖c‖ around its contact, and at least the free fall in a step. If both are zero, s_i is the scale
-    of the residual.
+    s_i is the largest ‖c‖ of the contacts that share a body with its contact, and at least the free fall in a step. If
+    both are zero, s_i is the scale of the residual.
     """
     layout, laws = problem.layout, problem.laws
     contact = layout.contact_of_row[laws.first_row]
@@ -256,7 +256,7 @@ def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, f
 
 
 def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
-    """Return the quantile of the values for each share; 0 without values."""
+    """Return the quantile of the values for each share; 0 if there are no values."""
     if not len(values):
         return [0.0] * len(shares)
     places = [max(0, math.ceil(share * len(values)) - 1) for share in shares]

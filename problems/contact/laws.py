@@ -9,8 +9,8 @@ Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) w
     rolling friction     C = {x ∈ Rᵏ : ‖x‖ ≤ b}      k = 1, 2 or 3 rows
 
 The friction bound is b = a + μ max(Λ_partner, 0). Its fixed part a belongs to a joint with dry friction, its Coulomb
-part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. To kernels, a law is a
-``ConvexSet``, rows and a bound.
+part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. Kernels represent a
+law by its ``ConvexSet``, its rows and its bound.
 
 Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact by an impulsive moment
 Λ_R [N m s]. It acts about one axis (rolling in the plane, or spinning), two (rolling in space) or three (rolling and
@@ -74,7 +74,7 @@ _PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.
 """Plain numbers: NumPy compares them six times as fast as members of an enumeration."""
 
 MAX_KEPT_CONTACTS = 64
-"""Contacts of equal friction up to which their laws are kept."""
+"""Largest number of contacts of equal friction whose laws are cached."""
 
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
 """The valid kinds, for an error message."""
@@ -100,7 +100,7 @@ class Laws:
         friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
         fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
-            Rolling friction always has one, and follows it and its sliding friction.
+            A law of rolling friction has a partner, and follows it and the sliding friction between them.
 
     Raises:
         ProblemError: if the arrays are inconsistent; the message names the field, the law and the value.
@@ -113,7 +113,7 @@ class Laws:
     partner: IntArray
 
     equal_laws: ClassVar["Laws | None"] = None
-    """A longer list of laws of equal contacts that begins with these, if they were taken from one."""
+    """The longer list of laws of equal contacts from whose beginning these laws were taken, if any."""
 
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS.items():
@@ -137,7 +137,7 @@ class Laws:
         in_range = (self.partner >= -1) & (self.partner < len(self.kind))
         _require(in_range, "partner", self.partner, "the index of a law, or -1")
         _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a law without friction")
-        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # the last entry stands for partner −1
+        is_unilateral = np.append(self.kind == _UNILATERAL, True)  # partner −1 selects the last entry
         _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
         has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
         _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
@@ -243,7 +243,7 @@ class Laws:
     def in_order(
         kind: ArrayLike, friction_coefficient: FloatArray, fixed_bound: FloatArray, partner: IntArray
     ) -> "Laws":
-        """Return laws that tile the rows in the order given; arguments as the attributes."""
+        """Return laws that tile the rows in the order given; the arguments are attributes of ``Laws``."""
         kinds = np.asarray(kind, dtype=np.int8)
         first_row = np.cumsum(np.append(0, ROWS_OF_KIND[kinds]))[:-1]
         return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)
@@ -253,7 +253,7 @@ class Laws:
         return self._with_arrays(lambda array: frozen(array, array.dtype))
 
     def _first(self, n_laws: int) -> "Laws":
-        """Return the first laws, which share all arrays with these and refer to them."""
+        """Return the first laws; their arrays are views of these, and ``equal_laws`` refers to these laws."""
         laws = self._with_arrays(lambda array: array[:n_laws])
         for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
             laws.__dict__[name] = getattr(self, name)[:n_laws]
@@ -327,7 +327,7 @@ class Laws:
             n_rows: axes of rolling: 1, 2 or 3.
 
         Raises:
-            ProblemError: for another number of axes, or if the laws already have rolling friction.
+            ProblemError: if ``n_rows`` is not 1, 2 or 3, or the laws already have rolling friction.
         """
         if n_rows not in (1, 2, 3):
             raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
@@ -364,7 +364,7 @@ def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
 
 
 _few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
-"""Return the same object for the same arguments, so that its layout is also found once."""
+"""Return the same object for the same arguments, so that its layout is computed only once."""
 
 
 @lru_cache(maxsize=16)
@@ -373,7 +373,7 @@ def _many_equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
 
 
 def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], wanted: str) -> None:
-    """Raise ``ProblemError`` that names the first law for which ``holds`` is false."""
+    """Raise a ``ProblemError`` that names the first law for which ``holds`` is false."""
     if not holds.all():
         law = int(np.argmin(holds))
         raise ProblemError(f"laws.{field}[{law}] = {values[law]} must be {wanted}.")

@@ -35,7 +35,7 @@ from .matrices.symmetric import checked_delassus
 from .matrices.user_matrices import sparse_numbers
 
 FREE_FALL = "free_fall"
-"""The entry of the provenance with the velocity that free bodies gain in the problem's time step [m/s]."""
+"""The key of the provenance for the velocity that free bodies gain in the problem's time step [m/s]."""
 
 UNNAMED = "unnamed"
 """The default name of a problem."""
@@ -195,7 +195,7 @@ class ContactProblem:
         return blocks_from_pieces(self.factor_pieces())
 
     def factor_pieces(self) -> Pieces:
-        """Return W̃ = Sᵀ W, M⁻¹ = S Sᵀ, in pieces, computed at the first call and cached.
+        """Return W̃ = Sᵀ W, with M⁻¹ = S Sᵀ, in pieces, computed at the first call and cached.
 
         Raises:
             ProblemError: if the problem holds G only.
@@ -276,13 +276,13 @@ class ContactProblem:
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
-        """Return the problem with another c [m/s], shape (n_rows,), without answer; b of an engine's model follows."""
+        """Return the problem with a new c [m/s], shape (n_rows,), and the matching engine model; omit the answer."""
         c = _as_vector(free_velocity, "c")
         engine = None if self.engine is None else self.engine.shifted(c - self.free_velocity)
         return replace(self, free_velocity=c, answer=None, engine=engine)
 
     def answered(self, answer: Answer | None, **provenance: str | int | float) -> "ContactProblem":
-        """Return the same problem with another known answer, and ``provenance`` added."""
+        """Return the same problem with a new known answer, and ``provenance`` added."""
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def keyed(self, keys: Sequence[str]) -> "ContactProblem":

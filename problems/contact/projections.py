@@ -73,12 +73,12 @@ def onto_cone(
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone per part.
 
-    The parts are sliding friction and, if a contact has it, rolling friction. For a
-    given N the nearest T lies in its disc. So N is the zero of the following function, or 0 if the zero is negative:
+    The parts are sliding friction and, if a contact has it, rolling friction. For a given N, the nearest T is the
+    projection onto its disc. So N is the zero of the following function, or 0 if the zero is negative:
 
         N − N₀ − Σ_parts μ (‖T₀‖ − a − μ N)₊
 
-    The function grows with N and has a kink where a disc becomes large enough. A cone with a > 0 is truncated.
+    The function grows with N and has a kink where a disc just contains its T₀. A cone with a > 0 is truncated.
     Source: Acary & Bourrier 2021, for a = 0.
 
     Args:
@@ -100,7 +100,7 @@ def onto_cone(
             numerator, denominator = numerator + mu * (length - a), denominator + mu**2
         found = np.maximum(found, numerator / denominator)
     is_inside = np.all([length <= a + mu * normal for mu, length, a in cones], axis=0)
-    found = np.maximum(np.where(is_inside, normal, found), 0.0)  # inside, N₀ to the last bit
+    found = np.maximum(np.where(is_inside, normal, found), 0.0)  # a point inside keeps N₀ exactly
     shortened = []
     for part, length, mu, a in zip(parts, lengths, friction, fixed, strict=True):
         radius = a + mu * found

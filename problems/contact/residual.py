@@ -39,7 +39,7 @@ UNIT = 2.0**-53
 """Unit roundoff u."""
 
 INSIDE = 1.0 - 2.0**-48
-"""Fraction of b²; ‖h − ξ‖² below it is below b² despite rounding."""
+"""Fraction of b² below which ‖h − ξ‖² is less than b² despite rounding."""
 
 PROJECTION_ROUNDINGS = 8.0
 """Number of roundings of ‖h‖ in a projection onto a cone or a polygon."""
@@ -52,14 +52,14 @@ MIN_SQUARED, MAX_SQUARED = 1e-100, 1e100
 
 
 class Residual:
-    """The judge's residual of one problem, prepared once for many vectors of impulses; solvers stop on it.
+    """The judge's residual of one problem, prepared once for many vectors of impulses; solvers use it to stop.
 
     Attributes:
         alpha: α_i of each law [1/kg], shape (n_laws,); for a unilateral law with α = 0, that of its friction laws.
         lengths: ℓ_i = √(α_N/α_i) [m] of each rolling law, 1 for the others, shape (n_laws,).
         speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
         scale: max ‖c_i‖ over the laws [m/s], independent of the choice of tangents.
-        ratios: ``scale`` over the scale of each law's component, shape (n_laws,).
+        ratios: ``scale`` divided by the scale of each law's component, shape (n_laws,).
         stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
         infeasible: whether there is a stuck law.
         unit: power of two by which impulses and velocities are multiplied if their squares would leave the range of
@@ -167,7 +167,7 @@ class ModelResidual(Residual):
 class EngineResidual(Residual):
     """The residual under the model of the engine of a captured step; attributes as in ``Residual``.
 
-    The model has a solution for any constraints, because its regularisation lets them give way.
+    The model has a solution for any constraints, because its regularisation makes them compliant.
     """
 
     def __init__(self, problem: ContactProblem, engine: EngineModel) -> None:
@@ -350,7 +350,7 @@ def _convex_violations(
     lanes, moved = layout.pad(impulses), layout.pad(velocity)
     lanes[:, 1 + layout.sliding :] /= unit[:, None]
     moved[:, 1 + layout.sliding :] *= unit[:, None]
-    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # the last entry stands for law −1
+    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # law −1 selects the last entry
     block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
     step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
     target = lanes - step[:, None] * moved

@@ -121,8 +121,8 @@ class Prepared(Protocol):
     """A solver prepared for one problem.
 
     A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
-    impulses are in the array of the solution, and is called before the clock stops. If fewer threads are used for the
-    problem than the solver declares, ``threads`` is their number.
+    impulses are in the array of the solution, and is called before the clock stops. If the prepared solver uses fewer
+    threads than the solver declares, it has their number in ``threads``.
     """
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -134,7 +134,7 @@ class Prepared(Protocol):
 class Solver(Protocol):
     """A method with its options.
 
-    A plugin may omit ``has_iterates``, which means True; ``shows_iterates`` reads it. A solver that uses random numbers
+    A plugin may omit ``has_iterates``; True is then assumed (see ``shows_iterates``). A solver that uses random numbers
     sets ``is_randomised = True``; for any other solver, results that differ between repeats are reported. A solver that
     computes in several threads has their number in ``threads``, and measurements give it as many cores; any other
     solver is measured on one core.

@@ -1,7 +1,7 @@
 """Transformations of contact problems: order, tangents, units, duplicated contacts, and problems side by side.
 
 Each is a linear map Λ = T Λ' with G' = Tᵀ G T and c' = Tᵀ c, up to units, so that a solution Λ' of the new problem
-gives the solution T Λ' of the old one. They show whether a solver depends on such choices.
+gives the solution T Λ' of the old one. The transformations show whether a solver depends on such choices.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
     laws = np.concatenate([chosen[contact] for contact in contacts]) if len(contacts) else np.zeros(0, dtype=np.int64)
     place = np.empty(len(laws) + 1, dtype=np.int64)
     place[laws] = np.arange(len(laws))
-    place[-1] = -1  # stands for partner −1
+    place[-1] = -1  # partner −1 selects this entry
     old = problem.laws
     new_laws = old.chosen(laws, place[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
@@ -94,7 +94,7 @@ def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
 def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> TransformedProblem:
     """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], including its answer.
 
-    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), fixed bounds as Λ. Rows of rolling friction have
+    G → G · mass, c → c · time/length, Λ and fixed bounds → Λ · time/(mass · length). Rows of rolling friction have
     angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
     """
     if problem.laws.is_rolling.any():
@@ -157,7 +157,7 @@ def _in_length(problem: ContactProblem, mass: float, length: float, time: float)
 
 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
-    """Return uncoupled problems as one in Delassus form, with their answers.
+    """Return uncoupled problems as one problem in Delassus form, with their answers.
 
     Velocities and sums are known if they are known for all parts, impulses if each part has exactly one solution.
     """

@@ -1,8 +1,8 @@
 """Problems and suites by name.
 
-A name is looked up among the hard cases, which are built on demand, then in the frozen library that is shipped
-with the package, then among the problems of plugins, then in the user's cache folder, where ``proxbench generate``
-stores problems.
+A name is looked up first among the hard cases, which are built on demand. The frozen library that is shipped with the
+package follows, then the problems of plugins, then the user's cache folder, where ``proxbench generate`` stores
+problems.
 """
 
 import os
@@ -29,7 +29,7 @@ PILE_SIZES = (100, 300, 1000)
 """Numbers of balls in the piles of that suite."""
 
 MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
-"""Names of the piles with different friction coefficients."""
+"""Names of the piles whose friction coefficients differ from contact to contact."""
 
 WOODPECKER_SWITCHES = (
     "lower-release",
@@ -42,7 +42,7 @@ WOODPECKER_SWITCHES = (
     "lower-slip-to-stick",
     "lower-stick-to-slip",
 )
-"""Switching points after which the problems of the suite ``woodpecker`` are named."""
+"""Switching points whose names are part of the names of the problems of the suite ``woodpecker``."""
 
 ARCH_STONES = (7, 9, 13, 27, 51)
 """Numbers of stones in the arches of the suite ``bodies``."""
@@ -149,7 +149,7 @@ def suite_members(name: str) -> list[str]:
     """Return the names of the problems of a suite.
 
     Raises:
-        ProblemError: for an unknown suite, with the nearest name.
+        ProblemError: if the suite is unknown; the message suggests the nearest name.
     """
     if name not in SUITES:
         raise ProblemError(f"there is no suite {name!r}{suggestion(name, SUITES)}")
@@ -179,7 +179,7 @@ def is_available(name: str) -> bool:
 
 
 def is_path(name: str | Path) -> bool:
-    """Whether ``load`` takes ``name`` for a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
+    """Whether ``load`` treats ``name`` as a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
     return isinstance(name, Path) or name.endswith(SUFFIXES) or is_fclib_name(name)
 
 
@@ -196,8 +196,8 @@ def load(name: str | Path) -> ContactProblem:
             FCLIB.
 
     Raises:
-        ProblemError: for what is neither a name nor a path; for an unknown name, with the nearest one; for a problem
-            that is not generated yet; for a file that is missing or damaged.
+        ProblemError: if ``name`` is neither text nor a path, no problem has this name (the message suggests the
+            nearest one), the problem has not been generated yet, or the file is missing or damaged.
         PluginError: if a plugin offers the name but does not return a problem.
     """
     given: object = name
@@ -234,7 +234,7 @@ def suite(name: str) -> list[ContactProblem]:
     """Return the problems of a suite, in order.
 
     Raises:
-        ProblemError: for an unknown suite, or a member that is not generated yet.
+        ProblemError: if the suite is unknown, or a member has not been generated yet.
     """
     return [load(member) for member in suite_members(name)]
 
@@ -264,7 +264,7 @@ def _is_plain(name: str) -> bool:
 
 
 def _cached(name: str) -> Path:
-    """Return the path of a generated problem; a name with path separators has none that exists."""
+    """Return the path of a generated problem; for a name with path separators, this file does not exist."""
     return cache_folder() / f"{name if _is_plain(name) else '-'}{SUFFIX}"
 
 

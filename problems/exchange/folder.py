@@ -9,7 +9,7 @@ A ``suite.toml`` may have::
     "box stacks" = ["Boxes/*", "Box_Stacks-*"]
 
 Patterns are shell patterns for paths relative to the folder, with ``/`` between folders. A pattern without a match is
-an error. Listing opens only ``suite.toml``.
+an error. Listing a folder opens no file but ``suite.toml``.
 """
 
 import os
@@ -28,7 +28,7 @@ DESCRIPTION = "suite.toml"
 """The file that describes the suite of a folder."""
 
 MAX_DESCRIPTION_BYTES = 1_000_000
-"""Largest size of that file."""
+"""Largest size of that file [bytes]."""
 
 KEYS = ("name", "order", "exclude", "groups")
 """Keys that ``suite.toml`` may have."""

@@ -1,7 +1,7 @@
 """Repair of matrices, read from files, that are not quite symmetric or semidefinite.
 
 Public files contain mass matrices with a single triangle, and matrices that lost their symmetry or their smallest
-eigenvalues to rounding. The reader chooses a remedy by name, and the provenance of the problem records it.
+eigenvalues to rounding. The user chooses a remedy by name, and the provenance of the problem records it.
 """
 
 import shlex
@@ -39,7 +39,7 @@ class AsymmetricError(ProblemError):
     """A matrix is more asymmetric than its remedy allows.
 
     Attributes:
-        reason: what is wrong, a sentence without a period.
+        reason: what is wrong, a sentence without a full stop.
         remedy: the ``Symmetry`` that reads the matrix.
     """
 
@@ -114,7 +114,7 @@ def named_in_errors(name: str, file_format: str, repair: Repair) -> Iterator[Non
     Args:
         name: the path of the file.
         file_format: its format, as ``proxbench import`` calls it.
-        repair: the remedies that were not enough; the command keeps those that were chosen.
+        repair: the remedies that did not suffice; the command keeps those that differ from the defaults.
     """
     command = f"run: proxbench import {file_format} {shlex.quote(name)}"
     try:
@@ -140,7 +140,7 @@ def asymmetry(matrix: sp.csr_array[Any]) -> float:
 
 
 def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.csr_array[Any], dict[str, Any]]:
-    """Return a symmetric matrix, unless it is kept, and the entries of the provenance that describe its repair.
+    """Return a symmetric matrix, or ``matrix`` with "keep", and the entries of the provenance that describe the repair.
 
     Args:
         matrix: A, square.
@@ -167,7 +167,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
 
 
 def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
-    """Return the nearest positive semidefinite matrix in the Frobenius norm, and its entries of the provenance.
+    """Return the nearest positive semidefinite matrix in the Frobenius norm, and the entries of the provenance.
 
     With A = V diag(λ) Vᵀ it is V diag(max(λ, 0)) Vᵀ (Higham 1988, *Linear Algebra Appl.* 103, 103–118). A matrix
     without negative eigenvalues beyond rounding is returned unchanged.

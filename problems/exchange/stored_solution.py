@@ -1,4 +1,4 @@
-"""Impulses that a file stores as the solution: they are judged, and become the known answer if they pass."""
+"""Impulses that a file stores as the solution: they are judged, and become the known answer if they are accurate."""
 
 from ..arrays import FloatArray
 from ..contact.answer import Answer
@@ -13,7 +13,7 @@ RESIDUAL_KEY = "stored_solution_residual"
 """Key in the provenance: the judged residual of the stored impulses."""
 
 OWN_RESIDUAL_KEY = "stored_solution_own_residual"
-"""Key in the provenance: their residual in the own model of the engine, if the problem has one."""
+"""Key in the provenance: the residual of the stored impulses in the engine's own model, if the problem has one."""
 
 
 def with_stored_solution(problem: ContactProblem, impulses: FloatArray) -> ContactProblem:

@@ -27,7 +27,7 @@ MAX_RANK_ROWS = 8000
 """Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
 
 _REPAIRS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
-"""Repairs in the order of trials, so that any asymmetric matrix can be described."""
+"""Repairs in the order in which they are tried, so that any asymmetric matrix can be described."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Survey:
         joints: number of bilateral rows.
         rows: number of rows.
         dofs: degrees of freedom; ``None`` if the problem has G only.
-        rank: estimated rank of G; ``None`` if it is too expensive.
+        rank: estimated rank of G; ``None`` if the estimate would take too long.
         friction: smallest and largest μ, 0 without friction.
         rolling_friction: smallest and largest μ_r [m]; ``None`` without rolling friction.
         asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 within rounding.
         conditioning: largest condition number of the block of G of one contact, inf for a singular one.
         guesses: number of stored guesses.
         solution: judged residual of the stored impulses; ``None`` if none were written.
-        own_solution: their residual in the own model of the engine; ``None`` without such a model.
+        own_solution: residual of these impulses in the engine's own model; ``None`` without such a model.
     """
 
     file: str

@@ -261,6 +261,6 @@ def hard_case(name: str) -> ContactProblem:
     """Return one case of ``HARD_CASES``.
 
     Raises:
-        KeyError: for an unknown name.
+        KeyError: if there is no case of this name.
     """
     return HARD_CASES[name]().renamed(name, scene="hard")

@@ -41,7 +41,7 @@ def almost_no_motion(speed: float) -> ContactProblem:
 def grazing(n: int) -> ContactProblem:
     """Return a row of ``n`` touching blocks of 1 kg in front of a wall; the last block pushes at 1 m/s.
 
-    c is zero at all contacts except the last. The row transmits the push to the wall: Λ_k = 1 everywhere and ξ = 0.
+    c is zero at all contacts except the last. The blocks transmit the push to the wall, so all Λ_k are 1, and ξ = 0.
     """
     directions = np.eye(n) - np.eye(n, k=1)
     motion = np.zeros(n)
@@ -51,7 +51,7 @@ def grazing(n: int) -> ContactProblem:
 
 
 def touching() -> ContactProblem:
-    """Return three uncoupled spatial contacts at the edges between the states of the laws.
+    """Return three uncoupled spatial contacts at the boundaries between the states of the laws.
 
     G = I. The first contact has Λ_N = ξ_N = 0 and slides, the second has Λ_N = ξ_N = 0 and rests. The third lies
     between sticking and slipping, with Λ_T at its bound and ξ_T = 0.
@@ -65,7 +65,7 @@ def touching() -> ContactProblem:
 def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
     """Return ``n`` contacts of ``dim`` rows without a solution: the normal of the last has G_ii = 0 and c_i < 0.
 
-    With friction, μ = 0.5, all slide at 0.3 m/s. An impulse on the last would change its sliding, not its approach.
+    With friction, μ = 0.5, all slide at 0.3 m/s. An impulse at the last contact would change only its sliding.
     """
     diagonal, c = np.ones((n, dim)), np.full((n, dim), 0.3)
     diagonal[-1, 0], c[:, 0] = 0.0, -1.0
@@ -75,9 +75,9 @@ def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
 
 
 def immovable_among(n: int) -> ContactProblem:
-    """Return a sliding tower of ``n`` with one more contact at the ground, halfway in the list, without a normal.
+    """Return a sliding tower of ``n`` bodies with one more ground contact, halfway in the list, whose normal is zero.
 
-    No impulse can stop its approach at 1 m/s. All other contacts have a solution.
+    No impulse can stop the approach of this contact at 1 m/s. The problem of the other contacts has a solution.
     """
     tower = sliding_tower(np.ones(n))
     assert tower.factors is not None
@@ -121,7 +121,7 @@ def directions_without_length() -> ContactProblem:
 def friction_without_normal() -> ContactProblem:
     """Return a contact with a normal of zero length that opens at 1 m/s and a tangent that slides at 1 m/s.
 
-    The contact opens, so Λ_N = 0 and friction is zero. A normal impulse would move nothing but permit friction.
+    The contact opens, so Λ_N = 0 and friction is zero. A normal impulse would permit friction without moving the body.
     """
     directions = np.array([[0.0, 1.0]])
     answer = Answer(impulses=(np.zeros(2),), velocity=np.ones(2))

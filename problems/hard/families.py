@@ -1,8 +1,8 @@
 """Random problems with a chosen solution, of any rank, mass ratio, sparsity and friction.
 
-Λ and ξ are random and complementary, law by law (open, sticking, sliding, and the edges between them), W and M⁻¹ are
-random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5). So
-c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
+Λ and ξ are random and complementary, law by law (open, sticking, sliding, and the boundaries between them), W and M⁻¹
+are random, and c = ξ − Wᵀ M⁻¹ W Λ. All numbers are short binary fractions (M⁻¹ powers of two, sliding along (3, 4)/5).
+So c has no rounding error, and the chosen solution solves the stored problem exactly at any condition number.
 
 Without friction ξ is unique, since G is symmetric and positive semidefinite. With friction there may be other
 solutions, unless normal impulses alone carry the load (see ``random_braced_problem``).
@@ -36,7 +36,7 @@ class Family:
             ``MAX_MASS_EXPONENT``.
         density: fraction of nonzero entries of W; every column has at least one.
         friction: μ of all contacts, a multiple of 1/8.
-        states: the states that contacts may have, of ``STATES``.
+        states: the states that contacts may have, a subset of ``STATES``.
     """
 
     n_contacts: int
@@ -134,7 +134,7 @@ def random_spectrum_problem(eigenvalues: FloatArray, dim: int, friction: float, 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
     """Return a problem of ``family`` from float32 arrays, which represent its short fractions exactly.
 
-    The problem has factors; if ``assembled``, it has G, which is exact for equal masses and few degrees of freedom.
+    The problem has factors, or G if ``assembled``. G is exact for equal masses and few degrees of freedom.
     """
     whole = random_problem(family, seed)
     assert whole.factors is not None
@@ -196,7 +196,7 @@ def _complementary(family: Family, rng: np.random.Generator) -> tuple[FloatArray
 
 
 def _direction(dim: int, rng: np.random.Generator) -> FloatArray:
-    """Return a tangential vector of length 5 with whole entries, shape (dim − 1,)."""
+    """Return a tangential vector of length 5 with integer entries, shape (dim − 1,)."""
     if dim == 1:
         return np.zeros(0)
     if dim == 4:

@@ -41,9 +41,9 @@ def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
 def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     """Return parallel cranks between the ground and a coupler, all of 1 kg and 1 m, that fall from rest.
 
-    Two cranks form a four-bar loop. Each further crank adds four rows for three degrees of freedom but does not
-    restrict the motion, so G loses a rank. With the velocities J per angular velocity ω of the cranks, at ``angle``
-    [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
+    Two cranks form a four-bar loop. Each further crank adds four rows and three degrees of freedom but does not
+    restrict the motion, so one more row is redundant. With the velocities J per angular velocity ω of the cranks, at
+    ``angle`` [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
     """
     tangent = np.array([-np.sin(angle), np.cos(angle)])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
@@ -81,7 +81,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     """Return a wheel of 1 kg on the ground, towed from rest by a line of ``n`` bodies of 1/n kg at its axle.
 
     The first body is pulled with ``pull`` [N s]. The wheel is a disc of radius 0.1 m with rows N, T, R. It slides,
-    rolls, does both or stays. Λ_N is its weight, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint transmits
+    rolls, does both or rests. Λ_N is its weight, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint transmits
     the momentum of all bodies behind it. q = positions of the bodies, then (x, y, φ) of the wheel.
     """
     radius, inertia, mass = 0.1, 0.005, 1.0 / n
@@ -110,7 +110,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
 
 
 def immovable_joint() -> ContactProblem:
-    """Return a joint between two walls that separate at 1 m/s, G_ii = 0, and one that a body can follow."""
+    """Return a joint between two walls that separate at 1 m/s, G_ii = 0, and one that a body can close."""
     laws = Laws.joints(2)
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 

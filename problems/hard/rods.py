@@ -18,7 +18,7 @@ ROD = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
 """G of the rod [1/kg]; a rod that is ``mass`` times as heavy has G/mass."""
 
 CRITICAL_FRICTION = float(-ROD[0, 0] / ROD[0, 1])
-"""1.3753, at which the normal compliance of sliding vanishes."""
+"""The critical friction, 1.3753, at which the normal compliance of sliding vanishes."""
 
 
 def _slip(c: FloatArray, friction: float, direction: float) -> FloatArray:

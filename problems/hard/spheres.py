@@ -2,10 +2,10 @@
 
 G of a sphere's contact is diag(1, 7/2, 7/2)/m and that of a block without rotation diag(1, 1, 1)/m, so that the normal
 impulse Λ_N = m max(−c_N, 0) is independent of friction. It bounds the tangential impulse: Λ_T = −m_T c_T, shortened to
-the length μ Λ_N.
+the length μ Λ_N, where 1/m_T is the tangential diagonal entry of G.
 
-With rolling friction it bounds both impulses of a sphere that moves in one direction, |Λ_T| ≤ μ Λ_N and
-|Λ_R| ≤ μ_r Λ_N. On a slope the sphere stays if tan θ ≤ μ_r/r. If it rolls, its velocity grows by
+With rolling friction, Λ_N bounds both impulses of a sphere that moves in one direction, |Λ_T| ≤ μ Λ_N and
+|Λ_R| ≤ μ_r Λ_N. On a slope the sphere stays at rest if tan θ ≤ μ_r/r. If it rolls, its velocity grows by
 5/7 g (sin θ − μ_r/r cos θ) Δt.
 """
 
@@ -54,7 +54,7 @@ def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactP
 def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProblem:
     """Return ``n`` spheres that strike the ground at 1 m/s, at angles below and above the critical angle.
 
-    With ε_T = 0 a sphere sticks iff |v_T| ≤ 7/2 μ (1 + ε_N) |v_N|; the middle one of an odd n strikes exactly there.
+    With ε_T = 0 a sphere sticks iff |v_T| ≤ 7/2 μ (1 + ε_N) |v_N|. For odd ``n``, equality holds for the middle sphere.
     """
     critical = np.arctan(3.5 * friction * (1.0 + restitution))
     angle = critical * (1.0 + np.linspace(-0.5, 0.5, n))
@@ -65,7 +65,7 @@ def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProbl
 
 
 def scattered(n: int) -> ContactProblem:
-    """Return ``n`` spheres thrown at and away from the ground, with friction from 0 to 10."""
+    """Return ``n`` spheres thrown towards or away from the ground, with friction from 0 to 10."""
     rng = np.random.default_rng(n)
     return separate_contacts(rng.normal(size=(n, 3)), 10.0 * rng.random(n) ** 3)
 
@@ -133,7 +133,7 @@ def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, a
 
 
 def slowing_sphere(speed: float, share: float = 0.2) -> ContactProblem:
-    """Return a sphere that rolls at ``speed`` [m/s] on level ground; it stops if that is at most 5/7 g Δt μ_r/r."""
+    """Return a sphere that rolls on level ground; it stops if ``speed`` [m/s] is at most 5/7 g Δt μ_r/r."""
     motion = np.array([[WEIGHT, speed, speed / RADIUS]])
     return resisting_spheres(motion, np.array([0.5]), np.array([share * RADIUS]), np.zeros(1))
 

@@ -65,7 +65,7 @@ def sliding_block(friction: float = 0.3, n: int = 4) -> ContactProblem:
 
 
 def sticking_box(speed: float = 1e-3, per_side: int = 2) -> ContactProblem:
-    """Return a flat box of 1 kg on a square grid of contacts that sticks, pushed slowly by ``speed`` along x.
+    """Return a flat box of 1 kg that sticks on a square grid of contacts, with the free velocity ``speed`` along x.
 
     Σ Λ_T = −m v_0. Normals and tangents are uncoupled, and Λ_T,i = −m v_0 Λ_N,i/ΣΛ_N holds the box for
     every admissible distribution of the normal impulses, so ξ = 0 is the only velocity.

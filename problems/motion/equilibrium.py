@@ -1,4 +1,4 @@
-"""Equilibrium at rest: a test for a Λ within the laws that balances the forces, h + W Λ = 0.
+"""Equilibrium at rest: a test whether some Λ within the laws balances the forces, h + W Λ = 0.
 
 By Gauss's principle of least constraint, find the Λ with the least acceleration,
 
@@ -9,8 +9,8 @@ and proves that no Λ balances: the loads do work on it, hᵀu > 0, and contacts
 enough if friction has a fixed bound. Limit analysis calls it the collapse mechanism of the associated model.
 
 Rest requires only that Λ lies in K, so "cannot stand" is exact for Coulomb friction. "Can stand" means that rest is
-one motion that the laws allow. It may be unstable; and unless the mechanism consists of hinges, it may not be the only
-one, since a sliding contact opens in the associated model, but not with Coulomb's law.
+one motion that the laws allow. Rest may be unstable. Unless the mechanism consists of hinges, other motions may also
+be possible, since a sliding contact opens in the associated model, but not with Coulomb's law.
 
 A second program computes the largest additional push M b before collapse,
 
@@ -52,7 +52,7 @@ MAX_FRICTION = 1e3
 """Largest friction coefficient that ``least_friction`` tries."""
 
 FRICTION_ACCURACY = 1e-7
-"""Width of the last bracket of ``least_friction``, relative to it."""
+"""Width of the last bracket of ``least_friction``, relative to its result."""
 
 
 @runtime_checkable
@@ -71,7 +71,7 @@ class Equilibrium:
     Attributes:
         imbalance: ‖h + W Λ‖/‖h‖ in the norm of M⁻¹: the least acceleration relative to that without contacts, 0 for
             bodies that can stand, 1 for bodies that fall freely.
-        forces: Λ [N], shape (n_rows,); redundant contacts share the load in one of many ways.
+        forces: Λ [N], shape (n_rows,); if contacts are redundant, one of many distributions of the load.
         mechanism: u = M⁻¹ (h + W Λ) [m/s²], shape (n_dofs,), the acceleration from rest of the associated model; zero
             for bodies that can stand.
     """
@@ -92,7 +92,7 @@ class Collapse:
 
     Attributes:
         factor: s, the push relative to the loads; 0 for bodies that cannot stand without it, inf if no push moves them.
-        forces: Λ [N] under this push, shape (n_rows,); NaN if it is infinite.
+        forces: Λ [N] under this push, shape (n_rows,); NaN if the push is infinite.
         mechanism: velocity u of the collapse, up to a factor, shape (n_dofs,); NaN if the push is infinite.
     """
 
@@ -127,7 +127,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
 
 
 def find_equilibrium(problem: ContactProblem) -> Equilibrium:
-    """Return whether forces within the laws balance the loads, with the forces or the mechanism that proves this.
+    """Return whether forces within the laws balance the loads, with the forces or the mechanism as proof.
 
     Args:
         problem: one step from rest with its factors and free motion, as ``problem_at_rest`` returns it.
@@ -149,7 +149,7 @@ def largest_push(problem: ContactProblem, direction: FloatArray) -> Collapse:
         direction: b, the acceleration of free bodies by the push, of any size, shape (n_dofs,).
 
     Raises:
-        ProblemError: as ``find_equilibrium``, or if b has another shape, is zero or is not finite.
+        ProblemError: as ``find_equilibrium``, or if b has a wrong shape, is zero or is not finite.
     """
     scaled = _ScaledProblem(problem)
     b, n_rows, n_dofs = np.asarray(direction, dtype=np.float64), len(scaled.unit), len(scaled.load)
@@ -175,7 +175,7 @@ def least_friction(problem: ContactProblem) -> float:
     """Return the least friction coefficient, equal at all contacts, with which bodies can stand.
 
     Returns:
-        μ, found by bisection to ``FRICTION_ACCURACY``; inf if they cannot stand with ``MAX_FRICTION``.
+        μ, found by bisection to ``FRICTION_ACCURACY``; inf if the bodies cannot stand with ``MAX_FRICTION``.
 
     Raises:
         ProblemError: as ``find_equilibrium``, or if no contact has friction.

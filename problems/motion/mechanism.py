@@ -12,8 +12,8 @@ from ..contact.matrices.pieces import Pieces
 from ..contact.problem import ContactProblem
 
 REST_SHARE, FREE_REST_SHARE = 1e-3, 1e-6
-"""Contacts slower than these count as at rest, relative to the velocities of all contacts, and relative to the free
-velocities."""
+"""Fractions of the largest sum of absolute terms in a contact velocity, and of the largest free velocity, below which a
+contact counts as at rest."""
 
 MAX_LISTED = 8
 """Largest number of pairs of bodies that a sentence lists."""

@@ -13,7 +13,7 @@ G = Wᵀ M⁻¹ W chains three such products. Each takes the pair of numbers and
 
     |ξ̂ − ξ|  ≤  u|ξ| + h,   h ≤ (N ε)² (|Wᵀ| |M⁻¹| |W| |Λ| + |c|),
 
-with N at least the terms of the longest rows of Wᵀ, M⁻¹ and W together, and |G| |Λ| for a given G. The first
+with N at least the number of terms in the longest rows of Wᵀ, M⁻¹ and W together, and |G| |Λ| for a given G. The first
 part is the rounding of the result itself, which cannot turn a velocity into zero; h is returned. In plain arithmetic
 (N ε)² is replaced by N u.
 """
@@ -77,7 +77,7 @@ _fused: Any = _fused_product if getattr(config, "DISABLE_JIT", 0) else intrinsic
 
 @njit(cache=True, inline="always")
 def _plus(high, low, lost, a, x, rest):  # type: ignore[no-untyped-def]
-    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the terms of the second."""
+    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the terms of the second one."""
     product, beside = a * x, a * rest
     error = _fused(a, x, -product)
     total = high + product

@@ -30,7 +30,7 @@ def block_cholesky(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
 
 
 def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    """Return M⁻¹ for M in canonical CSR, computed block by block and symmetric to the last bit.
+    """Return M⁻¹ for M in canonical CSR, computed block by block and exactly symmetric.
 
     Raises:
         ProblemError: if a block of M is not symmetric positive definite, or M⁻¹ would have too many entries.

@@ -36,7 +36,7 @@ class InverseMass:
         """Return a checked, read-only M⁻¹ from its diagonal, or from a matrix, dense or sparse.
 
         Raises:
-            ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
+            ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not positive definite.
         """
         if np.ndim(given) == 1 and not sp.issparse(given):
             diagonal = frozen(given, np.float64, "M⁻¹")
@@ -58,8 +58,8 @@ class InverseMass:
                 connected components of its nonzero entries, for any order of the degrees of freedom.
 
         Raises:
-            ProblemError: on a wrong shape, a number that is not finite, an M that is not symmetric positive definite,
-                or an inverse with more than ``MAX_ENTRIES`` entries.
+            ProblemError: if the shape is wrong, a number is not finite, M is not symmetric positive definite, or its
+                inverse has more than ``MAX_ENTRIES`` entries.
         """
         mass = _read_square(given, "M")
         matrix = block_inverse(mass)
@@ -159,7 +159,7 @@ class Factors:
         """Return checked, read-only factors; see ``ContactProblem.from_factors`` for the arguments.
 
         Raises:
-            ProblemError: on a wrong shape, a number that is not finite, or an M⁻¹ that is not positive definite.
+            ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not positive definite.
         """
         directions = read_matrix(force_directions, "W", sp.csc_array)
         inverse = inverse_mass if isinstance(inverse_mass, InverseMass) else InverseMass.create(inverse_mass)

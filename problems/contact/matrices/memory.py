@@ -1,6 +1,6 @@
 """Checks that the available memory suffices for large arrays.
 
-Without them, the system may kill the process, because it grants more memory than it has.
+Without these checks, the system may kill the process, because it grants more memory than it has.
 """
 
 import contextlib
@@ -34,8 +34,8 @@ def require_memory(needed: float, purpose: str, remedy: str) -> None:
     """Raise ``InsufficientMemoryError`` if more bytes are needed than available.
 
     Args:
-        needed: memory that is needed in addition to what this process has [bytes].
-        purpose: what it is needed for.
+        needed: memory that is needed in addition to the memory of this process [bytes].
+        purpose: what the memory is needed for.
         remedy: what to do instead, as an imperative.
     """
     if needed < SMALL_BYTES:
@@ -107,7 +107,7 @@ def _machine_bytes() -> float:
 
 
 def _group_bytes() -> float:
-    """Return the memory left by the tightest control group of this process; caches of files count as free."""
+    """Return the memory available in the tightest control group of this process; file caches count as free."""
     try:
         groups = Path("/proc/self/cgroup").read_text()
     except OSError:
@@ -131,7 +131,7 @@ def _droppable_bytes(group: Path) -> int:
 
 
 def _address_bytes() -> float:
-    """Return the memory left by the limit of the address space (``ulimit -v``), which measured cases have."""
+    """Return the memory available under the address space limit (``ulimit -v``), which measured cases have."""
     try:
         import resource  # systems other than Unix have no such limit
 

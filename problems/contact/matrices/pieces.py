@@ -126,7 +126,7 @@ class Pieces:
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray | None:
         """Return the diagonal of G [1/kg], shape (n_rows,), for a diagonal M⁻¹, shape (n_chunks · length,).
 
-        None if it requires the pieces of W̃; it is then their ``square_sums``.
+        Return None if the diagonal requires the pieces of W̃, whose ``square_sums`` it is.
         """
         return None
 
@@ -274,7 +274,7 @@ def _write_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
             for lane in range(values.shape[1]):
                 for k in range(values.shape[2]):
                     entry = values[p, lane, k]
-                    sums[i, lane] += entry * entry  # not a power: its rounding depends on other kernels
+                    sums[i, lane] += entry * entry  # not entry**2, whose rounding depends on other kernels
 
 
 @njit(cache=True)

@@ -28,7 +28,7 @@ LANCZOS_STEPS = 16
 """Number of steps of Lanczos' method in the search for a negative eigenvalue."""
 
 MAX_DENSE_ROWS = 64
-"""Largest number of rows for which all eigenvalues are computed instead."""
+"""Largest number of rows for which all eigenvalues are computed instead of Ritz values."""
 
 BREAKDOWN_TOLERANCE = 1e-12
 """Lanczos' method ends if the norm of a new vector is below this fraction of the largest Ritz value."""
@@ -44,7 +44,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
 
     Raises:
         IndefiniteError: if a diagonal entry, a 2×2 minor or an eigenvalue is negative beyond rounding.
-        ProblemError: if G has another shape, contains numbers that are not finite, or is not symmetric.
+        ProblemError: if G has the wrong shape, contains numbers that are not finite, or is not symmetric.
     """
     source = as_matrix(given, "G")
     is_single = source.dtype == np.float32

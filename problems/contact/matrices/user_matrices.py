@@ -20,8 +20,8 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     """Return a copy of a matrix, dense or sparse, as a canonical read-only CSR or CSC array of doubles.
 
     Raises:
-        ProblemError: if it is not a matrix of real numbers, or has an index outside its shape or an entry that is
-            not finite.
+        ProblemError: if ``given`` is not a matrix of real numbers, or has an index outside its shape or an entry that
+            is not finite.
     """
     source = as_matrix(given, name)
     if type(source) is kind and source.dtype == np.float64:
@@ -40,7 +40,7 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
         matrix.has_canonical_format = True
     else:
         _check_sparse(matrix, name)
-        matrix = kind(matrix, copy=True)  # the copy ignores the order of its arrays
+        matrix = kind(matrix, copy=True)  # without the flags of sorted indices, which may be wrong
         matrix.sum_duplicates()
         check_finite(matrix, name)
     read_only(matrix.data, matrix.indices, matrix.indptr)
@@ -51,7 +51,7 @@ def as_matrix(given: Any, name: str) -> Any:
     """Return ``given`` if it is a sparse matrix, else a dense matrix of numbers.
 
     Raises:
-        ProblemError: if it is neither.
+        ProblemError: if ``given`` is neither.
     """
     try:
         matrix: Any = given if sp.issparse(given) else np.asarray(given)

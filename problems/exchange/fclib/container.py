@@ -2,8 +2,8 @@
 
 HDF5 allows links to other files, data kept in other files, virtual data sets, filters loaded at run time, and data sets
 whose declared size exceeds their data. FCLIB needs none of these, because its library writes contiguous arrays. An
-array is therefore read only if all its bytes are in the file itself. It never takes more memory than the size of the
-file.
+array is therefore read only if all its bytes are in the file itself. It never needs more memory than the file has
+bytes.
 """
 
 from collections.abc import Iterator
@@ -85,7 +85,7 @@ class Group:
         """Return a vector in double precision, shape (n,).
 
         Raises:
-            ContainerError: if the data set is missing, has another type or shape, or has no data in the file.
+            ContainerError: if the data set is missing, has the wrong type or shape, or has no data in the file.
         """
         types = self._h5py.h5t
         return self._read_vector(name, (types.IEEE_F64LE, types.IEEE_F64BE), np.dtype(np.float64), "64-bit numbers")

@@ -69,12 +69,12 @@ class Contents:
 
 @dataclass(frozen=True, eq=False)
 class LocalContents(Contents):
-    """A problem by its Delassus matrix.
+    """A problem given by its Delassus matrix.
 
     Attributes:
-        W: between contacts [1/kg], shape (n_contact_rows, n_contact_rows).
-        V: between contacts and joints, shape (n_contact_rows, n_joints).
-        R: between joints, shape (n_joints, n_joints).
+        W: block of the Delassus matrix between contacts [1/kg], shape (n_contact_rows, n_contact_rows).
+        V: block between contacts and joints, shape (n_contact_rows, n_joints).
+        R: block between joints, shape (n_joints, n_joints).
         q: free velocity of the contacts [m/s], shape (n_contact_rows,).
         s: free velocity of the joints [m/s or rad/s], shape (n_joints,).
     """
@@ -98,7 +98,7 @@ class LocalContents(Contents):
 
 @dataclass(frozen=True, eq=False)
 class GlobalContents(Contents):
-    """A problem by its mass matrix and force directions.
+    """A problem given by its mass matrix and force directions.
 
     Attributes:
         M: mass matrix, shape (n_dofs, n_dofs).
@@ -131,7 +131,7 @@ def read_contents(file: Group) -> LocalContents | GlobalContents:
     """Return the contents of a file.
 
     Raises:
-        ContainerError: if it contains no problem, several, or parts that do not match.
+        ContainerError: if the file contains no problem, several problems, or parts that do not match.
     """
     roots = [name for name in (LOCAL, GLOBAL, ROLLING) if name in file]
     if len(roots) != 1:

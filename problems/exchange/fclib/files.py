@@ -25,9 +25,9 @@ def is_fclib_name(name: str) -> bool:
 
 
 def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefinite = "refuse") -> ContactProblem:
-    """Read the problem of an FCLIB file; its name is that of the file.
+    """Read the problem of an FCLIB file, and name it after the file.
 
-    Links to other files are not followed, and no more is read than the size of the file. FCLIB has no checksums: a
+    Links to other files are not followed, and no array is larger than the file. FCLIB has no checksums: a
     changed number that is still valid is detected only in files of ``write_fclib``.
 
     Args:
@@ -74,17 +74,17 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
 
     A problem with factors becomes a global one, and one with a Delassus matrix a local one. The matrices, μ, μ_r, q and
     s of a problem from an FCLIB file are written exactly. If only M⁻¹ is known and has blocks of more than one degree
-    of freedom, M is its inverse up to rounding, and the problem has another digest when it is read. The same holds if
-    joints precede contacts, because FCLIB stores joints last.
+    of freedom, M is its inverse up to rounding, and the problem has a different digest when it is read. The same holds
+    if joints precede contacts, because FCLIB stores joints last.
 
     Args:
-        problem: contacts with Coulomb friction, all planar or all spatial, and joints. With rolling friction, about
-            the axis of the plane or both tangents, it must have factors.
+        problem: contacts with Coulomb friction, all planar or all spatial, and joints. A problem with rolling friction,
+            about the axis of the plane or both tangents, must have factors.
         path: the file, ending in .hdf5 or .h5; its folder is created.
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 
     Raises:
-        ProblemError: if FCLIB has no such laws, the name has another ending, or the file cannot be written.
+        ProblemError: if FCLIB has no such laws, the name has a different ending, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:

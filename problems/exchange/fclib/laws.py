@@ -49,7 +49,7 @@ def laws_of(contents: LocalContents | GlobalContents) -> Laws:
     """Return the laws of a problem, in the order of its rows.
 
     Raises:
-        ProblemError: for an unsupported ``spacedim``, or a friction coefficient that is negative or not finite.
+        ProblemError: if ``spacedim`` is not supported, or a friction coefficient is negative or not finite.
     """
     contacts = _laws_of_contacts(contents)
     return Laws.together([contacts, Laws.joints(contents.n_joints)]) if contents.n_joints else contacts

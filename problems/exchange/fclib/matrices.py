@@ -2,7 +2,7 @@
 
     nz ≥ 0   triplets: rows i, columns p, values x, nz of each (as in CSparse and in public files)
     nz = −1  compressed columns: column k has the entries p[k] … p[k+1] − 1 of rows i and values x
-    nz = −2  compressed rows, i being columns
+    nz = −2  compressed rows: the same, where i contains columns
 
 The arrays may be longer than their content, up to nzmax. With ``symmetric_packed`` = 1 only the lower triangle of a
 symmetric matrix is stored.
@@ -26,12 +26,12 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
     """Return the matrix of a group; duplicate entries are summed, as in CSparse.
 
     Args:
-        group: where it is stored.
+        group: the group that contains its arrays.
         shape: required numbers of rows and columns. Vectors of these lengths exist, so that a file cannot demand a
             matrix of absurd size.
 
     Raises:
-        ContainerError: if it has another shape, or its arrays contradict each other.
+        ContainerError: if the matrix does not have this shape, or its arrays contradict each other.
     """
     found = group.integer("m"), group.integer("n")
     if found != shape:
@@ -58,7 +58,7 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
 
 
 def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a group, ``kind`` being one of the three values of nz."""
+    """Return the arrays of a group; ``kind`` is one of the three values of nz."""
     if kind == TRIPLETS:
         entries = sp.csc_array(matrix).tocoo()
         indices, pointers, values, nz = entries.row, entries.col, entries.data, entries.nnz

@@ -11,7 +11,7 @@ PART = ".part"
 """Suffix of a file that is being written; its name begins with a dot."""
 
 PERMISSIONS = 0o666
-"""Permissions of a new file before the mask of the process."""
+"""Permissions of a new file before the mask of the process is applied."""
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=PART)
     try:
         with os.fdopen(handle, "wb") as file:
-            mask = os.umask(0o077)  # must be set to be read; a strict one is safe if another thread creates a file
+            mask = os.umask(0o077)  # reading the mask sets it; a strict one is safe if another thread creates a file
             os.umask(mask)
             os.chmod(temporary, PERMISSIONS & ~mask)
             yield file

@@ -21,8 +21,9 @@ def read_json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the object ``about``, empty if there is none, and the arrays of a JSON file.
 
     Raises:
-        ArchiveError: if it exceeds ``MAX_ARCHIVE_BYTES``, is not a JSON object, or a value is not an array of numbers.
-        OSError: if it cannot be read.
+        ArchiveError: if the file exceeds ``MAX_ARCHIVE_BYTES`` or is not a JSON object, or a value is not an array of
+            numbers.
+        OSError: if the file cannot be read.
     """
     if path.stat().st_size > MAX_ARCHIVE_BYTES:
         raise ArchiveError(f"more than {MAX_ARCHIVE_BYTES / 2**20:.0f} MB")
@@ -39,7 +40,7 @@ def read_json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def json_text(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Return the JSON text of a problem, one array per line; numbers keep every bit."""
+    """Return the JSON text of a problem, one array per line; numbers have full precision."""
     lines = [f'"about": {json.dumps(dict(about), ensure_ascii=False)}']
     lines += [f"{json.dumps(name)}: {json.dumps(array.tolist())}" for name, array in arrays.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"

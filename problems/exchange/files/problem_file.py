@@ -1,4 +1,4 @@
-"""Problems as files: arrays without pickle, compressed or as JSON, written atomically, verified by their digest."""
+"""Problem files: arrays without pickle, compressed or as JSON; they are written atomically and have a digest."""
 
 import io
 import json
@@ -53,7 +53,7 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
         path: the file, ending in .npz or .json; its folder is created.
 
     Raises:
-        ProblemError: if the file cannot be written, or has another suffix.
+        ProblemError: if the file cannot be written, or its name has a different suffix.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -68,7 +68,7 @@ def write_whole(path: Path, content: bytes) -> None:
     """Write a file of a problem atomically, and create its folder.
 
     Raises:
-        ProblemError: if it cannot be written.
+        ProblemError: if the file cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -107,7 +107,7 @@ def read_problem(
         format_name: the foreign format; inferred from the names of the arrays if empty.
 
     Raises:
-        ProblemError: if the file is missing, damaged, of another format, or does not match its own digest.
+        ProblemError: if the file is missing, damaged or of an unknown format, or does not match its own digest.
     """
     name = label or str(source)
     try:
@@ -131,7 +131,7 @@ def read_problem(
 
 @contextmanager
 def _prefixed(name: str) -> Iterator[None]:
-    """Put the name of a file before a ``ProblemError``."""
+    """Put the name of a file before the message of a ``ProblemError``."""
     try:
         yield
     except ProblemError as error:

@@ -1,6 +1,6 @@
 """Problems of ContactBench, as its samples store them: ``numpy.savez(file, G=G, g=g, mus=mus)``.
 
-Its contacts have the rows T1, T2, N, and σ = G λ + g is the relative velocity, so that G and g are our G and c with
+Its contacts have the rows T1, T2, N, and σ = G λ + g is the relative velocity. So G and g are G and c of Proxbench with
 their rows in another order. Source: https://github.com/Simple-Robotics/ContactBench, ``examples/solve_ncp.py`` and
 ``include/contactbench/friction-constraint.hxx``.
 """

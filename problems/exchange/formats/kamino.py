@@ -11,8 +11,8 @@ belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc)
 bounded multiplier is the friction or the limited effort of a joint, |λ| ≤ b; its bounds are b/P.
 
 The compliance R [1/kg], shape (n,), is physical: D = P (G + diag R) P. It lets a contact or limit approach at −R λ, so
-v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard contacts; G + diag R
-with Coulomb friction is the own model of Kamino.
+v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard contacts; Kamino's own
+model is G + diag R with Coulomb friction.
 
 Arrays may be longer than their content, as Kamino allocates them; lambdas are physical impulses [N s]. Source: Newton
 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.
@@ -35,7 +35,7 @@ from ..stored_solution import with_stored_solution
 from .plain import Arrays, normal_first, problem_of_delassus, stored_impulses
 
 COUNTS = ("njc", "nbc", "nl", "nc")
-"""Names of the numbers of rows and contacts."""
+"""Names of the arrays that contain numbers of rows and contacts."""
 
 SINGLE_PRECISION = 1e-4
 """Tolerated error of sums in single precision, relative to their terms."""
@@ -49,7 +49,7 @@ _SETS = {
     LawKind.SPATIAL_FRICTION: EngineSet.INTERVAL,
     LawKind.UNILATERAL: EngineSet.HALF_LINE,
 }
-"""Sets of the rows of a law in the own model of Kamino; a contact without friction has intervals of length 0."""
+"""Sets of the rows of a law in Kamino's own model; a contact without friction has intervals of length 0."""
 
 
 def recognises(arrays: Arrays) -> bool:
@@ -116,7 +116,7 @@ def _compliance(arrays: Arrays, diagonal: FloatArray) -> FloatArray:
     """Return the compliance of each row [1/kg], zeros if there is none.
 
     Raises:
-        ProblemError: if it is negative, or larger than the diagonal of D in physical units.
+        ProblemError: if a compliance is negative, or larger than the diagonal of D in physical units.
     """
     if "compliance" not in arrays:
         return np.zeros(len(diagonal))
@@ -157,7 +157,7 @@ def _own_model(problem: ContactProblem, compliance: FloatArray) -> EngineModel:
 
 
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
-    """Raise ``ProblemError`` if (G + diag R) Λ + c differs from Kamino's velocity by more than single precision."""
+    """Raise ``ProblemError`` if (G + diag R) Λ + c and Kamino's velocity differ by more than rounding."""
     terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
     found = problem.relative_velocity(impulses)
     if problem.engine is not None:

@@ -8,7 +8,7 @@
 ``W`` with ``Minv`` or ``M``      instead of G, its factors: force directions, shape (n_dofs, n_rows), and the
                                   inverse mass or mass matrix: its diagonal, shape (n_dofs,), its diagonal
                                   blocks, shape (n_blocks, k, k), or the whole matrix
-``dim``                           rows per contact: 1, 2 or 3; found from the lengths of ``c`` and ``mu`` if left out
+``dim``                           rows per contact: 1, 2 or 3; by default, inferred from the lengths of ``c`` and ``mu``
 ``normal``                        "first" (default) or "last": position of the normal row among the rows of a contact
 ``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, judged
 ``version``                       1; optional
@@ -52,7 +52,7 @@ DEFAULT_DIM = 3
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether the arrays look like plain arrays of a problem."""
+    """Whether an array has the name G, c, mu or W."""
     return not {"G", "c", "mu", "W"}.isdisjoint(arrays)
 
 
@@ -111,7 +111,7 @@ def problem_of_delassus(
         repair: how an asymmetric or indefinite G is read.
         dim: rows per contact.
         laws: any mixture of laws, instead of ``mu`` and ``dim``.
-        provenance: where the problem comes from.
+        provenance: entries of the provenance.
 
     Raises:
         ProblemError: as ``ContactProblem.from_delassus``.
@@ -142,7 +142,7 @@ def stored_impulses(given: NDArray[Any], n_rows: int) -> FloatArray:
     """Return the impulses of a file as numbers, shape (n_rows,).
 
     Raises:
-        ProblemError: if they are not finite numbers, one per row.
+        ProblemError: if the impulses are not finite numbers, one per row.
     """
     if given.size != n_rows or given.dtype.kind not in "fiu" or not np.isfinite(given).all():
         raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one per row; got shape {given.shape}.")

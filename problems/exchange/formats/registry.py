@@ -45,7 +45,7 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
     """Return the problem of arrays that ``save_problem`` did not write; None if no format recognises them.
 
     Args:
-        arrays: by name.
+        arrays: arrays of the file by name.
         name: name of the file in messages.
         repair: how an asymmetric or indefinite matrix is read.
         format_name: the format, inferred from the names of the arrays if empty.

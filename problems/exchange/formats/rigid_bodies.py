@@ -16,7 +16,7 @@
 ``mu``                   friction coefficient, one number or shape (n_contacts,)
 ``restitution``          ε, one number or shape (n_contacts,); 0 if left out
 ``distance``             gap [m], negative for penetration, shape (n_contacts,); 0 if left out
-``tangent``              first tangent, shape (n_contacts, 3); any if left out
+``tangent``              first tangent, shape (n_contacts, 3); chosen freely if left out
 ``impulses``             Λ_N, Λ_T1, Λ_T2 of the engine, on body 2 [N s], shape (n_contacts, 3); optional, judged
 ``version``              1; optional
 ======================== ==================================================================================
@@ -65,7 +65,7 @@ UNIT = 1e-3
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether the arrays look like those of rigid bodies."""
+    """Whether an array has the name body_1, or two have the names mass and inertia."""
     return "body_1" in arrays or {"mass", "inertia"} <= arrays.keys()
 
 

@@ -1,8 +1,8 @@
 """Plugins as single Python files, named on the command line instead of being installed.
 
 A file lists what it offers: ``SOLVERS = [MySolver]``, ``PROBLEMS = {"my-problem": my_problem}`` and
-``SCENES = {"my_scene": my_scene}``. It is read once, and every process runs the content that was
-read, so that editing the file does not change a run.
+``SCENES = {"my_scene": my_scene}``. The file is read once, and every process runs the content that was read. Editing
+the file therefore does not change a run.
 """
 
 import hashlib
@@ -60,12 +60,12 @@ class PluginFile:
 
     @property
     def source(self) -> str:
-        """Its name in messages."""
+        """Name of the file in messages."""
         return f"plugin file {self.path}"
 
     @property
     def module_name(self) -> str:
-        """The name under which it is imported, different for each path."""
+        """Name under which the file is imported, different for each path."""
         stem = re.sub(r"\W", "_", self.path.stem)
         return f"proxbench_plugin_{stem}_{hashlib.sha256(str(self.path).encode()).hexdigest()[:8]}"
 
@@ -73,7 +73,7 @@ class PluginFile:
         """Return the module of the file, which runs at the first call after ``make_importable``.
 
         Raises:
-            PluginError: if it fails to import; the message gives the line.
+            PluginError: if the module fails to import; the message gives the line.
         """
         try:
             with redirect_stdout(sys.stderr):

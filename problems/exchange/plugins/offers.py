@@ -1,8 +1,8 @@
 """Discovery of plugins: solvers, problems and scenes of installed packages and of files that the user names.
 
 A package offers them as entry points of the groups ``proxbench.solvers``, ``proxbench.problems`` and
-``proxbench.scenes``. A plugin runs only when it is named. Names of Proxbench are rejected, and so are names that two
-plugins share, because results must not depend on the order of installation.
+``proxbench.scenes``. The code of a package runs only if one of its names is used. Names of Proxbench are rejected, and
+so are names that two plugins share, because results must not depend on the order of installation.
 """
 
 import re
@@ -93,7 +93,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
-    """Register a plugin file in this process without running it, in place of one of the same path.
+    """Register a plugin file in this process without running it; it replaces a registered file of the same path.
 
     Args:
         file: the file.

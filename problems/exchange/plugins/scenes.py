@@ -1,4 +1,4 @@
-"""Scenes that plugins offer: functions with keyword options that return a scene, or a system with its first state."""
+"""Scenes that plugins offer: functions with keyword options that return a scene, or a system with its initial state."""
 
 import inspect
 import sys
@@ -24,7 +24,7 @@ def plugin_scene(name: str) -> Offer | None:
     """Return the offer of a scene by its plain name; None for a scene of Proxbench.
 
     Raises:
-        ProblemError: for an unknown scene, with the nearest name.
+        ProblemError: if the scene is unknown; the message suggests the nearest name.
         PluginError: if the name is rejected.
     """
     if name in SCENES:
@@ -46,7 +46,7 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
         options: further options.
 
     Raises:
-        ProblemError: for an unknown scene or option.
+        ProblemError: if the scene or an option is unknown.
         PluginError: if the plugin does not return a scene.
     """
     name, written = parse_scene(text)
@@ -70,7 +70,7 @@ def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
     """Return the options of a function that makes a scene, with their defaults.
 
     Raises:
-        PluginError: if one has no default; ``head`` begins the sentence.
+        PluginError: if an option has no default; ``head`` begins the message.
     """
     parameters = inspect.signature(make).parameters.values()
     for one in parameters:

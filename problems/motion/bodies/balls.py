@@ -229,7 +229,7 @@ class BallSystem:
 
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
-        """Q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
+        """The function q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
         known = known_potential(self.potentials, len(self.accelerations))
         return None if known is None else lambda position: known(self.centres(position), self.masses)
 
@@ -248,7 +248,7 @@ class TouchingBalls(NamedTuple):
     """Overlaps of balls with balls and surfaces, ordered by key.
 
     Attributes:
-        keys: identity of each contact, shape (n_contacts,); as bodies of keys, surfaces are numbered after the balls.
+        keys: identity of each contact, shape (n_contacts,); in keys, surfaces are numbered after the balls.
         chunks: first and second ball of each contact, the number of balls for a surface, shape (2 · n_contacts,).
         gap: g [m], negative, shape (n_contacts,).
         normals: from the second ball or the surface to the first ball, shape (n_contacts, d).
@@ -287,7 +287,7 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
     """Return keys, chunks, gaps and normals of all overlaps, ordered by first ball, then second ball or surface.
 
     ``near`` holds pairs of balls in this order. The overlaps of each surface, which end at ``ends``, ascend by ball.
-    Concentric balls, which have no normal, are pushed along x.
+    The normal of concentric balls, which is not defined, points along x.
     """
     n, dim = centres.shape
     n_bodies, room = n + len(ends), len(near) + len(ball)

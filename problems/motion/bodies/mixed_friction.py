@@ -1,6 +1,6 @@
 """Friction coefficients that differ from pair to pair of bodies.
 
-The coefficient of a pair, two balls or a ball and a surface, is drawn by a hash of the pair's key and a seed
+The coefficient of a pair, two balls or a ball and a surface, is computed by a hash of the pair's key and a seed
 (SplitMix64: Steele, Lea & Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014). So a pair keeps its
 coefficient from step to step, even if it separates and touches again, and has the same one on all machines.
 """
@@ -25,7 +25,7 @@ class MixedFriction:
         seed: seed of the coefficients.
 
     Raises:
-        ProblemError: for an invalid range, or a seed out of range.
+        ProblemError: if the range of coefficients is not valid, or the seed is out of range.
     """
 
     lowest: float
@@ -48,7 +48,7 @@ class MixedFriction:
 
 
 def _mixed(bits: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
-    """Return well mixed bits, 64 per number."""
+    """Return the hash of each number, 64 bits."""
     with np.errstate(over="ignore"):
         bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
         bits = (bits ^ (bits >> np.uint64(27))) * _SECOND

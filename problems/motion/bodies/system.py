@@ -30,8 +30,8 @@ MAX_JOINT_ERROR = 1e-11
 class ActiveContacts:
     """The contacts of one step, those with g(q_M) < 0, and the joints, which are always active.
 
-    Rows are ordered by key. A vector over rows can be padded to ``width`` lanes per key; states store it so from step
-    to step.
+    Rows are ordered by key. A vector over rows can be padded to ``width`` lanes per key; states store impulses in this
+    form.
 
     Attributes:
         keys: identity of each contact and joint, ascending and distinct, shape (n_keys,). A contact keeps its key from
@@ -66,7 +66,7 @@ class ActiveContacts:
 
     @cached_property
     def is_contact(self) -> NDArray[np.bool_]:
-        """Whether each key is that of a contact or of the limit of a joint, not of a joint, shape (n_keys,)."""
+        """Whether each key identifies a contact or the limit of a joint, not a joint itself, shape (n_keys,)."""
         if self.row_counts is None:
             return np.ones(len(self.keys), dtype=np.bool_)
         first_laws = np.searchsorted(self.laws.first_row, self.first_rows)
@@ -157,7 +157,7 @@ class Overlaps:
 
     Attributes:
         gap: g(q) [m], negative, shape (n_contacts,).
-        normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or with joints scipy
+        normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or, with joints, scipy
             CSC.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
         joints: the joints, which are closed together with the contacts; None if there are none.
@@ -187,7 +187,7 @@ class System(Protocol):
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return the contacts with g(q) < 0, and the joints.
 
-        None if no contact is deeper than ``tolerated`` [m], and there are no joints.
+        Return None if no contact is deeper than ``tolerated`` [m], and there are no joints.
         """
         ...
 
@@ -271,8 +271,8 @@ class MechanicalSystem:
         """Linearise at q_M: M(q_M), h(q_M, u_B), and W(q_M) of the contacts with g(q_M) < 0.
 
         Raises:
-            ProblemError: if M is not positive definite there, or M, h, g or W has another shape than u and the contacts
-                require, or contains NaN.
+            ProblemError: if M is not positive definite there, or M, h, g or W contains NaN or has a shape that does not
+                match u and the contacts.
         """
         inverse, sparse_inverse = self._inverse_mass(midpoint)
         free_motion = velocity + inverse @ self._force(midpoint, velocity) * seconds
@@ -309,8 +309,8 @@ class MechanicalSystem:
         """Check M, h, g and W at (q, u).
 
         Raises:
-            ProblemError: if M is not positive definite there, or one of them has another shape than u and the contacts
-                require, or contains NaN.
+            ProblemError: if M is not positive definite there, or one of them contains NaN or has a shape that does not
+                match u and the contacts.
         """
         self._inverse_mass(position)
         self._force(position, velocity)
@@ -384,7 +384,7 @@ class MechanicalSystem:
 
 
 def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values``, or raise ``ProblemError`` if they have another shape or NaN; ``why`` explains the shape."""
+    """Return ``values``, or raise ``ProblemError`` if they have a wrong shape or NaN; ``why`` explains the shape."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
     if np.isnan(values).any():

@@ -1,7 +1,7 @@
 """Detection of overlapping balls by a cell list, in time and memory proportional to the number of balls.
 
-Cells are as wide as the largest ball. Balls are sorted by the number of their cell; because neighbours along the first
-axis have consecutive numbers, the search visits a few ranges of cells per ball, whose starts only move forward.
+Cells are as wide as the largest ball. Balls are sorted by the number of their cell. Neighbours along the first axis
+have consecutive numbers, so the search visits a few ranges of cells per ball. Their starts only move forward.
 """
 
 import numpy as np
@@ -17,14 +17,14 @@ MIN_SKIN, MAX_SKIN = 0.025, 0.75
 
 MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
 """Bounds of the number of queries for which a search should remain valid. A step makes up to three: for contacts, and
-for overlaps before and after the projection. More queries require wider skins and so more pairs, all of which each
-query visits."""
+for overlaps before and after the projection. More queries require wider skins, which add pairs that each query must
+visit."""
 
 SKIN_SHARE = 0.998
-"""Share of its skin by which a ball may move; below 1, so that rounding hides no pair."""
+"""Share of its skin by which a ball may move; less than 1, so that no pair is missed because of rounding."""
 
 SPEED_MARGIN = 1.1
-"""Increase of a ball's speed between two searches for which its skin allows."""
+"""Factor by which a ball may become faster between two searches without leaving its skin."""
 
 
 class NearPairs:
@@ -32,8 +32,8 @@ class NearPairs:
 
     Each ball has a skin. Pairs are near if their gap is less than the sum of both skins, so a search remains valid
     until a ball has moved farther than its own skin. Skins are proportional to the speeds of their balls since the last
-    search, within bounds: a few fast balls then add few pairs to those of many slow ones. They last for as many queries
-    as the upper bound allows the fastest ball, between ``MIN_QUERIES`` and ``MAX_QUERIES``.
+    search, within bounds: a few fast balls then add few pairs to those of many slow ones. Skins should suffice for as
+    many queries as the upper bound allows the fastest ball, between ``MIN_QUERIES`` and ``MAX_QUERIES``.
     """
 
     def __init__(self, radii: FloatArray) -> None:

@@ -13,18 +13,18 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # type: ignore[no-untyped-def]
     """Write the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
 
-    An edge with one end within the slack and the other beyond it does not cross the plane, and is cut at the former.
+    An edge with one end within the slack and the other beyond it does not cross the plane, and is cut at the first end.
 
     Args:
-        polygon: corners, of which the first ``n`` count.
+        polygon: corners; only the first ``n`` are used.
         edges: number of the edge that leaves each of them.
         n: number of corners.
         across: normal of the plane.
         limit: its distance from the origin along the normal.
         slack: distance above the plane up to which a corner stays.
         number: number of the new edge.
-        left: room for the corners of the part, one more than ``n``.
-        left_edges: room for their edges.
+        left: filled with the corners of the part; must have room for one more than ``n``.
+        left_edges: filled with the numbers of their edges.
 
     Returns:
         Number of corners of the part.

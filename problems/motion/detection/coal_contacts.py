@@ -1,4 +1,4 @@
-"""Contacts of cylinders with capsules, cylinders and polyhedra, by the library coal."""
+"""Contacts of cylinders with capsules, cylinders and polyhedra, computed by the library coal."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -20,7 +20,7 @@ CURVED_SAMPLES = 12
 """Number of points of the patch if an end of a cylinder lies on a face."""
 
 TOLERANCE = 1e-10
-"""Error of gaps [m]; gaps of curved shapes err by 2e-6 with 1e-6, the default of coal."""
+"""Tolerance of coal for gaps [m]; with its default of 1e-6, gaps of curved shapes have errors of 2e-6."""
 
 MAX_ITERATIONS = 256
 """Iteration limit of coal for one pair of shapes."""
@@ -32,7 +32,7 @@ MAX_PASSES = 20
 """Largest number of moves to that gap along a better normal; two or three suffice, more if rims touch rims."""
 
 TINY = np.array([0.0, 0.0, 1e-12])
-"""Distance below which centres coincide [m]."""
+"""Offset that defines a direction between centres that coincide [m]."""
 
 RETRY_SHARES = (0.0, 0.01, 0.1, 1.0)
 """Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller one."""
@@ -47,11 +47,11 @@ END = 0.7
 """Cosine of the largest angle between contact normal and axis at which a cylinder touches with its end."""
 
 CUT = np.pi / CURVED_SAMPLES
-"""Angle between the first axis and the first point of a patch [rad]; coal's points of an end are not near to it."""
+"""Angle between the first axis and the first point of a patch [rad]; coal returns no points of an end near it."""
 
 
 def needs_coal(first: Shape, second: Shape) -> bool:
-    """Return whether contacts of two shapes are found by coal."""
+    """Return whether coal finds the contacts of two shapes."""
     one, other = isinstance(first, Cylinder), isinstance(second, Cylinder)
     return (one and not isinstance(second, Sphere | HalfSpace)) or (other and not isinstance(first, Sphere | HalfSpace))
 
@@ -94,8 +94,8 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
 
     Near gap 0, coal has errors of 1e-6 m in gaps, and 1e-4 in normals, and finds no contact at some poses. Bodies are
     therefore searched with a larger margin. The second one is moved along the normal to where coal is exact, and this
-    distance is subtracted from the gap. Where bodies are farthest apart along the normal of a face or an axis, this
-    direction is exact.
+    distance is subtracted from the gap. If bodies are farthest apart along the normal of a face or an axis, this
+    direction is the normal, without error.
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
     directions = _directions(first, second)
@@ -104,7 +104,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     gap = least_gap = float(separations[best])
     if least_gap > margin:
         return
-    # of deep penetrations, coal finds the least at the given poses only
+    # coal finds the smallest of deep penetrations only at the given poses
     way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
     for _ in range(MAX_PASSES):
         result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)
@@ -160,7 +160,7 @@ def _collide(
     which they are closer than along one of the ``known`` directions; bodies are then moved apart a little more.
 
     Raises:
-        ProblemError: if coal finds no normal however far they are moved apart.
+        ProblemError: if coal finds no normal at any of the distances ``RETRY_SHARES``.
     """
     request = coal.CollisionRequest()
     request.gjk_tolerance = request.epa_tolerance = TOLERANCE
@@ -188,7 +188,7 @@ def _collide(
 def _directions(first: _Body, second: _Body) -> FloatArray:
     """Return unit vectors from first to second along which they may be closest, shape (n, 3).
 
-    They are those of the line of centres, of faces, of axes, and normal to axes.
+    These are the directions of the line of centres, of face normals, of axes, and of normals to axes.
     """
     between = second[1] - first[1] + TINY
     found = [between[None]]
@@ -255,7 +255,7 @@ def require_coal() -> Any:
     """Return the module coal.
 
     Raises:
-        ProblemError: if it is not installed.
+        ProblemError: if coal is not installed.
     """
     try:
         return import_module("coal")

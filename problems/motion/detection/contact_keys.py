@@ -1,4 +1,4 @@
-"""Keys of contacts: one integer for two bodies and a feature, the same from step to step."""
+"""Keys of contacts: one integer for two bodies and a feature, which is the same in all steps."""
 
 from dataclasses import dataclass
 
@@ -43,5 +43,5 @@ class ContactKeys:
         return first, second, feature
 
     def pairs(self, keys: IntArray) -> IntArray:
-        """Return a number for the pair of bodies of each contact, whatever its feature, shape (n_contacts,)."""
+        """Return the number of the pair of bodies of each contact, without its feature, shape (n_contacts,)."""
         return keys // self.n_features

@@ -1,7 +1,7 @@
 """Contacts of cylinders with half-spaces and with spheres, in closed form.
 
-On a half-space, each end of a cylinder touches with the lowest point of its rim and with points that are fixed in the
-body, so that an upright cylinder stands on a face with constant features.
+On a half-space, the contact points of each end of a cylinder are the lowest point of its rim and points that are fixed
+in the body. The features of an upright cylinder are therefore constant.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Contacts of pairs of shapes: boxes on half-spaces, and boxes on boxes by separating axes and clipped faces.
 
-Other pairs are found in ``polyhedra``, ``round_bodies`` and ``cylinders``, and the rest by coal.
+The modules ``polyhedra``, ``round_bodies`` and ``cylinders`` and the library coal find the contacts of other pairs.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ FACE_FEATURES = 12 * 6 * 8 * 8
 """Number of features of a face on a face of two boxes; those of edges on edges follow."""
 
 SLACK = 1e-6
-"""Length over the size of a box within which faces and points count as equal, so that features persist."""
+"""Distance, divided by the size of a box, up to which faces and points count as equal; so features persist."""
 
 PARALLEL = 1e-6
 """Sine of the angle between two edges below which they count as parallel."""
@@ -35,7 +35,7 @@ PARALLEL = 1e-6
 BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, REFUSED = range(6)
 """Methods that find the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders`` and coal.
 
-A pair with a half-space as first body is refused."""
+A half-space as the first body of a pair is an error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
         margin: gap below which a contact is reported [m].
 
     Raises:
-        ProblemError: for a half-space as first body, and for pairs that need coal if it is not installed.
+        ProblemError: if the first body of a pair is a half-space, or a pair needs coal and it is not installed.
     """
     if not len(pairs):
         return _contact_set([])
@@ -175,7 +175,7 @@ def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
 def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number.
 
-    Most pairs are apart, so they are tested before anything else, without views of the arrays.
+    Most pairs are too far apart for a contact. This is tested first, without views of the arrays.
     """
     count = 0
     for k in range(len(pairs)):
@@ -293,7 +293,7 @@ def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, apart, margin, keys, numbers
 
 @njit(cache=True)
 def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the face of the other box that faces the reference face by the sides of the latter."""
+    """Clip the opposing face of the other box by the sides of the reference face."""
     out = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
     normal = out * r_r[axis, 0], out * r_r[axis, 1], out * r_r[axis, 2]
     facing, most = 0, -1.0

@@ -19,7 +19,7 @@ from ..bodies.rigid.shapes import Box
 from .clipping import clip, dot
 
 SLACK = 1e-6
-"""Length over the size of bodies within which faces, edges and points count as equal, so that features persist."""
+"""Distance, divided by the size of bodies, up to which faces, edges and points count as equal; so features persist."""
 
 EDGE_NUMBERS = 2 * MAX_CORNERS
 """Numbers of the edges of a clipped face: its own, and the sides that clip it."""
@@ -35,7 +35,7 @@ _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 
 
 
 class PackedPolyhedra(NamedTuple):
-    """The polyhedra among some shapes, for kernels; starts have one entry per shape and one more.
+    """The polyhedra among some shapes, for kernels; arrays of starts have one entry more than there are shapes.
 
     Attributes:
         vertices: corners in body axes [m].
@@ -208,7 +208,7 @@ def _polyhedron_on_plane(corners, centre, rotation, margin, keys, numbers, count
 def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
     packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, numbers, count
 ):
-    """Write the contacts of two polyhedra; faces precede edges, and faces of the first body those of the second."""
+    """Write the contacts of two polyhedra; of equal separations, that of a face of the first body is used first."""
     size = np.sqrt(dot(offset, offset))
     best, best_face, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
@@ -255,7 +255,7 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the face of body ``o`` that faces a face of body ``r`` by the sides of that face."""
+    """Clip the opposing face of body ``o`` by the sides of a face of body ``r``."""
     normal, facing, most = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
         along = dot(normal, normals_o[k])

@@ -5,8 +5,8 @@ a part of one body (an end of a segment, an edge or a corner) touches the other 
 contact, which therefore persists from step to step. The distance between two bodies is at most that of their parts, so
 each reported gap is an upper bound:
 
-    0, 1                     ends of the segment of the sphere or capsule; of two, the first body
-    2, 3                     ends of the second segment, of two spheres or capsules
+    0, 1                     ends of the segment of the sphere or capsule, or of the first one of two
+    2, 3                     ends of the segment of the second one of two spheres or capsules
     CROSSING                 points between the ends of two segments
     2 + k                    edge k of a polyhedron, then its corners
     2 + n_edges + n_corners  where a segment enters the polyhedron; the next number, where it leaves

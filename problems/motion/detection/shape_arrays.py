@@ -23,8 +23,8 @@ class ShapeArrays:
     Attributes:
         shapes: shapes of all bodies.
         half_sizes: half the edge lengths of boxes [m], 0 for other shapes, shape (n, 3).
-        is_box: whether it is a box, shape (n,).
-        is_ball: whether it is a sphere, shape (n,).
+        is_box: whether each shape is a box, shape (n,).
+        is_ball: whether each shape is a sphere, shape (n,).
         round_shapes: kinds, half lengths and radii.
     """
 

@@ -54,7 +54,7 @@ class BouncingBall(ClosedFormScene):
 
     @property
     def rest_time(self) -> float:
-        """Time after which the ball rests, at the limit of its impacts [s], √(2h/g) (1 + e)/(1 − e).
+        """Time at which the impacts accumulate and the ball comes to rest [s], √(2h/g) (1 + e)/(1 − e).
 
         It is the sum of the fall √(2h/g) and the flight times 2 eᵏ √(2h/g), k = 1, 2, ….
         """
@@ -66,7 +66,7 @@ class BouncingBall(ClosedFormScene):
         return self.fall_time * (1.0 + 2.0 * e * (1.0 - e**impact) / (1.0 - e))
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: after impact k the ball flies up with eᵏ⁺¹ √(2gh), and rests in the end."""
+        """Return the state at ``time`` [s]: after impact k the ball rises with eᵏ⁺¹ √(2gh), and finally it rests."""
         if time < self.fall_time:
             return self._at(time, self.height - 0.5 * self.gravity * time**2, -self.gravity * time)
         impact, speed = 0, self.restitution * self.gravity * self.fall_time

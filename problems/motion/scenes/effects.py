@@ -97,7 +97,7 @@ class Gravity(Force):
         acceleration: g [m/s²].
 
     Raises:
-        ProblemError: if it is not finite.
+        ProblemError: if the acceleration is not finite.
     """
 
     acceleration: float = 9.81
@@ -125,7 +125,7 @@ class Drag(Force):
         coefficient: k [kg/s].
 
     Raises:
-        ProblemError: if it is negative or not finite.
+        ProblemError: if the coefficient is negative or not finite.
     """
 
     coefficient: float
@@ -216,7 +216,7 @@ class Planar:
         """Return a copy of the system in two dimensions.
 
         Raises:
-            ProblemError: if its bodies are not balls.
+            ProblemError: if the bodies of the system are not balls.
         """
         if not isinstance(system, BallSystem):
             raise ProblemError("only balls can move in a plane; omit Planar from the effects on rigid bodies.")
@@ -232,7 +232,7 @@ def ball_system(
         radii: radii of the balls [m], shape (n,).
         masses: masses of the balls [kg], shape (n,).
         surfaces: fixed surfaces that the balls can touch.
-        effects: effects to add, each of another class.
+        effects: effects to add, each of a different class.
 
     Raises:
         ProblemError: if an effect is listed twice, or a number is out of range.

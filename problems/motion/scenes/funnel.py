@@ -2,7 +2,7 @@
 
 The paper gives no geometry; this scene has balls of radius 1 cm and 2500 kg/m³, a cone of half-angle 45° and 14.5 cm
 height over an outlet of 4.5 ball radii, a vertical wall above, and a circular rim at the outlet. The balls start on a
-jittered lattice of pitch 2.3 radii and drop at 1 m/s.
+jittered lattice of pitch 2.3 radii and move downwards at 1 m/s.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,13 +53,13 @@ STANDARD_GRAVITY = 9.81
 """Default gravitational acceleration [m/s²]."""
 
 POUR_SECONDS = 5.0
-"""Time that a thousand balls have to leave through the outlet [s]; a pour ends earlier when all are through."""
+"""Default duration of a pour [s]; a pour ends earlier when all balls are through the outlet."""
 
 JAM_SECONDS = 0.25
-"""Simulated time of rest after which a funnel counts as jammed [s]; a ball falls through thirty radii in it."""
+"""Simulated time of rest after which a funnel counts as jammed [s]; a ball falls by thirty radii in this time."""
 
 JAM_AGITATION = 1e-4
-"""A pile rests while its balls move with less than this kinetic energy over m g r, on average."""
+"""Mean kinetic energy of a ball, divided by m g r, below which a pile counts as at rest."""
 
 STANDARD_EFFECTS: tuple[Effect, ...] = (Gravity(9.81), Friction(0.3), Restitution(0.3, 0.0))
 """The effects of the paper's example."""
@@ -105,7 +105,7 @@ class Funnel:
         return ball_system(np.full(self.n_balls, RADIUS), self._masses, self._surfaces(), self.effects)
 
     def start(self) -> State:
-        """Return the balls on their lattice above the cone, dropping."""
+        """Return the balls on their lattice above the cone, moving downwards."""
         system = self.system()
         velocities = np.zeros((self.n_balls, system.dimension))
         velocities[:, -1] = -DROP_SPEED
@@ -118,7 +118,7 @@ class Funnel:
     def agitation(self, position: FloatArray, velocity: FloatArray) -> float:
         """Return the mean kinetic energy of the balls above the outlet over m g r; 0 if all are through.
 
-        At 1, they could rise by a radius; a pile whose value is 1e-4 moves at less than 5 mm/s.
+        At 1, the balls could rise by one radius. At 1e-4, the balls of a pile move at less than 5 mm/s.
         """
         above = position[self._dimension - 1 :: self._dimension] >= 0.0
         if not above.any():
@@ -142,7 +142,7 @@ class Funnel:
         return SceneEnding("jammed", sentence, False)
 
     def potential_energy(self, position: FloatArray) -> float:
-        """Return V [J] of the effects at q, shape (n_balls · d,); weight counts from the outlet."""
+        """Return V [J] of the effects at q, shape (n_balls · d,); that of the weight is 0 at the outlet."""
         centres = position.reshape(self.n_balls, self._dimension)
         return sum(effect.potential_energy(centres, self._masses) for effect in self._conservative)
 
@@ -258,7 +258,7 @@ _OPTIONS: dict[str, Option] = {
 }
 
 _STUDY = StudyDefaults({"balls": 250}, duration=0.6)
-"""A small pour: it begins after 0.2 s, and half of the balls are through when it ends."""
+"""A small pour: the flow begins after 0.2 s, and half of the balls are through the outlet at the end."""
 
 FUNNEL = SceneKind(
     "balls pouring through a funnel",

@@ -60,7 +60,7 @@ class ObliqueImpact(ClosedFormScene):
 
     @property
     def tangential_speed_after(self) -> float:
-        """v_T after the impact [m/s]: 5/7 v_T if it sticks; otherwise |v_T| falls by μ (1 + ε_N) |v_N|."""
+        """v_T after the impact [m/s]: 5/7 v_T if the contact sticks; otherwise |v_T| falls by μ (1 + ε_N) |v_N|."""
         if self.sticks:
             return self.tangential_speed / (1.0 + SPHERE_INERTIA)
         loss = self.friction * (1.0 + self.restitution) * self.normal_speed

@@ -23,7 +23,7 @@ from .resting import Stack, VGroove
 from .scene import ClosedFormScene, Scene, SceneKind, completed, kinetic_energy
 
 DEFAULT_STEP_SIZE = 1e-3
-"""Default Δt [s] of a fixed step."""
+"""Default Δt of a fixed step [s]."""
 
 DEFAULT_LENGTH = 0.1
 """Reference length [m] of penetrations in scenes without a radius."""

@@ -22,7 +22,7 @@ class Option:
         meaning: its description for users, with the unit.
         lowest: smallest allowed number.
         highest: largest allowed number.
-        choices: allowed words, if it is a word.
+        choices: allowed words, if the value is a word.
         can_be_off: whether None is allowed.
     """
 
@@ -37,7 +37,7 @@ class Option:
         """Return ``value`` converted to the type of this option.
 
         Raises:
-            ProblemError: if it has the wrong type or is out of range; messages call the option ``name``.
+            ProblemError: if the value has the wrong type or is out of range; messages call the option ``name``.
         """
         if value is None and self.can_be_off:
             return None
@@ -73,10 +73,10 @@ class Option:
 
 
 def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, object]) -> dict[str, OptionValue]:
-    """Return the value of each option of the scene called ``scene``: the given one, checked, or the default.
+    """Return the value of each option of the scene called ``scene``: the checked value given, or the default.
 
     Raises:
-        ProblemError: for an unknown option, with the nearest one, or a value out of range.
+        ProblemError: if an option is unknown (the message suggests the nearest one), or a value is out of range.
     """
     check_options(f"the scene {scene!r}", given, options, ProblemError)
     return {

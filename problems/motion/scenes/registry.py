@@ -36,7 +36,8 @@ def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
         options: further options, which override those in the name.
 
     Raises:
-        ProblemError: for an unknown scene or option, with the most similar name, or for a value out of range.
+        ProblemError: if the scene or an option is unknown (the message suggests the nearest name), or a value is out of
+            range.
     """
     base_name, named_options = parse_scene(name)
     if base_name not in SCENES:
@@ -63,7 +64,7 @@ def convert_option(scene: str, name: str, value: object) -> object:
     A value of a plugin scene is returned unchanged, because the scene checks it when it is built.
 
     Raises:
-        ProblemError: for an unknown option, or a value out of range.
+        ProblemError: if the option is unknown, or the value is out of range.
     """
     if scene not in SCENES:
         return value

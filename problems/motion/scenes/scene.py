@@ -24,10 +24,10 @@ LENGTH = 1.0
 """Reference length of penetrations in scenes without a radius [m]."""
 
 STEP_SIZE = 5e-4
-"""Δt [s] of a fixed step."""
+"""Default Δt of a fixed step [s]."""
 
 MAX_STEP = 0.02
-"""Δt_max [s] of a variable step for the motion of a few bodies."""
+"""Default Δt_max of a variable step for the motion of a few bodies [s]."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class StudyDefaults:
         options: options of the scene.
         duration: simulated time [s]; that of the scene if None.
         is_limit_cycle: whether ``options`` and ``duration`` describe one period of a limit cycle, so that the error at
-            the end is the deviation from the start, apart from the descent. It does not hold for other values.
+            the end is the deviation from the start, apart from the descent. This does not hold for other options.
     """
 
     options: Mapping[str, OptionValue] = field(default_factory=dict)
@@ -98,7 +98,7 @@ class StudyDefaults:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene with its options chosen, ready to be simulated.
+    """A scene with values for all options, ready to be simulated.
 
     Attributes:
         name: its name in the registry.
@@ -113,7 +113,7 @@ class Scene:
         n_balls: number of balls, 0 if there are none.
         depth: penetration [m] to which positions are projected, None if they are not.
         longest_step: default Δt_max of a variable step [s], short enough to detect every contact.
-        coordinates: index of each named coordinate by its name, in the order of figures.
+        coordinates: index of each named coordinate by its name, in the order in which figures show them.
         has_few_contacts: whether contacts are so few that accurate solves and variable steps are the default.
         exact: returns the state in closed form at t [s]; None if there is none.
         balls: sizes and surfaces of the balls, to draw them; None if there are none.
@@ -198,7 +198,7 @@ WORLD_RADIUS = 1e4
 
 
 def completed(scene: Scene) -> Scene:
-    """Check the start of a scene of rigid bodies, and return it with ``bounded``; return other scenes unchanged.
+    """Check the start of a scene of rigid bodies, and apply ``bounded`` to it; return other scenes unchanged.
 
     Raises:
         ProblemError: if rigid bodies cannot start from this state, see ``check_start``, or one of them is farther than
@@ -297,7 +297,7 @@ def check_positive(scene: object, what: str, *names: str) -> None:
     """Check the attributes ``names`` of a scene, which messages call ``what``.
 
     Raises:
-        ProblemError: for the first one that is not positive and finite.
+        ProblemError: if an attribute is not positive and finite; the message names the first one.
     """
     for name in names:
         value = getattr(scene, name)

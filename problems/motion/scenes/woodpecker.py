@@ -59,7 +59,7 @@ RANGES = (0.01945, 0.47, 17.57)
 """Ranges of y [m], φ_S [rad] and its velocity [rad/s] in one period."""
 
 OVERLAP = 1e-12
-"""Initial depth [m] with which rounding cannot open a closed contact; it rotates the sleeve by 2e-10 rad."""
+"""Initial depth [m] with which rounding cannot open a closed contact; this depth rotates the sleeve by 2e-10 rad."""
 
 _MASS = np.array(
     [
@@ -96,7 +96,7 @@ def woodpecker(
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: for a coefficient out of range.
+        ProblemError: if a coefficient is out of range.
     """
 
     def force(position: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -127,7 +127,7 @@ def potential_energy(position: FloatArray, gravity: float = GRAVITY) -> float:
 
 
 def published_start() -> State:
-    """Return the initial state of the literature, from which the motion reaches the limit cycle after some periods."""
+    """Return the initial state from the literature; after some periods, the motion reaches the limit cycle."""
     return State(0.0, np.array([0.0, -0.1036, -0.2788]), np.array([-0.3411, 0.0, -7.4583]))
 
 

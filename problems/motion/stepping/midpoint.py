@@ -51,7 +51,7 @@ class MidpointRule:
         solver: solves the contact problem of each step.
         stop: the stopping criterion of each solve.
         time_step: Δt [s], positive.
-        warm_start: start each solve from the last step's impulses, contact by contact.
+        warm_start: whether each solve starts from the last step's impulses, contact by contact.
         depth: penetration [m] beyond which bodies are moved apart at the end of a step (see ``position_projection``);
             if None, a penetration lasts as long as its contact.
 

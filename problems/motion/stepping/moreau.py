@@ -15,7 +15,7 @@ from .stepper import MotionSetup, Stepper
 
 @dataclass(frozen=True)
 class Moreau(Stepper):
-    """Moreau's midpoint rule with a fixed step, the last of which reaches or passes the end.
+    """Moreau's midpoint rule with equal steps, the last of which reaches or passes the end.
 
     Attributes:
         step: Δt [s]; that of the scene if None.

@@ -177,7 +177,7 @@ def _entries(joints: JointErrors) -> tuple[FloatArray, NDArray[np.int32], NDArra
 
 @njit(cache=True)
 def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-def]
-    """Return Wᵀ x for a vector, or a matrix with such columns."""
+    """Return Wᵀ x for a vector x, or for each column of a matrix x."""
     product = np.zeros((len(starts) - 1, *vector.shape[1:]))
     for row in range(len(product)):
         for k in range(starts[row], starts[row + 1]):
@@ -187,7 +187,7 @@ def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-de
 
 @njit(cache=True)
 def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
-    """Gauss–Seidel for 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0; contacts that joints hold are left out."""
+    """Gauss–Seidel for 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0; contacts that joints keep from moving are omitted."""
     held_diagonal = REDUNDANCY_TOLERANCE * matrix.max()
     for _ in range(MAX_SWEEPS):
         deepest = 0.0
@@ -221,7 +221,7 @@ def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
 
 @njit(cache=True)
 def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # type: ignore[no-untyped-def]
-    """Gauss–Seidel on the normal lanes, over δ; contacts without impulse that stay open cost one product each."""
+    """Gauss–Seidel on the normal lanes, over δ; contacts without impulse that stay open need one product each."""
     n_contacts, length = len(gap), values.shape[2]
     pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
     for i in range(n_contacts):

@@ -1,4 +1,4 @@
-"""The registry of steppers, created by name with options: ``make_stepper("Extrapolated(tolerance=1e-8)")``."""
+"""The registry, which creates steppers by name with options: ``make_stepper("Extrapolated(tolerance=1e-8)")``."""
 
 from dataclasses import fields
 from typing import Any
@@ -18,15 +18,15 @@ EXAMPLE = "Extrapolated(tolerance=1e-8)"
 """A stepper with an option, for error messages."""
 
 _TYPES = {str: (str, "a name"), int: (int, "a whole number")}
-"""Types of an option and their description, by the type of its default; options of other types are numbers."""
+"""Types of an option and their description, by the type of its default value; all other options are numbers."""
 
 
 def make_stepper(text: str) -> Stepper:
     """Return a stepper: ``make_stepper("Moreau(step=5e-4)")``.
 
     Raises:
-        ProblemError: for an unknown stepper, option or search of switching points, with the nearest name, or for a
-            value of the wrong type.
+        ProblemError: if the stepper, an option or the search of switching points is unknown (the message suggests the
+            nearest name), or a value has the wrong type.
     """
     written = read_name(text, "stepper", EXAMPLE, ProblemError)
     name = written.plain

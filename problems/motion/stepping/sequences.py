@@ -20,7 +20,7 @@ class UnsolvedStepError(Exception):
 
 @dataclass(eq=False)
 class StepCounter:
-    """Takes midpoint steps of any length and counts them.
+    """A counter that takes midpoint steps of any length.
 
     Attributes:
         system: the mechanical system.
@@ -38,9 +38,9 @@ class StepCounter:
         """Take one step of ``length`` [s] in which contacts with the keys ``held`` do not rebound.
 
         Restitution belongs to impacts. A contact that stays closed has no relative velocity, except for a remainder of
-        its last impact. ε would reverse it in each step, a zigzag that must not be extrapolated. Solvers start from the
-        last impulses. These are proportional to the step, so states store the mean forces Λ/Δt of the last step
-        instead.
+        its last impact. With ε > 0, each step would reverse this remainder, and extrapolation would fail. Solvers start
+        from the last impulses. These are proportional to the step, so states store the mean forces Λ/Δt of the last
+        step instead.
 
         Raises:
             UnsolvedStepError: if the solver does not solve the inclusion, or its impulses are not finite.

@@ -20,8 +20,8 @@ from ..bodies.system import ActiveContacts
 from ..state import State
 
 BOUNDARY_WIDTH = 1e-8
-"""Relative width of the boundary of a friction law, within which rounding would decide. A contact of a body that other
-contacts hold may carry any friction up to its bound without moving: it sticks."""
+"""Relative width of the boundary of a friction law, within which rounding would decide the state. If other contacts
+hold a body, a contact may carry any friction up to its bound without moving: it sticks."""
 
 LawName = Literal["unilateral", "friction"]
 LawState = Literal["open", "closed", "stick", "slip"]
@@ -79,7 +79,7 @@ class SwitchingPoint:
         law: the law of the contact.
         contact: key of the contact.
         before: the state of the law before.
-        after: its state after; slip before and after is a reversal.
+        after: the state of the law after; if a contact slips before and after, its slip reverses.
     """
 
     begin: float

@@ -11,7 +11,7 @@ from .variable_stepper import VariableStepper
 
 @dataclass(frozen=True)
 class StepDoubling(VariableStepper):
-    """Comparison of one step with two half steps; their difference estimates the error, and the half steps are kept.
+    """Comparison of one step with two half steps: the difference estimates the error, the half steps give the result.
 
     Attributes:
         tolerance: relative error of one step.

@@ -18,7 +18,7 @@ from .midpoint import ContactSolver
 from .step import AcceptedStep, LawStates
 
 TIME_RESOLUTION = 2.0**-20
-"""Time resolution of a variable step divided by the longest step; no two steps are closer."""
+"""Smallest time between two steps of a variable stepper, divided by the longest step."""
 
 END_TOLERANCE = 1e-3
 """A motion has reached its end if at most this fraction of its shortest step remains, which may be rounding."""
@@ -66,7 +66,7 @@ class Stepper(ABC):
         return name_with_options(self)
 
     def with_defaults_of(self, scene: Scene) -> Self:
-        """Return the stepper with the defaults of ``scene`` that its name shows."""
+        """Return the stepper with those defaults of ``scene`` that its name should show."""
         return self
 
     @abstractmethod
@@ -83,7 +83,7 @@ class Stepper(ABC):
 
     @abstractmethod
     def check(self, scene: Scene, begin: float, until: float) -> None:
-        """Check the options and the times before anything starts.
+        """Check the options and the times before the motion starts.
 
         Raises:
             ProblemError: if an option is out of range, a time is too short, or the scene is not supported.

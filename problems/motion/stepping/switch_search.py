@@ -117,7 +117,7 @@ class NestedIntervals(Search):
 
 
 class LastStepOnly(NestedIntervals):
-    """Search that halves the step, and repeats only the second of two steps whose laws differ; its error stalls."""
+    """Search that halves the step, and repeats only the second of two steps whose laws differ; it does not converge."""
 
     withdraws_last_step = False
 
@@ -174,7 +174,7 @@ class Margins:
 
     Args:
         system: the mechanical system.
-        horizon: time ahead within which switches are needed [s].
+        horizon: time ahead for which switches are predicted [s].
     """
 
     def __init__(self, system: System, horizon: float) -> None:
@@ -223,7 +223,7 @@ class Margins:
         return min(at_end.values(), default=0.0) < -ROUNDING * largest
 
     def next_switch(self, now: float) -> tuple[float, float]:
-        """Return the time of the next switching point [s], inf if none is in sight, and its uncertainty [s]."""
+        """Return the time of the next switching point [s], inf if none is predicted, and its uncertainty [s]."""
         by_length: dict[int, list[list[tuple[float, float]]]] = defaultdict(list)
         for values in self._values.values():
             if len(values) > 1:

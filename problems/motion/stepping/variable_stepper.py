@@ -52,13 +52,13 @@ class VariableStepper(Stepper):
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
         min_step: Δt_min [s], the accuracy of switching points. A contact that closes with velocity v remains
-            v Δt_min / 2 deep. If solver tolerance and rounding move it by more, it flickers between open and closed.
+            v Δt_min / 2 deep. If errors of the solver and rounding exceed this depth, it opens and closes repeatedly.
         max_step: Δt_max [s]; that of the scene if None.
         search: method that locates switching points: "anticipating", "nested" or "last".
         max_levels: largest number of sequences of 1, 2, … steps to compare.
 
     Raises:
-        ProblemError: for an unknown search, with the nearest name.
+        ProblemError: if the search is unknown; the message suggests the nearest name.
     """
 
     tolerance: float
@@ -77,7 +77,7 @@ class VariableStepper(Stepper):
 
     @abstractmethod
     def compute_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
-        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries differ by the error.
+        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries give the error.
 
         An entry is (q, u) at the end of the step; T_{n,1} is the result of a sequence of n steps.
         """
@@ -152,7 +152,7 @@ class VariableStepper(Stepper):
             counter: takes the steps and counts them.
             state: state at the beginning of the step.
             length: length of the step [s].
-            states: states of the laws in the step before; any if None.
+            states: states of the laws in the step before; None permits all states.
             relative_error: difference of (q, u) ↦ relative error.
             levels: largest number of sequences.
 

@@ -1,7 +1,7 @@
 """Aggregates of a pour, whose single trajectories are chaotic: flow rate, mean height, energy.
 
-Two pours that differ in the last bit differ in every ball after some tenths of a second. They have in common how fast
-balls leave, the mean height of the others, and how much energy is lost.
+Two pours that differ in the last bit differ in every ball after some tenths of a second. They still agree in the flow
+rate, in the mean height of the remaining balls, and in the energy lost.
 """
 
 from dataclasses import dataclass, field
@@ -53,7 +53,7 @@ class MotionRecorder:
             self._columns.setdefault(name, []).append(value)
 
     def aggregates(self, duration: float) -> dict[str, float]:
-        """Return the aggregates over the second half of ``duration`` [s]; an ended pour keeps its last state.
+        """Return the aggregates over the second half of ``duration`` [s]; a pour that has ended keeps its last state.
 
         These are the mean rate of each observable that has one, such as balls per second through the outlet; the mean
         height [m] of all balls above the outlet, where balls below it count as 0; and the energy [J] lost since the

@@ -1,8 +1,8 @@
 """Trajectory problems, on which steppers with solvers are measured: a scene, a duration, members, and a measure.
 
-One simulation is not representative if its error is erratic in the number of steps, or its motion chaotic. A problem
-therefore has members: factors of the steps or tolerances of a stepper, with the median of their errors, or seeds of a
-scene of balls, which are compared with the same seeds of a reference.
+One simulation is not representative if its error varies erratically with the number of steps, or its motion is chaotic.
+A problem therefore has several members. These are factors of the steps or tolerances of a stepper, whose median error
+is taken, or seeds of a scene of balls, which are compared with the same seeds of a reference.
 """
 
 import hashlib
@@ -64,7 +64,7 @@ class Measure(ABC):
 
 
 class _OfOneTrajectory(Measure):
-    """Base of measures in which each member has an error."""
+    """Base class of measures in which each member has an error."""
 
     @abstractmethod
     def error(self, values: Values) -> float:
@@ -78,7 +78,7 @@ class _OfOneTrajectory(Measure):
 
 @dataclass(frozen=True)
 class LimitCycle(_OfOneTrajectory):
-    """The state after one period from the section of a known limit cycle, which the scene knows by name.
+    """The error of the state one period after the section of the known limit cycle of a scene.
 
     Attributes:
         known: the limit cycle.
@@ -104,7 +104,7 @@ class LimitCycle(_OfOneTrajectory):
         return {**_coordinates(recorder), **velocity}
 
     def error(self, values: Values) -> float:
-        """Return the largest relative error in the section."""
+        """Return the largest relative error at the section."""
         numbers = np.array([values[name] for name in self.names])
         return self.known.section_error(State(0.0, *np.split(numbers, 2)))
 
@@ -176,7 +176,7 @@ class Aggregates(Measure):
     def spreads(self) -> dict[str, tuple[float, float]]:
         """Return for each aggregate its mean over the seeds of the reference, and its relative standard error.
 
-        Empty with fewer than two seeds.
+        The result is empty if there are fewer than two seeds.
         """
         if len(self.reference) < 2:
             return {}

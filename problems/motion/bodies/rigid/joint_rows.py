@@ -5,9 +5,9 @@ Let p and p' be points of the two bodies, and d = x + R p − x' − R' p' the v
     distance       |d|
     along an axis  (R' n)ᵀ d        for n fixed in the second body
     orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
-    angle          θ about n, by which the first body is rotated in the second one; f points along s at θ = 0
+    angle          θ about n of the first body relative to the second one; f points along s at θ = 0
 
-They do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
+The scalars do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
 """
 
 from collections.abc import Sequence
@@ -35,14 +35,14 @@ class JointRow(NamedTuple):
 
     Attributes:
         kind: kind of the scalar.
-        bodies: indices of the two bodies; −1 stands for the world.
+        bodies: indices of the two bodies, −1 for the world.
         points: p and p' in body axes [m], shape (2, 3).
         first_axis: f.
         second_axis: n.
         side: s, a unit vector of the second body perpendicular to n.
         sign: 1 or −1.
-        offset: [m or rad].
-        middle: angles are reduced to within π of this one [rad].
+        offset: number to add [m or rad].
+        middle: an angle is changed by multiples of 2π until it differs by at most π from this one [rad].
     """
 
     kind: int
@@ -65,7 +65,7 @@ class JointRow(NamedTuple):
 
 
 class JointTable(NamedTuple):
-    """Rows as arrays: the attributes of each ``JointRow``, one row after the other."""
+    """Rows as arrays: each attribute of ``JointRow`` for all rows."""
 
     kind: IntArray
     bodies: IntArray
@@ -154,7 +154,7 @@ def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _columns(bodies, rates):  # type: ignore[no-untyped-def]
-    """Return entries other than 0, their dofs, which ascend, and where each column starts; bodies below 0 have none."""
+    """Return entries other than 0, their dofs, ascending, and the start of each column; the world has no dofs."""
     n = len(bodies)
     data, dofs = np.empty(12 * n), np.empty(12 * n, dtype=np.int32)
     starts, count = np.zeros(n + 1, dtype=np.int32), 0

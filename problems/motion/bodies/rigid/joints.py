@@ -2,9 +2,9 @@
 
 Each constraint of a joint holds a scalar at zero; see ``joint_rows``. A ball joint holds three distances along axes. A
 revolute joint also holds two orientations. A prismatic joint holds two distances and three orientations, and a fixed
-joint three of each. A distance joint holds |d| at its length. Joints constrain velocities; a stepper with a depth
-removes the drift of positions (``stepping.position_projection``). Further laws act on the coordinate s of a joint,
-which is the angle of a revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
+joint three of each. A distance joint holds |d| at its length. Joints constrain velocities; a projection removes the
+drift of positions (``stepping.position_projection``). Further laws act on the coordinate s of a joint, which is the
+angle of a revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
 
     limits      s ≥ s_min and s ≤ s_max: gaps of unilateral laws, active if g(q_M) < 0 like contacts
     rope        |d| ≤ length, a gap like that of a limit
@@ -30,7 +30,7 @@ from .orientation import IDENTITY, check_orientation, rotation_matrices
 from .rigid_bodies import JointRows
 
 WORLD = -1
-"""The index that stands for the world in place of a body; its body axes are the world axes."""
+"""The index of the world, which a joint may connect to a body; its body axes are the world axes."""
 
 MAX_CLOSING_ERROR = 1e-6
 """Largest residual of a joint at the start of a motion, in m or, for orientations, rad."""
@@ -42,7 +42,7 @@ Vector = tuple[float, float, float]
 """x, y and z."""
 
 NO_AXIS: Vector = (0.0, 0.0, 0.0)
-"""Stands for an axis that a scalar does not have."""
+"""Placeholder for an axis that a scalar does not have."""
 
 _ROWS: dict[str, tuple[int, int]] = {
     "ball": (3, 0),
@@ -64,21 +64,21 @@ class Joint:
         first: index of a body.
         second: index of the other one, or ``WORLD``.
         first_point: the point of the first body [m], in its body axes.
-        second_point: the point of the second body, likewise.
+        second_point: the point of the second body [m], in its body axes.
         axis: direction of a revolute or prismatic joint, of any length, in the body axes of the second one.
         rotation: a unit quaternion that maps vectors from the first body's axes to the second's when a prismatic or
             fixed joint is closed, and when the angle of a revolute joint is 0.
         length: length of a distance joint or of a rope [m].
         friction: largest moment [N m] of friction about the axis of a revolute joint, largest force [N] along that of
             a prismatic one.
-        limits: smallest and largest rotation angle of the first body in the second at a revolute joint [rad], or
-            displacement of a prismatic one [m]; None for no limits.
+        limits: smallest and largest angle of a revolute joint [rad], or displacement of a prismatic one [m]; None for
+            no limits.
         restitution: ε at the limits, or of a rope that tightens.
         motor_speed: target speed of the motor of a revolute [rad/s] or prismatic joint [m/s].
         motor_bound: largest moment [N m] or force [N] of the motor; 0 for no motor.
 
     Raises:
-        ProblemError: for an unknown kind, a point that is not finite, an axis or a length that vanishes, a rotation
+        ProblemError: for an unknown kind, a point that is not finite, an axis or a length that is zero, a rotation
             that is not a unit quaternion, a number out of range, friction, limits or a motor without an axis, a length
             of a joint that has none, or a motor without a bound.
     """
@@ -170,8 +170,8 @@ class RigidJoints:
         joints: the joints, in the order of their rows.
         n_bodies: number of moving bodies.
         restitution: ε of the constraints, Wᵀ (u_E + ε u_B) = 0. With 1 the midpoint rule has order 2 and
-            joints do no work; a stepper with a depth removes the error of Wᵀ u at the end of each step, other steppers
-            let it grow. With 0 the order is 1, and energy is lost.
+            joints do no work; the error of Wᵀ u at the end of a step grows unless positions are projected. With 0 the
+            order is 1, and energy is lost.
 
     Raises:
         ProblemError: if a joint names a body that does not exist, or joins a body to itself, or restitution is outside
@@ -223,8 +223,8 @@ class RigidJoints:
     def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
         """Return rows, laws and W at poses of shape (n, 7), for a step of ``seconds``.
 
-        Friction and motor of a joint, bounded by a force times the step, follow its constraints. Limits and ropes with
-        a gap below ``margin`` follow all joints.
+        The rows of friction and motor of a joint, bounded by a force times the step, follow its constraints. Limits and
+        ropes with a gap below ``margin`` follow all joints.
         """
         table, active = self._active
         _, rates = table.at(poses)
@@ -249,7 +249,7 @@ class RigidJoints:
         """Check that all joints close, and that none is beyond a limit.
 
         Raises:
-            ProblemError: for the joint with the largest error, if it exceeds ``MAX_CLOSING_ERROR``.
+            ProblemError: if an error exceeds ``MAX_CLOSING_ERROR``; the message names the joint with the largest one.
         """
         values = np.abs(self._held.at(poses)[0])
         ends = np.cumsum([joint.n_rows for joint in self.joints], dtype=np.int64)
@@ -277,7 +277,7 @@ class RigidJoints:
         return reached, values[reached], rates[reached]
 
     def _laws(self, seconds: float) -> Laws:
-        """Return the laws of the rows that are active at all times, which are kept for steps of equal length."""
+        """Return the laws of the rows that are active at all times, cached for steps of equal length."""
         if seconds not in self._last_laws:
             _, active = self._active
             n = len(active.kind)
@@ -291,7 +291,7 @@ class RigidJoints:
 
     @cached_property
     def _held(self) -> JointTable:
-        """What all joints hold at zero."""
+        """The scalars that all joints hold at zero."""
         return JointTable.of([row for joint in self.joints for row in _held_rows(joint)])
 
     @cached_property

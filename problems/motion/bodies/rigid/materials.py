@@ -43,7 +43,7 @@ class MaterialPairs:
         """Check the number of materials of the coefficient ``name`` of a system.
 
         Raises:
-            ProblemError: if it is not ``n_bodies``, the number of all bodies, including fixed ones.
+            ProblemError: if there are not ``n_bodies`` materials, one for each body, including fixed ones.
         """
         if len(self.materials) != n_bodies:
             raise ProblemError(

@@ -15,7 +15,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 """The orientation whose body axes are the world axes."""
 
 Y_AXIS, Z_AXIS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-"""Unit vectors of the world: the axis of all plane motions of the scenes, and the vertical direction."""
+"""Unit vectors of the world: the axis of rotation in all plane motions of the scenes, and the vertical direction."""
 
 UNIT_TOLERANCE = 1e-6
 """Tolerated deviation of the length of a quaternion from 1."""
@@ -89,7 +89,7 @@ def free_spins(
     """Return ω_F = ω_E − J⁻¹ p, by the implicit midpoint rule on Euler's equations with the angular impulses p.
 
     J (ω_E − ω_B) = −Δt ω_m × J ω_m + p with ω_m = (ω_B + ω_E)/2. Multiplied by ω_m, the gyroscopic moment vanishes: it
-    does no work, whatever p is. Without p, multiplied by J ω_m, it vanishes as well: ½ ωᵀJω and |Jω| are conserved,
+    does no work for any p. Without p, multiplied by J ω_m, it vanishes as well: ½ ωᵀJω and |Jω| are conserved,
     and ω_F is ω_E. If p has the error O(Δt²), ω_F has the error O(Δt³).
 
     Args:
@@ -180,7 +180,7 @@ def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-
             r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0 - p[1]
             r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1 - p[2]
             size = max(abs(r0), abs(r1), abs(r2))
-            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # only rounding is left
+            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # the rest is rounding
                 break
             last = size
             half = 0.5 * seconds

@@ -1,4 +1,4 @@
-"""Convex polyhedra as shapes of rigid bodies: the hull of given points, in the principal axes of its mass."""
+"""Convex polyhedra as shapes of rigid bodies: the hull of given points, in its principal axes of inertia."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ MAX_CORNERS = 32
 """Largest number of corners of a face."""
 
 ALIKE = 1e-9
-"""Tolerance for equal points, faces and directions: length divided by the size of a polyhedron, or angle."""
+"""Distance, divided by the size of a polyhedron, or angle up to which points, faces and directions count as equal."""
 
 FLATNESS = 1e-4
 """Tolerated distance of corners from their face divided by the size; triangles are merged to 3e-5."""
@@ -129,7 +129,7 @@ def _finite_points(points: ArrayLike) -> FloatArray:
     """Return points as an array of shape (n, 3), n ≥ 4.
 
     Raises:
-        ProblemError: if they are of another form, or one of them is not finite.
+        ProblemError: if the points do not form such an array, or one of them is not finite.
     """
     form = "a polyhedron needs at least 4 points (x, y, z)"
     try:

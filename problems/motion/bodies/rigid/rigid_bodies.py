@@ -40,7 +40,7 @@ class FixedBody:
         orientation: rotation of its body axes, a unit quaternion.
 
     Raises:
-        ProblemError: if it has no shape, a number is not finite, or the quaternion does not have unit length.
+        ProblemError: if the body has no shape, a number is not finite, or the quaternion does not have unit length.
     """
 
     shape: Shape
@@ -124,7 +124,7 @@ class RigidBodies:
 
     Raises:
         ProblemError: if arrays have unequal lengths, a body has no shape, a moving body is unbounded, a mass or a
-            moment of inertia is not positive, no body can have such moments, a coefficient is out of range, or
+            moment of inertia is not positive, moments are impossible for any body, a coefficient is out of range, or
             materials are missing.
     """
 
@@ -313,7 +313,7 @@ class RigidBodies:
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all contacts and limits that penetrate, and the joints.
 
-        None if there are no joints, and no contact is deeper than ``tolerated`` [m].
+        Return None if there are no joints, and no contact is deeper than ``tolerated`` [m].
         """
         poses = self.poses(position)
         found = self.contacts_within(poses, 0.0)
@@ -357,7 +357,7 @@ class RigidBodies:
 
     @property
     def first_joint_key(self) -> int:
-        """The key of the first joint, beyond those of all contacts."""
+        """The key of the first joint, larger than those of all contacts."""
         return self._keys.n_bodies**2 * self._keys.n_features
 
     def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts | None:

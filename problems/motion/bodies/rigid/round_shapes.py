@@ -9,7 +9,7 @@ from ....arrays import FloatArray
 from ....errors import ProblemError
 
 MIN_LENGTH, MAX_LENGTH = 1e-30, 1e30
-"""Range of lengths [m]: moments of inertia, which grow with the fifth power, then neither vanish nor overflow."""
+"""Range of lengths [m] in which moments of inertia, proportional to fifth powers, neither underflow nor overflow."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def require_lengths(shape: str, **lengths: object) -> None:
     """Check that lengths of a shape are positive, and from ``MIN_LENGTH`` to ``MAX_LENGTH``.
 
     Raises:
-        ProblemError: for the first one that is not.
+        ProblemError: if a length is out of range; the message names the first one.
     """
     for name, value in lengths.items():
         if not (isinstance(value, float | int | np.floating | np.integer) and isfinite(value) and value > 0.0):

@@ -20,7 +20,7 @@ class Box:
         size: edge lengths along the body axes [m].
 
     Raises:
-        ProblemError: if they are not three positive, finite numbers.
+        ProblemError: if ``size`` does not contain three positive, finite numbers.
     """
 
     size: tuple[float, ...]
@@ -78,7 +78,7 @@ def check_shape(name: str, given: object) -> None:
     """Check that ``given``, which a message calls ``name``, is a shape.
 
     Raises:
-        ProblemError: if it is not.
+        ProblemError: if ``given`` is not a shape.
     """
     if not isinstance(given, Shape):
         pair = "; convex_polyhedron returns a shape and its pose" if isinstance(given, tuple) else ""

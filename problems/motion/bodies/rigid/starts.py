@@ -19,9 +19,9 @@ def check_start(bodies: RigidBodies, start: State) -> None:
     """Check that numbers are valid, joints close, bodies do not penetrate deeply, and coal is installed if needed.
 
     Raises:
-        ProblemError: if shapes whose contacts need coal may meet and coal is not installed; for a vector of another
-            length or with NaN, a quaternion without unit length, the joint with the largest error, or the deepest
-            contact, if it is deeper than ``MAX_START_DEPTH`` times the thickness of the thinner body.
+        ProblemError: if coal is not installed although contacts may need it, a vector has a wrong length or contains
+            NaN, a quaternion does not have unit length, a joint does not close, or a contact is deeper than
+            ``MAX_START_DEPTH`` times the thickness of the thinner body. The message names the worst joint or contact.
     """
     _check_shapes(bodies)
     for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):

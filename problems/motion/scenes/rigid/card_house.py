@@ -71,7 +71,7 @@ class CardHouse(PrismScene):
 
     @property
     def height(self) -> float:
-        """Height of a pair [m]: of the inner faces where they meet, and of the upright faces above."""
+        """Height of a pair [m]: the height where inner faces meet, plus the height of the upright faces above."""
         return self.length * cos(self.lean) + 0.5 * self.base / tan(self.lean)
 
     def leaning(self) -> FloatArray:

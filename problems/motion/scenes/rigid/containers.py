@@ -3,9 +3,9 @@
 The staves of the drum are bodies on circles about the axis, ``STAVE_MASS_RATIO`` times heavier than a box, so that they
 move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
 
-Both reference results are empirical bands, which are wide. The angle of repose of most dry grains is between 25 and
-45°, and larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle
-of repose of granular materials*, Powder Technology 330, 397, 2018); the surface in a slowly turning drum is near it.
+Both reference results are wide empirical ranges. The angle of repose of most dry grains is between 25 and 45°, and
+larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of repose
+of granular materials*, Powder Technology 330, 397, 2018); in a slowly turning drum, the slope is close to this angle.
 
 The flow through a round outlet of diameter D, for grains of diameter d and bulk density ρ, is
 
@@ -301,7 +301,7 @@ class Hopper(BoxContainer):
 
     @cached_property
     def flow_rate(self) -> float:
-        """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if they jam."""
+        """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if the boxes jam."""
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free_width = max(self.outlet * self.edge - BEVERLOO_NARROWING * diameter, 0.0)
         return float(BEVERLOO_COEFFICIENT * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free_width**1.5)

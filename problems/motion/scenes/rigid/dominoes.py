@@ -39,7 +39,7 @@ from .boxes import Size, incline, upright_poses
 from .effects import rigid_bodies
 
 RESTING_DEPTH = 1e-6
-"""Depth [m] of standing dominoes in the ground; see ``scene.RESTING_OVERLAP``. It reduces levers."""
+"""Depth [m] of upright dominoes in the ground, which shortens lever arms; see ``scene.RESTING_OVERLAP``."""
 
 TRAIN = 40
 """Number of impacts after which the speed of the wave counts as its limit."""
@@ -102,7 +102,7 @@ class Dominoes:
 
     @property
     def hitting_angle(self) -> float:
-        """Angle at which a domino hits the next one, which stands [rad]."""
+        """Angle at which a domino hits the next one, which is upright [rad]."""
         return asin(self.spacing / self.size[2])
 
     def system(self) -> RigidBodies:
@@ -162,7 +162,7 @@ class Dominoes:
         # inertia and moments are divided by the mass
         inertia = (height**2 + thickness**2) / 3.0
         moments = 0.5 * self.gravity * (height * np.sin(angles) - thickness * np.cos(angles))
-        head_speed, seconds = self.push, []  # of the head after an impact; times from one to the next one
+        head_speed, seconds = self.push, []  # speed of the head after an impact; times between impacts
         for n in range(1, TRAIN):
             # n dominoes move; y = ω² of the head has dy/dθ + P y = Q
             c = weights[:n]

@@ -1,4 +1,4 @@
-"""Effects for rigid bodies only; those of ``scenes.effects`` also apply to them."""
+"""Effects that apply to rigid bodies only; the effects of ``scenes.effects`` also apply to rigid bodies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ class RollingResistance:
         axes: "rolling" in the plane of contact, "spinning" about the normal, or "both" with one bound.
 
     Raises:
-        ProblemError: for unknown axes.
+        ProblemError: if the axes are unknown.
     """
 
     coefficient: float

@@ -1,6 +1,6 @@
 """Scenes of rods connected by joints, which move in the plane y = 0: a pendulum, chains, and a four-bar linkage.
 
-Angles are rotations about the y axis. In pendulum and chains, a rod of angle 0 hangs down from its upper joint.
+Angles are rotations about the y axis. In the pendulum and the chains, a rod of angle 0 hangs down from its upper joint.
 """
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from math import acos, atan2, cos, hypot, inf, sin, sqrt
 from typing import ClassVar
 
 import numpy as np
-import scipy  # which imports its parts at their first use
+import scipy  # imports its subpackages at their first use
 
 from ....arrays import FloatArray
 from ....errors import ProblemError
@@ -257,7 +257,7 @@ class BallOnChain:
 
     @property
     def highest_frequency(self) -> float:
-        """Highest angular frequency of small oscillations [rad/s], those of rods transverse to the pull of the ball."""
+        """Highest angular frequency of small oscillations [rad/s], of rods transverse to the pull of the ball."""
         lengths, system = np.full(self.n_links + 1, self.length), self.system()
         offsets = np.append(0.5 * lengths[:-1], self.radius)
         return float(swing_modes(lengths, offsets, system.masses, system.moments[:, 1], self.gravity)[0][-1])

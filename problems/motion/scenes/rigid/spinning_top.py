@@ -8,8 +8,8 @@ tip, C that about its own axis, θ the tilt, and n the angular velocity along th
 
 (Goldstein, *Classical Mechanics*, section 5.7). The smaller root, about m g l/(C n), is the slow precession.
 
-The midpoint rule follows it with order 2 on a joint. On the ground its order is 1, because Wᵀ u_E = 0 has
-the directions at the midpoint, half a step before u_E.
+The midpoint rule approximates this motion with order 2 on a joint. On the ground its order is 1, because W in
+Wᵀ u_E = 0 is taken at the midpoint, half a step before u_E.
 """
 
 from collections.abc import Sequence

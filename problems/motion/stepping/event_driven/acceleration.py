@@ -1,6 +1,6 @@
 """Contact laws at acceleration level, which govern the motion between two events.
 
-A closed contact has g = 0 and γ_N = 0. Differentiating these constraints (index 3 and 2) once and twice gives them as
+A closed contact has g = 0 and γ_N = 0 (index 3 and 2). Differentiating g twice and γ_N once gives
 
     γ̇ = Wᵀ u̇ + Ẇᵀ u,    u̇ = M⁻¹ (h + W λ),
 
@@ -113,7 +113,7 @@ class AccelerationLaws:
         return equations.free_motion + equations.responses @ unknown, forces
 
     def problem(self, position: FloatArray, velocity: FloatArray, candidates: Modes) -> ContactProblem:
-        """Return the contact problem in λ [N] and γ̇ [m/s²] of contacts that are closed, or closed and not slipping.
+        """Return the contact problem in λ [N] and γ̇ [m/s²]: N of closed contacts, T of those that do not slip.
 
         Its rows are those of ``constraints``.
 

@@ -111,7 +111,7 @@ class EventDriven(Stepper):
 
 
 def _check_system(scene: Scene) -> MechanicalSystem:
-    """Return the system of ``scene``, or raise ``ProblemError`` if it is of another kind."""
+    """Return the system of ``scene``, or raise ``ProblemError`` if this stepper does not support it."""
     system = scene.system
     if not isinstance(system, MechanicalSystem):
         raise ProblemError("EventDriven supports scenes given by functions M, h, g and W (woodpecker), not this one.")

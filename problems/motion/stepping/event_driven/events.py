@@ -51,7 +51,7 @@ class Trigger:
 
 @dataclass(frozen=True, eq=False)
 class TriggerFactory:
-    """Create the triggers of one phase.
+    """A factory of the triggers of one phase.
 
     Attributes:
         laws: laws of the system at acceleration level.
@@ -68,7 +68,7 @@ class TriggerFactory:
         """Return the triggers of the phase that begins with q and u, which give the scale of forces and velocities."""
         _, forces = self.laws.motion(position, velocity, self.modes)
         contact_velocity = self.laws.system.directions(position).T @ velocity
-        tiny = np.finfo(np.float64).tiny  # prevents events of forces and velocities that remain zero
+        tiny = np.finfo(np.float64).tiny  # suppresses events of forces and velocities that remain zero
         force = MARGIN * float(np.abs(forces).max(initial=0.0)) + tiny
         speed = MARGIN * float(np.abs(contact_velocity).max(initial=0.0)) + tiny
         found = []

@@ -22,8 +22,8 @@ After a contact has opened, its gap velocity is monitored until it becomes negat
 gap at the beginning of a flight is therefore not mistaken for its end, however short the flight.
 
 The given solver solves impacts and accelerations; ``Enumeration`` solves them exactly. If friction permits several
-solutions, the first one of the solver is used. If contacts are redundant, the forces of least norm are used. They also
-determine when one of several sticking contacts begins to slip.
+solutions, the one that the solver finds is used. If contacts are redundant, the forces of least norm are used. These
+forces also determine when one of several sticking contacts begins to slip.
 """
 
 from collections import deque
@@ -267,7 +267,7 @@ class Integration:
         self.modes = modes
 
     def _project(self, candidates: Modes) -> None:
-        """Put q and u onto g = 0, γ_N = 0 and γ_T = 0 of sticking contacts, by the least change in kinetic metric."""
+        """Project q and u onto g = 0, γ_N = 0 and γ_T = 0 of sticking contacts, in the kinetic metric."""
         directions = self.system.directions(self.position)
         normal = self.width * np.flatnonzero(candidates.closed)
         if not len(normal):

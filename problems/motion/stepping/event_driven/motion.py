@@ -15,7 +15,7 @@ from ..step import LawName, LawState
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A change of the state of a contact. An impact after which the contact opens at once gives two events.
+    """A change of the state of a contact. An impact after which the contact opens at once counts as two events.
 
     Attributes:
         time: t [s].
