@@ -71,7 +71,7 @@ def record(
     else:
         for trace in () if quiet else traces:
             print(f"{trace.solver}: {trace.sentence}")
-        print(f"watch it with: rerun {file}")
+        print(f"open it with: rerun {file}")
         for name, path in pictures.items():
             print(f"{name}: {path}")
     return int(any(trace.has_failed for trace in traces))

@@ -91,7 +91,8 @@ HARD_CHECKS: tuple[Check[Solver], ...] = (
     *(
         Check(
             f"hard {group}",
-            f"On hard cases ({group}), results are finite and match status and known answer; inputs are unchanged.",
+            f"On hard cases ({group}), results are finite and agree with their status and the known answer; "
+            "inputs are unchanged.",
             partial(is_truthful_on_group, group),
         )
         for group in CASE_GROUPS

@@ -32,8 +32,8 @@ def ignores_units(solver: Solver) -> None:
             if again is not None and not again.is_solved:
                 status = again.solution.status
                 raise Violation(
-                    f"it solves {trial.problem.name} in {trial.solution.iterations} iterations, but in {name} it ends "
-                    f"as {status} at a residual of {again.residual:.1e}; scale impulses and velocities."
+                    f"it solves {trial.problem.name} in {trial.solution.iterations} iterations, but in {name} its "
+                    f"status is {status} at a residual of {again.residual:.1e}; scale impulses and velocities."
                 )
 
 

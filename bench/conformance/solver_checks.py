@@ -157,8 +157,8 @@ def reports_infeasibility(solver: Solver) -> None:
     status = solution_of(solver, problem, DEFAULT_STOP).status
     if status is not Status.INFEASIBLE:
         raise Violation(
-            f"a contact with G_ii = 0 and c_i < 0 has no solution, and ends as {status}; return Status.INFEASIBLE, or "
-            "return a reason from supports."
+            f"a contact with G_ii = 0 and c_i < 0 has no solution, but the status is {status}; return "
+            "Status.INFEASIBLE, or return a reason from supports."
         )
 
 
@@ -168,8 +168,8 @@ def zero_velocity_at_rest(solver: Solver) -> None:
         solution = solution_of(solver, problem, DEFAULT_STOP)
         if solution.status is not Status.SOLVED or np.any(solution.impulses):
             raise Violation(
-                f"with c = 0 on {problem.name} it ends as {solution.status} with impulses up to "
-                f"{np.abs(solution.impulses).max():.1e} N s; return exact zeros, solved."
+                f"with c = 0 on {problem.name} the status is {solution.status}, with impulses up to "
+                f"{np.abs(solution.impulses).max():.1e} N s; return exact zeros and Status.SOLVED."
             )
 
 
@@ -179,8 +179,8 @@ def solves_no_contacts(solver: Solver) -> None:
         status = solution_of(solver, problem, DEFAULT_STOP).status
         if status is not Status.SOLVED:
             raise Violation(
-                f"a problem without contacts ends as {status} with impulses of shape (0,); return an empty array, "
-                "solved."
+                f"for a problem without contacts, the status is {status}, with impulses of shape (0,); return an "
+                "empty array and Status.SOLVED."
             )
 
 
@@ -219,7 +219,7 @@ def stops_at_solution(solver: Solver) -> None:
         warm = prepared.solve(DEFAULT_STOP, start=solution.impulses.copy())
         if warm.status is not Status.SOLVED or warm.iterations > 1:
             raise Violation(
-                f"starting from its own solution of {problem.name} it ends as {warm.status} after {warm.iterations} "
+                f"starting from its own solution of {problem.name} the status is {warm.status} after {warm.iterations} "
                 "iterations; begin from start, and check the residual before the first iteration."
             )
     if not is_any_solved:
@@ -247,8 +247,8 @@ def obeys_time_limit(solver: Solver) -> None:
     took = time.perf_counter() - began
     if took > seconds + SLACK_SECONDS:
         raise Violation(
-            f"with max_seconds={seconds:g} it took {took:.1f} s on {problem.name} and ended as {solution.status}; "
-            "check the time once per iteration."
+            f"with max_seconds={seconds:g} it took {took:.1f} s on {problem.name}, and the status is "
+            f"{solution.status}; check the time once per iteration."
         )
 
 

@@ -45,10 +45,11 @@ def run_trial(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatA
     require_finite(problem, solution)
     answer = problem.answer
     if answer is not None and not answer.solvable and solution.status is Status.SOLVED:
-        raise Violation(f"{problem.name} has no solution, but ends as solved; stop on the judge's residual.")
+        raise Violation(f"{problem.name} has no solution, but is reported as solved; stop on the judge's residual.")
     if answer is not None and answer.solvable and solution.status is Status.INFEASIBLE:
         raise Violation(
-            f"{problem.name} has a solution, but ends as infeasible; report infeasible only with a proof, else stalled."
+            f"{problem.name} has a solution, but is reported as infeasible; report infeasible only with a proof, "
+            "else stalled."
         )
     return Trial(problem, solution, confirmed_residual(solver, problem, solution, stop.tolerance))
 

@@ -121,7 +121,9 @@ class Worker:
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
-            raise BenchError(f"cannot make a temporary file: {error.strerror}; make room, or set TMPDIR.") from None
+            raise BenchError(
+                f"cannot make a temporary file: {error.strerror}; free some space, or set TMPDIR."
+            ) from None
         module, files = type(task).__module__, registered()
         assignment = Assignment(pickled, module, files, memory_bytes, self._folder, _setting(), tuple(solvers))
         try:

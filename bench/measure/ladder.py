@@ -226,7 +226,7 @@ class LadderCase(ABC, Generic[Answer]):
             if (is_pinned and timed.exceeds(self.threads)) or not self.core.holds(process, self.threads):
                 raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
             if is_pinned and timed.exceeds(used):
-                raise Fault(Outcome.MISBEHAVED, f"it takes more processor time than {counted(used, 'thread')} can")
+                raise Fault(Outcome.MISBEHAVED, f"it takes more processor time than {counted(used, 'thread')} could")
         except Fault as fault:
             self._fail(fault)
             return None

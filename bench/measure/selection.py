@@ -191,7 +191,7 @@ def _read(member: Member) -> ContactProblem:
         check_numbers(problem)
     except BenchError:
         raise BenchError(
-            f"{member.path} holds other numbers than the problem {member.name!r} of the library; rename the file."
+            f"{member.path} differs from the problem {member.name!r} of the library; rename the file."
         ) from None
     return problem
 

@@ -50,7 +50,8 @@ writes this page; which cells reach the time limit depends on the machine.
 
 ## Reasons
 
-Every outcome but solved and infeasible has a reason. Numbers in a reason are those of its first cell.
+Every outcome but solved and infeasible has a reason. The numbers in a reason are those of the first cell with \
+this reason.
 
 {reasons}"""
 
@@ -58,7 +59,7 @@ _FAMILIES = """\
 ## Solved problems by family
 
 Each column counts the problems of a family that the solver solves, of those that it supports; – if it supports none. \
-[{table}]({table}) has every cell.
+[{table}]({table}) has the result of every solver on every problem.
 
 {counts}"""
 

@@ -132,5 +132,5 @@ def claim_reason(outcome: str, tolerance: float, model: Model | str, own_residua
     The text is empty for other outcomes.
     """
     if outcome == Outcome.WRONG:
-        return f"claimed {tolerance:.0e}, the judge reads {own_residual:.1e}"
+        return f"claimed {tolerance:.0e}, but judged {own_residual:.1e}"
     return f"solves the {model} model, not Coulomb friction" if outcome == Outcome.RELAXED else ""

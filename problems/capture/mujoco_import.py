@@ -26,7 +26,7 @@ def mujoco() -> Any:
     module = importlib.import_module("mujoco")
     version = str(module.__version__)
     if not f"{version}.".startswith(f"{SUPPORTED_VERSION}."):
-        raise ProblemError(f"MuJoCo {version} is not supported, only {SUPPORTED_VERSION}.x is; run {INSTALL}.")
+        raise ProblemError(f"MuJoCo {version} is not supported; versions {SUPPORTED_VERSION}.x are; run {INSTALL}.")
     return module
 
 

@@ -332,7 +332,7 @@ class Laws:
         if n_rows not in (1, 2, 3):
             raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
         if self.is_rolling.any():
-            raise ProblemError("the laws have rolling friction already; add it to laws without.")
+            raise ProblemError("the laws already have rolling friction; add it to laws without it.")
         normal = np.flatnonzero(self.is_unilateral)
         follower = np.append(self.partner[1:], -1)[normal] == normal
         behind = normal + 1 + follower  # places of the new rolling laws

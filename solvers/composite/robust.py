@@ -184,7 +184,7 @@ def run_newton_steps(
     sequence.keep_best(*newton.run(NEWTON_SETTINGS, swept.latest, swept.residual))
     sequence.iterations = newton.driver.iteration
     is_solved = sequence.best_residual <= sequence.stop.tolerance
-    sequence.history.append(f"Newton steps: {Status.SOLVED if is_solved else 'no gain'}")
+    sequence.history.append(f"Newton steps: {Status.SOLVED if is_solved else 'not solved'}")
     if is_solved:
         return sequence.finish(Status.SOLVED, "")
     limit = newton.reached_limit

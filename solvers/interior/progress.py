@@ -130,7 +130,9 @@ class Progress:
         """End a run if most steps brought no gain; steps that change only the last bits would not end otherwise."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
         if steps >= (MIN_WARM_STEPS if self._is_warm else MIN_STEPS) and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
-            self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")
+            self.end(
+                Status.STALLED, f"no improvement since step {self._gained}, best residual {self.best_residual:.1e}"
+            )
 
     def check_feasibility(self, r: FloatArray) -> None:
         """End the solve if scaled impulses are very large and prove that the problem is infeasible."""
@@ -139,7 +141,7 @@ class Progress:
             and np.abs(r).max(initial=0.0) > LARGE
             and proves_infeasibility(self._problem, self._latest)
         ):
-            self.end(Status.INFEASIBLE, "only impulses that move nothing could hold the contacts or joints")
+            self.end(Status.INFEASIBLE, "impulses that hold the contacts or joints would have to move no body")
 
     def solution(self) -> Solution:
         """Return the best Λ with the outcome of the solve."""

@@ -71,7 +71,7 @@ def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArr
     if not isinstance(bodies, BallSystem | RigidBodies):
         if given is None:
             return None
-        raise BenchError(f"{scene.name} has no axes along which its bodies could be pushed; leave out --push.")
+        raise BenchError(f"{scene.name} has no axes along which its bodies could be pushed; omit --push.")
     dimension = bodies.dimension if isinstance(bodies, BallSystem) else 3
     words = ["1", *["0"] * (dimension - 1)] if given is None else given.split(",")
     try:
@@ -98,7 +98,7 @@ def _sentence(row: dict[str, Any]) -> str:
         parts = ["can stand"]
     else:
         share = f"{100.0 * row['imbalance']:.3g} %"
-        parts = [f"cannot stand: it begins to move with {share} of the free acceleration", row["mechanism"]]
+        parts = [f"cannot stand: bodies accelerate with {share} of the free acceleration", row["mechanism"]]
     if row["can_stand"] and "push" in row:
         along = ",".join(f"{number:g}" for number in row["push"])
         parts.append(f"it bears {_size(row['largest_push'])} along {along}")

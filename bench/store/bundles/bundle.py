@@ -63,7 +63,7 @@ class Bundle:
             return carried
         shipped = load(name)
         if carried is not None and carried.digest != shipped.digest:
-            raise BenchError(f"the problem {name!r} of {self.source} has other numbers than that of the library.")
+            raise BenchError(f"the problem {name!r} of {self.source} differs from that of the library.")
         return shipped
 
     def read_run(self) -> RunRecord:

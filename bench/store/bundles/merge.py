@@ -75,7 +75,7 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
         for case in bundle.cases:
             if digests.setdefault(case.problem, case.digest) != case.digest:
                 raise BenchError(
-                    f"the problem {case.problem!r} of {bundle.source} has other numbers in another source; rename it."
+                    f"the problem {case.problem!r} of {bundle.source} differs from that of another source; rename it."
                 )
             if case.start and starts.setdefault(case.problem, case.start) != case.start:
                 raise BenchError(

@@ -184,12 +184,12 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, foun
 def _compare_verdict(measured: Measured, again: Verdict, moved: Sequence[Verdict]) -> None:
     numbers, others = again.numbers(), [one.numbers() for one in moved]
     if set(measured.verdict) != set(numbers):
-        raise _Disagreement("its verdict has other numbers than that of the judge")
+        raise _Disagreement("its verdict has not the same entries as that of the judge")
     for name, number in numbers.items():
         stated = measured.verdict[name]
         if isinstance(number, bool) or number is None or isinstance(stated, bool):
             if stated is not number:
-                raise _Disagreement(f"{_words(name)} {stated}, the judge reads {number}")
+                raise _Disagreement(f"{_words(name)} {stated}, but the judge finds {number}")
         else:
             changes = [abs(number - number_of(one[name])) for one in others if one[name] is not None]
             change = max(changes, default=0.0)
@@ -211,7 +211,7 @@ def _compare(name: str, stated: float, number: float, change: float) -> None:
         return
     allowed = RELATIVE * max(abs(stated), abs(number)) + MARGIN * change
     if not (np.isfinite(stated) and np.isfinite(number) and abs(stated - number) <= allowed):
-        raise _Disagreement(f"{_words(name)} {stated:.6e}, the judge reads {number:.6e}")
+        raise _Disagreement(f"{_words(name)} {stated:.6e}, but the judge finds {number:.6e}")
 
 
 def _words(name: str) -> str:

@@ -43,7 +43,7 @@ def require_memory(needed: float, purpose: str, remedy: str) -> None:
     available = available_bytes()
     if needed > available:
         raise InsufficientMemoryError(
-            f"at least {_gigabytes(needed)} of memory are needed for {purpose}, but {_gigabytes(available)} are "
+            f"at least {_gigabytes(needed)} of memory is needed for {purpose}, but only {_gigabytes(available)} is "
             f"available; {remedy}."
         )
 
@@ -62,7 +62,7 @@ def named_allocation(purpose: str, remedy: str) -> Iterator[None]:
         raise
     except MemoryError as error:
         raise InsufficientMemoryError(
-            f"{_gigabytes(available_bytes())} of available memory do not suffice for {purpose}; {remedy}."
+            f"{_gigabytes(available_bytes())} of available memory does not suffice for {purpose}; {remedy}."
         ) from error
 
 

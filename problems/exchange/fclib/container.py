@@ -180,7 +180,7 @@ class Group:
         if not length:
             return np.zeros(0, dtype)
         if not self._has_data(data, name):
-            raise ContainerError(f"{self.path}/{name} was reserved and never written")
+            raise ContainerError(f"{self.path}/{name} has no data: its space was reserved, but not written")
         array = np.empty(length, dtype)
         data.read(self._h5py.h5s.ALL, self._h5py.h5s.ALL, array)
         return array

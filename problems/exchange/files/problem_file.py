@@ -231,7 +231,7 @@ def _problem(about: dict[str, Any], arrays: dict[str, Any]) -> tuple[ContactProb
     if "M.data" in arrays:
         mass = compressed_matrix(sp.csr_array, arrays, "M")
         if mass.shape != inverse.matrix.shape:
-            raise ValueError("M and M⁻¹ are not of one shape")
+            raise ValueError("M and M⁻¹ have different shapes")
         check_finite(mass, "M")
         inverse = InverseMass(inverse.matrix, mass)
     factors = Factors.create(directions, inverse, arrays.get("free_motion"))

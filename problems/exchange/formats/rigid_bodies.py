@@ -157,7 +157,9 @@ def _mass(arrays: Arrays, n_bodies: int) -> sp.csr_array[Any]:
     mass = _numbers(arrays, "mass", (n_bodies,))
     if not (mass > 0.0).all():
         body = int(np.argmin(mass > 0.0))
-        raise ProblemError(f"mass[{body}] = {mass[body]} must be positive; a fixed body is −1 in 'body_1' or 'body_2'.")
+        raise ProblemError(
+            f"mass[{body}] = {mass[body]} must be positive; for a fixed body, set 'body_1' or 'body_2' to −1."
+        )
     inertia = arrays["inertia"]
     if inertia.ndim == 2:
         principal = _numbers(arrays, "inertia", (n_bodies, 3))

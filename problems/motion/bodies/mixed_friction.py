@@ -34,7 +34,9 @@ class MixedFriction:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.lowest <= self.highest < np.inf:
-            raise ProblemError(f"friction must range upwards from 0 or more, got {self.lowest} to {self.highest}.")
+            raise ProblemError(
+                f"friction must be a range of nonnegative numbers, lowest first, got {self.lowest} to {self.highest}."
+            )
         if not 0 <= self.seed < 2**64:
             raise ProblemError(f"the seed of the coefficients must be from 0 to 2⁶⁴ − 1, got {self.seed}.")
 

@@ -182,7 +182,7 @@ def _collide(
         if abs(apart - contact.penetration_depth) < slack and apart > (separations + directions @ moved).max() - slack:
             return result, moved
     names = " and a ".join(type(body[0]).__name__.lower() for body in (first, second))
-    raise ProblemError(f"coal finds no distance of a {names}; change their initial poses slightly.")
+    raise ProblemError(f"coal does not find the distance of a {names}; change their initial poses slightly.")
 
 
 def _directions(first: _Body, second: _Body) -> FloatArray:

@@ -138,7 +138,7 @@ class Funnel:
         has_rested = (steps["agitation"][1:] <= JAM_AGITATION).all()
         if not has_rested or steps["balls_through"][1] != last["balls_through"]:
             return None
-        sentence = f"jammed at {seconds:.4g} s: {left} of {self.n_balls} balls rest above the outlet and none passes"
+        sentence = f"jammed at {seconds:.4g} s: {left} of {self.n_balls} balls rest above the outlet and no ball passes"
         return SceneEnding("jammed", sentence, False)
 
     def potential_energy(self, position: FloatArray) -> float:

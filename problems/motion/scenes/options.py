@@ -44,7 +44,7 @@ class Option:
         if self.choices:
             if value in self.choices and isinstance(value, str):
                 return value
-            raise ProblemError(f"{name} has no choice {value!r}{suggestion(str(value), self.choices)}")
+            raise ProblemError(f"{name} cannot be {value!r}{suggestion(str(value), self.choices)}")
         if isinstance(self.default, tuple):
             if isinstance(value, list | tuple):
                 return tuple(float(self._checked_number(name, part)) for part in value)

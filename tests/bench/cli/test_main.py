@@ -133,7 +133,7 @@ def test_what_is_no_file_to_record_is_said(
 def test_a_quiet_recording_prints_how_it_is_watched(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "a.rrd"
     assert run_command(f"record hard-groove --solver SORprox --quiet --output {file}".split()) == 0
-    assert capsys.readouterr().out == f"watch it with: rerun {file}\n"
+    assert capsys.readouterr().out == f"open it with: rerun {file}\n"
 
 
 def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,7 +25,7 @@ SCENES = {"lone_ball": lone_ball}
         (
             ["block_on_incline(slope=1.0)"],
             1,
-            "cannot stand: it begins to move with 51.1 % of the free acceleration; slides at 1 of 1 contacts",
+            "cannot stand: bodies accelerate with 51.1 % of the free acceleration; slides at 1 of 1 contacts",
         ),
         (["stack"], 0, "can stand; it bears no push along 1,0,0"),
         (["thrown_box"], 0, "can stand; it bears a push of up to 0.5 of its weight along 1,0,0"),
@@ -33,13 +33,13 @@ SCENES = {"lone_ball": lone_ball}
         (
             ["v_groove(slope=0.2)", "--friction"],
             1,
-            "cannot stand: it begins to move with 13.2 % of the free acceleration; no contact slides or opens; "
+            "cannot stand: bodies accelerate with 13.2 % of the free acceleration; no contact slides or opens; "
             "no friction makes it stand",
         ),
         (
             ["bouncing_ball"],
             1,
-            "cannot stand: it begins to move with 100 % of the free acceleration; no contact is closed",
+            "cannot stand: bodies accelerate with 100 % of the free acceleration; no contact is closed",
         ),
     ],
 )
@@ -86,7 +86,7 @@ def test_the_scene_of_a_plugin_is_asked_too(tmp_path: Path, capsys: pytest.Captu
         ("statics stack --push 0,0,0", "not all zero"),
         ("statics stack --push 1,nan,0", "--push must be 3 numbers"),
         ("statics pile(balls=5,planar=True) --push 1,0,0", "--push must be 2 numbers, not all zero, like 1,0"),
-        ("statics woodpecker --push 1,0,0", "leave out --push"),
+        ("statics woodpecker --push 1,0,0", "omit --push"),
         ("statics stack --friction", "no contact has friction"),
         ("statics", "SCENE"),
     ],

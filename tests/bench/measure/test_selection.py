@@ -47,7 +47,7 @@ def test_of_two_hundred_files_three_broken_ones_are_left_out_with_their_reasons(
         str(tmp_path / "mine" / name) for name in ("boxes-cut.hdf5", "boxes-damaged.npz", "funnel-30.npz")
     ]
     assert all(sentence.endswith(".") and "\n" not in sentence for sentence in chosen.left_out)
-    assert "other numbers than the problem 'funnel-30' of the library" in chosen.left_out[-1]
+    assert "differs from the problem 'funnel-30' of the library" in chosen.left_out[-1]
 
 
 def test_a_problem_of_a_folder_has_the_name_of_its_file_and_the_numbers_in_it(tmp_path: Path) -> None:

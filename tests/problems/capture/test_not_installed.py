@@ -22,7 +22,9 @@ def test_a_missing_mujoco_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPat
 def test_an_untried_version_is_refused(monkeypatch: pytest.MonkeyPatch, version: str) -> None:
     monkeypatch.setattr(mujoco_import, "find_spec", lambda name: name)
     monkeypatch.setattr(mujoco_import.importlib, "import_module", lambda name: SimpleNamespace(__version__=version))
-    with pytest.raises(ProblemError, match=rf"MuJoCo {version} is not supported, only 4\.0\.x is; run pip install"):
+    with pytest.raises(
+        ProblemError, match=rf"MuJoCo {version} is not supported; versions 4\.0\.x are; run pip install"
+    ):
         from_mujoco(None, None)
 
 

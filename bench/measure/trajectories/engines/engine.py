@@ -135,7 +135,7 @@ def version_of(name: str) -> str:
         BenchError: if it is unknown, not installed, or was not tested in this version.
     """
     if name not in ENGINES:
-        raise BenchError(f"unknown engine {name!r}{suggestion(name, ENGINES)}")
+        raise BenchError(f"there is no engine {name!r}{suggestion(name, ENGINES)}")
     kind = ENGINES[name]
     remedy = f"run {INSTALL}, or choose others with --engine"
     try:
@@ -143,7 +143,9 @@ def version_of(name: str) -> str:
     except metadata.PackageNotFoundError:
         raise BenchError(f"the engine {name} is not installed; {remedy}.") from None
     if kind.tested_version and not version.startswith(f"{kind.tested_version}."):
-        raise BenchError(f"the engine {name} {version} is not supported, only {kind.tested_version}.x is; {remedy}.")
+        raise BenchError(
+            f"the engine {name} {version} is not supported; versions {kind.tested_version}.x are; {remedy}."
+        )
     return version
 
 

@@ -114,7 +114,7 @@ def compare_engines(
     """
     for scene in scenes:
         if scene not in SCENES:
-            raise BenchError(f"unknown engine scene {scene!r}{suggestion(scene, SCENES)}")
+            raise BenchError(f"there is no engine scene {scene!r}{suggestion(scene, SCENES)}")
     versions = {engine: version_of(engine) for engine in engines or ENGINES}
     machine, load_before, measured = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
     if earlier is not None:

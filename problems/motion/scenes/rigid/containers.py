@@ -132,7 +132,7 @@ def lattice(
         if layers * len(sites) >= count or (sites and not row_sites):
             break
     if layers * len(sites) < count:
-        raise ProblemError(f"{count} boxes do not fit, only {layers * len(sites)}.")
+        raise ProblemError(f"{count} boxes do not fit; at most {layers * len(sites)} do.")
     poses = np.zeros((count, 7))
     for box in range(count):
         x, z = sites[box // layers]

@@ -27,8 +27,8 @@ RIGID_SCENES: Mapping[str, SceneKind] = {
         RollingCylinder, "a cylinder that rolls to rest under rolling resistance", 2.0, has_few_contacts=False
     ),
     "box_stack": scene_kind(BoxStack, "boxes at rest on top of each other", 10.0, has_few_contacts=False),
-    "arch": scene_kind(Arch, "a masonry arch that stands or falls by its thickness", has_few_contacts=False),
-    "card_house": scene_kind(CardHouse, "a house of cards that stands if it has friction", has_few_contacts=False),
+    "arch": scene_kind(Arch, "a masonry arch, which stands if it is thick enough", has_few_contacts=False),
+    "card_house": scene_kind(CardHouse, "a house of cards, which stands if friction suffices", has_few_contacts=False),
     "spinning_top": scene_kind(SpinningTop, "a top on its tip that precesses steadily", has_few_contacts=False),
     "dominoes": scene_kind(Dominoes, "a wave of falling dominoes", 0.7, has_few_contacts=False),
     "brick_wall": scene_kind(BrickWall, "a wall of bricks struck by a ball", 0.5, has_few_contacts=False),

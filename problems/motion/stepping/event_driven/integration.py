@@ -248,7 +248,7 @@ class Integration:
             except ProblemError as reason:
                 raise MotionError(
                     f"at t = {self.time:.9g} s the laws at acceleration level are not a contact problem: "
-                    f"{str(reason).rstrip('.')}; the force of a slipping contact may pull it in (Painlevé), use a "
+                    f"{str(reason).rstrip('.')}; the force of a slipping contact may pull it in (Painlevé). Use a "
                     "time-stepping method, such as Moreau.",
                     self.motion(),
                 ) from None
@@ -319,7 +319,7 @@ class Integration:
         residual = judge(problem, solution.impulses).residual
         if not residual <= TRUSTED_RESIDUAL:
             raise MotionError(
-                f"at t = {self.time:.9g} s the solver reaches only residual {residual:.1e} of the {level} law "
+                f"at t = {self.time:.9g} s the solver reaches only a residual of {residual:.1e} for the {level} law "
                 f"({solution.status}); use Enumeration for up to six contacts, or a smaller tolerance.",
                 self.motion(),
             )

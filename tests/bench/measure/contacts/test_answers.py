@@ -74,7 +74,7 @@ def test_right_first_solves_confirm_a_point() -> None:
 def test_a_first_solve_that_is_wrong_or_fails_decides() -> None:
     wrong = point_with(first(SLIDES), first(2.0 * SLIDES))
     assert wrong.outcome is Outcome.WRONG
-    assert wrong.reason.startswith("in a first solve in a fresh process, claimed 1e-06, the judge reads ")
+    assert wrong.reason.startswith("in a first solve in a fresh process, claimed 1e-06, but judged ")
     assert wrong.measured is not None
     assert wrong.measured.residual == wrong.measured.model_residual == judge(PROBLEM, 2.0 * SLIDES).residual
     stalled = point_with(first(2.0 * SLIDES, Status.STALLED))
@@ -86,7 +86,7 @@ def test_a_wrong_answer_to_a_copy_decides_and_is_not_kept() -> None:
     copy = replace(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
     found = point_with(first(2.0 * SLIDES, problem=copy), first(SLIDES, problem=copy), place="on a copy of the problem")
     assert found.outcome is Outcome.WRONG
-    assert found.reason.startswith("on a copy of the problem, claimed 1e-06, the judge reads ")
+    assert found.reason.startswith("on a copy of the problem, claimed 1e-06, but judged ")
     assert found.measured is not None
     assert (found.measured.residual, found.measured.impulses) == (1e-7, [])
 

@@ -241,7 +241,7 @@ def test_a_solver_that_works_in_more_threads_than_it_names_misbehaves(
     case.measure(1e-4, 0)
     assert case.outcome is outcome
     if outcome is Outcome.MISBEHAVED:
-        assert case.record().reason == "it takes more processor time than 1 thread can"
+        assert case.record().reason == "it takes more processor time than 1 thread could"
 
 
 def test_a_round_is_asked_for_at_its_tolerance_within_the_limits(monkeypatch: pytest.MonkeyPatch) -> None:

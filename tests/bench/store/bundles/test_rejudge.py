@@ -87,19 +87,19 @@ def others(bundle: Bundle, case: CaseRecord) -> CaseRecord:
 
 
 ATTACKS: dict[str, tuple[Attack, str]] = {
-    "a residual ten times less": (lambda bundle, case: claimed(case, 0.1), "the judge reads|counts as solved"),
-    "a residual one percent less": (lambda bundle, case: claimed(case, 0.99), "the judge reads|counts as solved"),
-    "no residual": (lambda bundle, case: claimed(case, 0.0), "the judge reads"),
+    "a residual ten times less": (lambda bundle, case: claimed(case, 0.1), "the judge finds|counts as solved"),
+    "a residual one percent less": (lambda bundle, case: claimed(case, 0.99), "the judge finds|counts as solved"),
+    "no residual": (lambda bundle, case: claimed(case, 0.0), "the judge finds"),
     "a residual of the point alone": (
         lambda bundle, case: with_measured(case, residual=1e-15, model_residual=1e-15),
         "is not that of its impulses|counts as",
     ),
-    "half the impulses": (lambda bundle, case: with_impulses(case, lambda x: 0.5 * x), "the judge reads"),
-    "no impulses": (lambda bundle, case: with_impulses(case, np.zeros_like), "the judge reads"),
-    "impulses in another order": (lambda bundle, case: with_impulses(case, lambda x: x[::-1]), "the judge reads"),
+    "half the impulses": (lambda bundle, case: with_impulses(case, lambda x: 0.5 * x), "the judge finds"),
+    "no impulses": (lambda bundle, case: with_impulses(case, np.zeros_like), "the judge finds"),
+    "impulses in another order": (lambda bundle, case: with_impulses(case, lambda x: x[::-1]), "the judge finds"),
     "an impulse that is no number": (
         lambda bundle, case: with_impulses(case, lambda x: np.where(np.arange(len(x)) == 1, np.nan, x)),
-        "the judge reads",
+        "the judge finds",
     ),
     "one impulse more": (lambda bundle, case: with_impulses(case, lambda x: np.append(x, 0.0)), "the data exceed"),
     "one impulse less": (lambda bundle, case: with_impulses(case, lambda x: x[:-1]), "one per row"),
@@ -117,7 +117,7 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
     ),
     "another model": (
         lambda bundle, case: replace(case, model="frictionless" if case.model == "convex" else "convex"),
-        "the judge reads|counts as solved",
+        "the judge finds|counts as solved",
     ),
     "a model that is none": (lambda bundle, case: replace(case, model="exact"), "there is no model 'exact'"),
     "a model of far too many sides": (
@@ -132,7 +132,7 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
     "no energy": (other_verdict("dissipated_energy", None), "dissipated energy inf"),
     "infeasible": (other_verdict("infeasible", True), "infeasible True"),
     "a number that is a truth": (other_verdict("natural_map_q", True), "natural map q True"),
-    "a verdict of more": (other_verdict("beauty", 1.0), "other numbers than that of the judge"),
+    "a verdict of more": (other_verdict("beauty", 1.0), "not the same entries as that of the judge"),
     "a coarse point solved with a large residual": (
         coarse(residual=0.9, model_residual=0.9),
         "counts as solved with the residual 9.0e-01",
@@ -149,7 +149,7 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
         lambda bundle, case: with_point(case, 0, outcome=Outcome.SOLVED, status="solved", measured=None),
         "without a measurement",
     ),
-    "the impulses of another solver": (others, "the judge reads|is not that of its impulses|counts as"),
+    "the impulses of another solver": (others, "the judge finds|is not that of its impulses|counts as"),
 }
 
 

@@ -70,7 +70,7 @@ def reserved(file: h5py.File, folder: Path) -> None:
         (virtual, "keeps its data in other files"),
         (claimed, "is chunked or compressed, and FCLIB files are not; write it again with: h5repack"),
         (packed_bomb, "chunked or compressed"),
-        (reserved, "/v was reserved and never written"),
+        (reserved, "/v has no data: its space was reserved, but not written"),
     ],
 )
 def test_what_leads_out_of_the_file_or_has_no_bytes_in_it_is_refused(

@@ -143,7 +143,7 @@ def test_json_and_npz_are_the_same_problem(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"mass": np.array([0.0])}, r"mass\[0\] = 0.0 must be positive; a fixed body is"),
+        ({"mass": np.array([0.0])}, r"mass\[0\] = 0.0 must be positive; for a fixed body"),
         ({"body_2": np.full(4, 1)}, r"body_2\[0\] = 1 must be a body from 0 to 0, or -1"),
         ({"body_1": np.zeros(4, int)}, "contact 0 has body 0 on both sides; 'body_1' and 'body_2' must differ"),
         ({"body_2": np.zeros(4)}, "'body_2' must be a vector of whole numbers"),

@@ -124,7 +124,7 @@ def test_a_hopper_ends_when_it_is_empty_or_jammed() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("drum(n_boxes=500)", "500 boxes do not fit, only"),
+        ("drum(n_boxes=500)", "500 boxes do not fit; at most"),
         ("drum(speed=20.0)", "boxes stick to a drum"),
         ("drum(layers=0)", "layers of a drum"),
         ("hopper(outlet=0.0)", "outlet of a hopper"),
