@@ -141,8 +141,8 @@ def create(name: str, **options: Any) -> Solver:
     The parts of a composite solver come first: ``create("Fallback(SORprox(relaxation=1.5), NSGS)")``.
 
     Raises:
-        SolverError: for an unknown name or option (the message suggests the nearest one), an option out of range, or
-            unsuitable parts.
+        SolverError: if a name or an option is unknown (the message suggests the nearest one), an option is out of
+            range, or the parts are unsuitable.
         PluginError: if the plugin that offers the name cannot be imported, or its solver breaks the contract.
     """
     written = parse(name)
@@ -189,7 +189,7 @@ def factory(name: str) -> Any:
     """Return the class of a solver, or the factory that a plugin offers, by its plain name.
 
     Raises:
-        SolverError: for an unknown name; the message suggests the nearest one.
+        SolverError: if the name is unknown; the message suggests the nearest one.
         PluginError: if the plugin that offers the name cannot be imported.
     """
     return _built_in(name) if name in _OWN else _plugin_factory(_offer(name))
@@ -199,7 +199,7 @@ def find_offer(name: str) -> Offer | None:
     """Return the plugin's offer of the solver ``name`` or of its first part from a plugin; None if all are built in.
 
     Raises:
-        SolverError: for an unknown name; the message suggests the nearest one.
+        SolverError: if the name is unknown; the message suggests the nearest one.
     """
     found = [_offer(plain) for plain in plain_names(name) if plain not in _OWN]
     return found[0] if found else None
@@ -284,8 +284,8 @@ def solve(
         limits: max_iterations, max_seconds.
 
     Raises:
-        SolverError: for an unknown solver, option or limit, or if ``problem`` is not a contact problem, a name or a
-            path.
+        SolverError: if the solver, an option or a limit is unknown, or ``problem`` is not a contact problem, a name or
+            a path.
         ProblemError: from ``load``.
     """
     unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]

@@ -39,7 +39,7 @@ class CentralPath(InteriorMethod):
         form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     order: int = 10

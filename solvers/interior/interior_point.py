@@ -55,7 +55,7 @@ class InteriorPoint(InteriorMethod):
         form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
 
     Raises:
-        SolverError: for an unknown form.
+        SolverError: if the form is unknown.
     """
 
     form: Literal["delassus", "factors"] = "delassus"

@@ -37,7 +37,7 @@ class Lemke(Method):
         sides: k, the number of sides of the friction pyramid of a spatial contact; at least 3.
 
     Raises:
-        SolverError: for fewer than 3 sides.
+        SolverError: if ``sides`` is less than 3.
     """
 
     sides: int = 8

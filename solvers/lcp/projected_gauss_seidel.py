@@ -38,7 +38,7 @@ class PyramidPGS(Method):
         relaxation: ω.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     sides: int = 8

@@ -138,7 +138,7 @@ class NativeSolver(ABC):
 
     @property
     def has_iterates(self) -> bool:
-        """Whether it shows its iterates."""
+        """Whether it passes its iterates to the observer."""
         return bool(self.facts.flags & SHOWS_ITERATES)
 
     @property

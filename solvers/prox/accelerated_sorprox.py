@@ -56,7 +56,7 @@ class AndersonSORprox(_AcceleratedSORprox):
         memory: number of differences between windows to keep, 0 for no acceleration.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     memory: int = 5

@@ -53,7 +53,7 @@ class ColouredSORprox(Method):
             message says so, if the colours have fewer than 250 contacts per thread on average, or 2000 of balls.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     relaxation: float = 1.0

@@ -25,7 +25,7 @@ class JORprox(Method):
         relaxation: ω; problems with many contacts need values well below 1.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     step_size: StepSize = "diagonal"

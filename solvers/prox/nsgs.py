@@ -27,7 +27,7 @@ class NSGS(Method):
         relaxation: ω > 0; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     relaxation: float = 1.0

@@ -50,7 +50,7 @@ class ProximalADMM(Method):
         memory: number of differences that Anderson acceleration keeps, 0 for no acceleration.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     memory: int = 5

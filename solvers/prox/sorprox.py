@@ -38,7 +38,7 @@ class SORprox(Method):
             take fewer sweeps, and tight ones as many.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     step_size: StepSize = "diagonal"

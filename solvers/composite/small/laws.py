@@ -1,4 +1,4 @@
-"""Those arguments of the kernels for small problems that depend only on the laws, computed once per ``Laws`` object."""
+"""The arguments of kernels for small problems that depend only on the laws, computed once per ``Laws`` object."""
 
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -44,7 +44,7 @@ _ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
 
 
 def law_arguments(laws: Laws) -> LawArguments | None:
-    """Return the arguments for ``laws``, the same object at each call."""
+    """Return the arguments for ``laws``, the same object in each call."""
     found = _ARGUMENTS.get(laws)
     if found is None and laws not in _ARGUMENTS:
         found = _ARGUMENTS[laws] = LawArguments.of(laws)

@@ -1,9 +1,8 @@
 """Sweeps of a small problem from the first impulses to the outcome, in one kernel.
 
 Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same intervals, and end
-when it reaches the tolerance. They stop without an outcome if ``Robust`` would continue with another method: if a
-window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the
-residual.
+when it reaches the tolerance. They stop without an outcome if ``Robust`` might act otherwise: if a window of sweeps
+gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the residual.
 """
 
 import numpy as np
@@ -38,7 +37,7 @@ SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 
 @njit(cache=True)
 def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
-    """Return the parts of the numbers that ``preparation`` packs: blocks, step sizes, diagonal, residual, memory."""
+    """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
     a = n_values + 2 * n_blocks
     b = a + n_rows
     c = b + ROWS_OF_NUMBERS * n_laws
