@@ -1,12 +1,12 @@
 """PyramidPGS: projected Gauss–Seidel on the complementarity problem with box friction, as in physics engines.
 
-The regular k-gon with an even number of sides is a sum of k/2 segments (a zonotope), so a friction pyramid is k/2
-one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
+The regular k-gon with an even number of sides is a sum of k/2 segments (a zonotope). A friction pyramid is therefore
+equivalent to k/2 one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
 
     Λ_T = Σ_s e_s x_s,      |x_s| ≤ (a + μ Λ_N) sin(π/k),      x_s ← clip(x_s − ω e_sᵀξ_T / e_sᵀG_TT e_s)
 
-Scalar unknowns are updated one after the other with the newest values of the others. Planar friction is one segment,
-and exact.
+Scalar unknowns are updated one after the other with the newest values of the others. Planar friction has one segment
+and is exact.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides
 
 DECOMPOSITIONS = 100
-"""Alternating projections that distribute the first Λ_T over the segments; inexact shares only cost sweeps."""
+"""Number of projected steps that distribute the first Λ_T over the segments; errors only lead to more sweeps."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class PyramidPGS(Method):
     """Projected Gauss–Seidel over scalar laws, with a friction pyramid in place of the cone.
 
     Attributes:
-        sides: k, even and at least 4.
+        sides: k, the number of sides of the friction pyramid of a spatial contact; even and at least 4.
         relaxation: ω.
 
     Raises:
@@ -62,7 +62,7 @@ class PyramidPGS(Method):
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G, the segments of every friction law and their step sizes."""
         self.check_supports(problem)
-        if problem.layout.width < 3:  # one segment per contact: the sweep of SORprox
+        if problem.layout.width < 3:  # with at most one segment per contact, the sweep is that of SORprox
             sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
             return PreparedIteration(problem, Residual(problem), sweep.begin)
         delassus, segments = FlatDelassus.of(problem), Segments.of(problem, self.sides, self.relaxation)
@@ -90,7 +90,7 @@ class Segments:
     def of(problem: ContactProblem, sides: int, relaxation: float) -> "Segments":
         """Return the segments of pyramids with ``sides`` sides."""
         blocks = problem.delassus_blocks()
-        rows = np.append(problem.laws.row_count, 0)[problem.layout.friction_law]  # last: no friction
+        rows = np.append(problem.laws.row_count, 0)[problem.layout.friction_law]  # the last entry is for no friction
         angle = np.pi / sides * (2 * np.arange(sides // 2) + 1) + np.pi / 2
         edges = np.zeros((len(rows), sides // 2, 2))
         edges[rows == 2] = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -103,7 +103,7 @@ class Segments:
     def distribute(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
         """Return x within its bounds with Σ_s e_s x_s closest to Λ_T, shape (n_blocks, n_segments).
 
-        Λ is padded, shape (n_blocks, 3).
+        ``padded`` is Λ, shape (n_blocks, 3).
         """
         target = padded[:, 1:]
         normal = np.maximum(padded[layout.partner, 0], 0.0)
