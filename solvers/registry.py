@@ -78,7 +78,7 @@ _EXAMPLES = {
 _NATIVE_EXAMPLES = {"Shared": "Shared(./libmine.so)", "Executable": "Executable(./mine)"}
 
 _PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'\"=,()]+?))\s*(?=[,)])")
-"""The path of a library or executable, the first argument, with or without quotes."""
+"""Pattern of the path of a library or executable, which is the first argument, with or without quotes."""
 
 
 def available() -> list[str]:
@@ -92,7 +92,7 @@ def parts() -> list[str]:
 
 
 def compiled_solvers(name: str | None = None) -> list[str]:
-    """Return the plain names of built-in solvers with compiled kernels: all, or those among a solver and its parts.
+    """Return the plain names of built-in solvers with compiled kernels: all, or those among ``name`` and its parts.
 
     ``CvxpyCoulomb`` is excluded because its library takes long to import.
 
@@ -106,12 +106,12 @@ def compiled_solvers(name: str | None = None) -> list[str]:
 
 
 def peers() -> list[str]:
-    """Return the names of external solvers; ``create`` raises if the library of one is not installed."""
+    """Return the names of external solvers; ``create`` raises ``SolverError`` if a library is not installed."""
     return list(PEERS)
 
 
 def on_devices() -> list[str]:
-    """Return the names of solvers on devices of Warp; ``create`` raises without Warp, or without the device."""
+    """Return the names of solvers on devices of Warp; ``create`` raises ``SolverError`` without Warp or the device."""
     return list(ON_DEVICES)
 
 

@@ -3,7 +3,7 @@
     NesterovSORprox     momentum by Nesterov's sequence, with restarts      (``iteration.momentum``)
     AndersonSORprox     Anderson acceleration every three sweeps            (``iteration.anderson``)
 
-``AndersonSORprox`` has the safeguard of ``sweeps.safeguarded``: contacts that oscillate take smaller steps, one by one.
+``AndersonSORprox`` has the safeguard of ``sweeps.safeguarded``: the step of each contact that oscillates is reduced.
 """
 
 from abc import ABC, abstractmethod
