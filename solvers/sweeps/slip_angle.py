@@ -8,7 +8,7 @@ b_0 = a + μn_0. Slip requires a ξ_T parallel to t, so that the scalar cross pr
 
 This is a quartic equation in tan(θ/2) with at most four solutions (Bonnefon & Daviet, Quartic formulation of Coulomb 3D
 frictional contact, 2011). Newton's method from the current direction almost always finds the required solution.
-Otherwise all zeros of the quartic are bracketed between the zeros of its derivatives. For a friction law with the fixed
+Otherwise all zeros of the quartic are bracketed between the zeros of its derivatives. For a friction law with a fixed
 bound a, such as that of an open contact, μ, n_0 and h are zero.
 """
 
