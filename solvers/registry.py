@@ -82,7 +82,7 @@ _PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'
 
 
 def available() -> list[str]:
-    """Return the names of built-in solvers, of parts of ``Robust``, and of plugins, which are not imported."""
+    """Return the names of built-in solvers, of parts of ``Robust``, and of plugins, without importing the plugins."""
     return [*BUILT_IN, *PARTS, *(offer.name for offer in plugin_solvers() if not offer.rejection)]
 
 
@@ -265,7 +265,7 @@ def parse(text: str) -> Name:
     The path of a library or executable needs no quotes: ``"Shared(./libmine.so)"``.
 
     Raises:
-        SolverError: if the text is not a name, or a name with keyword options.
+        SolverError: if the text is neither a name nor a name with keyword options.
     """
     named = _PATH.sub(lambda found: f"{found[1]}(path={found[2] or found[3] or found[4] or ''!r}", text)
     return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
@@ -281,7 +281,7 @@ def solve(
         problem: the contact problem, its name, or the path of its file.
         solver: a solver, or its name; ``Robust`` sweeps while that is fast, and continues with other methods.
         tolerance: the judge's residual to reach.
-        limits: max_iterations, max_seconds.
+        limits: ``max_iterations`` and ``max_seconds``.
 
     Raises:
         SolverError: if the solver, an option or a limit is unknown, or ``problem`` is not a contact problem, a name or

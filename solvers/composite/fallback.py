@@ -1,8 +1,8 @@
 """Fallback: several solvers in sequence, until one solves the problem.
 
 A problem can be hard for one method or start, and easy for another. The impulses of the last time step may lead to a
-plateau that a start at zero avoids. One relaxation may oscillate about a solution that another reaches. The first part
-starts from the given impulses. Then all parts run from zero.
+plateau of the residual that a start at zero avoids. One relaxation may oscillate about a solution that another reaches.
+The first part starts from the given impulses. Then all parts run from zero.
 """
 
 from collections.abc import Iterator
@@ -33,8 +33,8 @@ from .sequence import SolverRun, SolverSequence
 from .sweep_selection import FAST_MOMENTUM, FAST_RELAXATION
 
 WARM_ITERATIONS = 500
-"""Default of ``warm_iterations``. Both starts are equally good in flow. In a pile at rest, the impulses of the last
-step are either close to a solution or do not lead to one."""
+"""Default of ``warm_iterations``. In flow, the impulses of the last step are as good a start as zero. In a pile at
+rest, they are either close to a solution or do not lead to one."""
 
 ITERATIONS = 2000
 """Default of ``iterations``. It suffices for most problems that sweeps solve."""
@@ -50,7 +50,8 @@ class Fallback(Method):
     """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
     The limits of a solve apply to all parts together. The result is the first solution or, if there is none, the
-    impulses with the lowest residual by the judge. The message lists the parts that ran and the outcome of each.
+    impulses with the lowest residual, as the judge computes it. The message lists the parts that ran and the outcome of
+    each.
 
     Attributes:
         parts: the solvers, all of the same model; parts that do not support a problem are skipped.

@@ -1,13 +1,13 @@
 """InteriorNewton: interior points identify contact states; sweeps and Newton's method refine impulses.
 
-From any start, an interior point method identifies which contacts open, stick and slip in a few dozen factorisations.
-It finds the last digits slowly if the solution is not strictly complementary, and its path may turn. Sweeps with
-momentum usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods
+From any start, an interior point method takes a few dozen factorisations to identify which contacts open, stick and
+slip. It finds the last digits slowly if the solution is not strictly complementary, and its path may turn back. Sweeps
+with momentum usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods
 alternate:
 
     InteriorPoint      fast if τ can decrease steadily
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, if programs are cheap, while each reduces the residual tenfold: bodies at rest
+    ClarabelCoulomb    from zero, if programs are cheap, while each gains a digit, as it does for bodies at rest
     CentralPath        from the beginning of the path, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
@@ -54,7 +54,7 @@ HYBRID_LIMITS = (500, 1000, 2000, 2000)
 """Iteration limits of ``HybridNewton`` in all rounds but the last, in which only the limit of the solve applies."""
 
 REDUNDANCY = 2
-"""Rows per degree of freedom above which interior points may factorise over bodies."""
+"""Rows per degree of freedom above which interior point methods may factorise over bodies."""
 
 MAX_OPERATIONS = 1e300
 """Number of operations returned for a factorisation that does not fit into memory."""
@@ -64,8 +64,8 @@ MAX_OPERATIONS = 1e300
 class InteriorNewton(Method):
     """Interior points, their path through its turns, sweeps and Newton's method, one after the other.
 
-    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies if
-    several contacts of the same two bodies over-determine their motion, otherwise over contacts.
+    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior point methods factorise over
+    bodies if several contacts of the same two bodies over-determine their motion, otherwise over contacts.
     """
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -107,7 +107,7 @@ def first_method(problem: ContactProblem) -> SingleRun:
 
 
 def count_operations(sequence: SolverSequence) -> float:
-    """Return the operations of one factorisation of the first method, which is prepared if necessary.
+    """Return the number of operations of one factorisation of the first method, which is prepared if necessary.
 
     Return ``MAX_OPERATIONS`` if the memory does not suffice for one.
     """
@@ -134,7 +134,7 @@ def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
 
 
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
-    """Return the form of interior points: "factors" if contacts of the same two bodies over-determine their motion.
+    """Return the form of the methods: "factors" if contacts of the same two bodies over-determine their motion.
 
     Such contacts are redundant, and G has a dense block for every two of them. Otherwise a step over bodies saves
     little, and ends at a larger residual because contact velocities are differences of body velocities.

@@ -35,10 +35,10 @@ FIRST_SEARCH = 4
 
 @dataclass(frozen=True)
 class Refined(Method):
-    """A fixed point over cone programs with Newton steps from its iterates: ``Refined(ClarabelCoulomb)``.
+    """A fixed-point iteration over cone programs, with Newton steps from its iterates: ``Refined(ClarabelCoulomb)``.
 
     Attributes:
-        solver: ``ClarabelCoulomb`` or ``CvxpyCoulomb`` with any options; its iterations are counted.
+        solver: ``ClarabelCoulomb`` or ``CvxpyCoulomb`` with any options; one iteration is an iteration of this solver.
 
     Raises:
         SolverError: if the solver is not one of these two.

@@ -46,7 +46,7 @@ from .sweep_selection import can_accelerate, select_sweeps, sweeps_between_check
 from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
-"""The accelerated sweeps, and the ratio of the window of sweeps to their window."""
+"""The accelerated sweeps, and the ratio of the window of other sweeps to theirs."""
 
 NEWTON_SETTINGS = replace(LINE_SEARCH, max_steps=8)
 """Newton steps from the last swept impulses, which identify the states even before the residual has fallen."""
@@ -59,8 +59,8 @@ FINAL_STATUSES = (Status.SOLVED, Status.ITERATION_LIMIT, Status.TIME_LIMIT)
 class Robust(Method):
     """The solver to try first: fast if sweeps converge quickly, and reliable otherwise.
 
-    The message of a solution lists the parts that ran and the outcome of each. One iteration is one of the part that
-    runs.
+    The message of a solution lists the parts that ran and the outcome of each. One iteration is an iteration of the
+    part that runs.
     """
 
     def prepare(self, problem: ContactProblem) -> Prepared:

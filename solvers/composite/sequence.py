@@ -113,7 +113,7 @@ class SolverSequence:
         return self.finish(limit) if limit else None
 
     def keep_best(self, impulses: FloatArray, residual: float) -> None:
-        """Record Λ and its residual if it is the best so far."""
+        """Record Λ and its residual if Λ is the best so far."""
         if self.best_impulses is None or residual < self.best_residual:
             self.best_impulses, self.best_residual = impulses, residual
 

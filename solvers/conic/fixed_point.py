@@ -10,7 +10,7 @@ plain iteration converges linearly, and slowly on many contacts; Anderson accele
 residual rises far above its best value, the acceleration restarts.
 
 F(s) exists if the cone program has a solution, that is, if s lies in D = {s : W̃ᵀv + c + s e_N ∈ K* for some v}, where
-G = W̃ᵀW̃. D is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D a fixed point exists (Acary, Cadoux,
+G = W̃ᵀW̃. D is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D, a fixed point exists (Acary, Cadoux,
 Lemaréchal & Malick 2011), and the iteration stays in D. Otherwise F may lead out of D although a fixed point exists,
 and even in D it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal
 point algorithm, Acary, Brémond & Huber 2018). With w_i = εα_i and (s, Λ) from the previous iterate, it computes
@@ -113,7 +113,7 @@ class Correction:
 
 
 class FixedPointMethod(Method, ABC):
-    """A fixed point over cone programs, whose iterates can be corrected."""
+    """A fixed-point iteration over cone programs, whose iterates can be corrected."""
 
     memory: int
 
@@ -129,7 +129,7 @@ class FixedPointMethod(Method, ABC):
 
 @dataclass(frozen=True)
 class FastFixedPoint(Method):
-    """A fixed point that ends when a cone program gains less than a digit; it has the name of the method.
+    """A fixed-point iteration that ends when a program gains less than a digit; it has the name of its method.
 
     If bodies stay at rest, s = 0 is the solution, and the first program finds it. The more slowly contacts slip, the
     faster the iteration converges. Where it converges slowly, other methods are faster.

@@ -59,7 +59,7 @@ class ConicResult:
     """The result of one run of a conic solver.
 
     Attributes:
-        impulses: Λ [N s], shape (n_rows,); NaN if there are none.
+        impulses: Λ [N s], shape (n_rows,); NaN if the solver returned none.
         iterations: number of iterations of the run.
         seconds: time of the run [s].
         status: how the run ended.
@@ -79,7 +79,7 @@ class ConicProgram(Protocol):
         ...
 
     def regularised(self, weight: FloatArray) -> "ConicProgram":
-        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), in place of G; needs a new set-up."""
+        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), in place of G, newly set up."""
         ...
 
 
@@ -132,7 +132,7 @@ class Scaling:
         self.block_impulse: FloatArray = np.sqrt(self.energy / alpha)
         self.block_moment = self.block_impulse
         if layout.rolling:
-            rolling_lengths = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 where nothing rolls
+            rolling_lengths = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 without rolling friction
             self.block_moment = self.block_impulse * np.where(rolling_lengths > 0.0, rolling_lengths, 1.0)
         self.impulse: FloatArray = lengths * layout.unpad(np.repeat(self.block_impulse, width))
         row_of_slot = np.full(layout.n_blocks * width, -1)
@@ -228,8 +228,8 @@ def _make_solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: F
 def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
-    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, so Λ_N ≥ 0 is added only for blocks without such a cone. Friction with zero bound (a
-    = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
+    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, so Λ_N ≥ 0 is added only for blocks without such a cone. Friction with a bound of
+    zero is the equation Λ_T = 0. Bilateral laws have no constraint.
     """
     layout = problem.layout
     rows, columns, values = [], [], []

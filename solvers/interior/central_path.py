@@ -5,10 +5,11 @@ s = ‖û_T‖, it is a curve along which τ may increase before it decreases ag
 smaller τ have no solution nearby, and Newton's method stagnates. The path is therefore followed by arc length, for
 which turns are regular:
 
-    1. On the manifold r∘û = τ e (``smoothing``) Newton's method reduces R_p below κτ, in the plane normal to the path.
-    2. One factorisation gives tangent and power series (``power_series``). Their range ends where the last order
-       reaches ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
-    3. The steps repeat from there, until the residual reaches the tolerance.
+    1. On the manifold r∘û = τ e (``smoothing``), Newton's method reduces R_p (``interior_point``) to a fraction of τ,
+       in the plane normal to the path.
+    2. One factorisation gives the tangent and the power series (``power_series``). Its range ends where the term of
+       the last order N is ε times the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)), or earlier, where R_p is below τ.
+    3. The steps repeat from the end of the range, until the residual reaches the tolerance.
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
@@ -38,7 +39,7 @@ class CentralPath(InteriorMethod):
 
     Attributes:
         order: order of the power series, 2 to 50.
-        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
+        form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
 
     Raises:
         SolverError: if an option is out of range.

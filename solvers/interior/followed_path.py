@@ -18,7 +18,7 @@ STARTS = (0.1, 1.0, 10.0, 100.0)
 """Values of τ at which the first point of the path is sought, in this order."""
 
 WARM_SHARE, MIN_WARM_TAU = 0.1, 1e-6
-"""From a given Λ, the first search is at τ = share × its residual, but at least at the minimum."""
+"""From a given Λ, the first search is at τ = share × its residual, or at the minimum if that is larger."""
 
 CLOSE, LOOSE = 0.1, 1.0
 """Largest R_p relative to τ after a correction, and at the end of a series."""
@@ -36,7 +36,7 @@ ACCURACY = 1e-2
 """ε, the largest size of the last order of a series relative to the first."""
 
 MAX_RANGE = 3.0
-"""Largest range of a series, relative to √(2n)."""
+"""Largest range of a series, relative to √(2n) for n cones."""
 
 MAX_SHORTENINGS, SHORTENING = 20, 0.6
 """Largest number of trials of the range of a series, and the factor by which each failed trial shortens it."""

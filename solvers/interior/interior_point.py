@@ -6,7 +6,7 @@ With u = ξ + μ‖ξ_T‖ e_N for each contact, Coulomb's law is K_μ ∋ Λ �
     R_p = û − Ĝr − ĉ − s e_N = 0,      R_s = s − ‖û_T‖ = 0,      r ∘ û = τ e,      τ → 0
 
 (Acary, Armand, Nguyen & Shpakovych, Optimization Methods and Software 39(3), 2024). For fixed s this is the central
-path of a convex cone program. Both parts of a step share one factorisation of Ĝ + D, where D is block diagonal
+path of a convex cone program. A step has two parts, which share one factorisation of Ĝ + D with block-diagonal D
 (``cones``):
 
     affine      towards τ = 0, with the step length α_a that the cones allow and τ_a at its end
@@ -76,7 +76,7 @@ class _Iterate:
         self._scaled, self._system = scaled, system
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
-        # the matrix of a step treats a bound that another contact determines as constant
+        # the matrix of a step treats a bound as constant if another contact determines it
         self._share = np.where(self._scaled.is_remote, 0.0, 1.0)
         self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))

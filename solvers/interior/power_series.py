@@ -4,8 +4,8 @@ Along the path every equation is at most quadratic in the unknowns (see ``cones`
 
     p ∘ q = τ e,      s² = ‖û_T‖²,      û = Ĝr + ĉ + s e_N,
 
-With x(a) = Σ x_k aᵏ, each order therefore follows from the lower ones by the linear system of Newton's method at a = 0,
-with the right-hand side (Cochelin 1994)
+so that, with x(a) = Σ x_k aᵏ, each order follows from the lower ones by the linear system of Newton's method at a = 0
+(Cochelin 1994). With ζ = û_{T,0}/s₀, the equations of order k are
 
     L(p₀) q_k + L(q₀) p_k = τ_k e − Σ_{0<j<k} p_j ∘ q_{k−j},
     s_k = ζᵀ û_{T,k} + (Σ_{0<j<k} û_{T,j}ᵀ û_{T,k−j} − s_j s_{k−j}) / 2s₀.
@@ -14,7 +14,8 @@ The parameter a is arc length, so τ need not be monotone: ⟨x₁, x₁⟩ = 1 
 
     ⟨x, y⟩ = Σ xᵀQ_p⁻¹y + xᵀQ_q⁻¹y over all cones + τ_x τ_y/τ²,
 
-and invariant under scaling of the contacts and of the problem.
+with the quadratic representation Q of the Jordan product. It is invariant under scaling of the contacts and of the
+problem.
 """
 
 from dataclasses import dataclass

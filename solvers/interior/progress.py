@@ -24,7 +24,7 @@ PATIENCE = 20
 """Number of steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends if none of its last steps made progress, which are this share of all."""
+"""A run of at least this many steps ends if its last steps, this share of all its steps, made no progress."""
 
 MIN_WARM_STEPS = 20
 """Minimum number of steps before this test in a run from a given start, which may be stuck at the boundary of a cone. A
@@ -128,7 +128,7 @@ class Progress:
         return True
 
     def check_gain(self) -> None:
-        """End a run that made no progress for many steps; steps that change only the last bits would not end it."""
+        """End a run whose last steps made no progress, because steps that change only the last bits do not end it."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
         if steps >= (MIN_WARM_STEPS if self._is_warm else MIN_STEPS) and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
             self.end(Status.STALLED, f"no gain since step {self._gained}, best residual {self.best_residual:.1e}")

@@ -32,7 +32,7 @@ class InteriorMethod(Method, ABC):
     """An interior point method.
 
     Attributes:
-        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
+        form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
     """
 
     form: Literal["delassus", "factors"]

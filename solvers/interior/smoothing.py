@@ -1,11 +1,11 @@
 """Smoothed projection onto cones: from any vector to impulses and velocities on the central manifold.
 
-For every v, exactly one pair inside the cone has v = r − û and r ∘ û = τ e. Both vectors have the axes of v:
+For every v, exactly one pair r, û inside the cone has v = r − û and r ∘ û = τ e; r and û share the Jordan frame of v:
 
     r = ½ (v + √(v² + 4τ e)),      û = r − v                  (Fukushima, Luo & Tseng 2001),
 
-For τ → 0, they tend to the projections of v and −v onto the cone. Complementarity thus holds by construction, and the
-problem becomes a system of equations in v without boundaries. A start Λ gives v = r(Λ) − û(Λ).
+and for τ → 0, they tend to the projections of v and −v onto the cone. Complementarity thus holds by construction, and
+the problem becomes a system of equations in v without boundaries. A start Λ gives v = r(Λ) − û(Λ).
 
 A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²), û = −τr/(b² − r²), and
 the length r is the only root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
@@ -35,7 +35,7 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
     if half * (1.0 + tau / (half * 1.5 * bound)) < length:
         rest = _rest_in_disc(length, bound, tau)
         return bound - rest, rest
-    # convex and increasing in r, so Newton's method converges to the root from above
+    # the equation is convex and increasing in r, so Newton's method converges to its root from above
     radius = min(half, length / (1.0 + tau / (bound * bound)))
     for _ in range(MAX_STEPS):
         within = (bound - radius) * (bound + radius)
@@ -49,7 +49,7 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
-    """Return y = b − r below ½b, where (b − y)(1 + τ/(y(2b − y))), decreasing in y, is ``length``."""
+    """Return y = b − r below ½b with (b − y)(1 + τ/(y(2b − y))) = ``length``; the left side decreases in y."""
     low, high = 0.0, 0.5 * bound
     excess = length - bound
     y = min(high, 0.5 * tau / excess) if excess > 0.0 else high

@@ -4,7 +4,7 @@ With f_k = g(x_k) − x_k and the last m differences,
 
     x_{k+1} = g(x_k) − Σ_j γ_j (g(x_{j+1}) − g(x_j)),      γ = argmin ‖ f_k − Σ_j γ_j (f_{j+1} − f_j) ‖₂.
 
-For a linear g and m no smaller than the dimension, this is GMRES, which ends after that many steps.
+For a linear g of dimension n and m ≥ n, this is GMRES, which ends after n steps.
 
 ``AndersonSweeps`` accelerates sweeps, once per window of several sweeps (Pratapa, Suryanarayana & Pask 2016): g maps Λ
 to the impulses Λ' after the window, the norm is that of √α Λ, and γ solves the normal equations. While contact states

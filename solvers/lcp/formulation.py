@@ -8,7 +8,7 @@ Each law contributes unknowns and conditions; b = a + μ Λ_N is the friction bo
       z = (Λ_T + b, ξ⁻),    w = (ξ⁺, b − Λ_T),    ξ_T = ξ⁺ − ξ⁻.
 
 * Spatial friction with the inscribed k-gon in place of the disc (Stewart & Trinkle 1996): Λ_T = D β with the corners of
-  the unit k-gon in the columns of D,
+  the unit k-gon in the columns of D, and e = (1, …, 1),
 
       z = (β, λ),    w = (Dᵀξ_T + λ e, b − eᵀβ).
 
@@ -28,7 +28,7 @@ from ...problems.contact.residual import Residual
 from ..iteration.method import check_option
 
 _Entries = tuple[IntArray, IntArray, FloatArray | float]
-"""Rows, columns and values of a sparse matrix, which may be broadcast."""
+"""Rows, columns and values of a sparse matrix, which are broadcast against each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Complementarity:
     offset: FloatArray
 
     def impulses(self, unknowns: FloatArray) -> FloatArray:
-        """Return Λ [N s], shape (n_rows,), of z, shape (n,)."""
+        """Return Λ [N s], shape (n_rows,), from z, shape (n,)."""
         found: FloatArray = self.to_impulses @ unknowns + self.offset
         return found
 

@@ -4,8 +4,8 @@
 
 The method begins with a z₀ so large that w ≥ 0. At each pivot, the complement of the variable that left last enters the
 basis, until z₀ leaves it. The leaving variable is the lexicographic minimum of the rows [β, B⁻¹] over the entering
-column, so that degenerate problems cannot cycle. The tableau contains the columns of the nonbasic variables; the
-columns of B⁻¹ are those of w, which are either stored or unit vectors.
+column, with the basis B and β = B⁻¹ q, so that degenerate problems cannot cycle. The tableau contains the columns of
+the nonbasic variables; the columns of B⁻¹ are those of w, which are either stored or unit vectors.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class Tableau:
         n = len(self.vector)
         self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
         largest = float(np.abs(self.vector).max(initial=0.0))
-        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # scaled for the test of ties; exact
+        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # scaled exactly, for the test of ties
         self._basic = np.arange(n)
         self._nonbasic = np.arange(n, 2 * n + 1)
         self._entering = 2 * n
@@ -101,7 +101,7 @@ class Tableau:
         return unknowns
 
     def proves_infeasibility(self) -> bool:
-        """Whether the final ray gives a y ≥ 0 that satisfies Mᵀ y ≤ 0 and qᵀ y < 0 despite rounding errors.
+        """Whether the final ray gives a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0 that rounding errors do not explain.
 
         Then yᵀ(M z + q) < 0 for every z ≥ 0, so that no z satisfies M z + q ≥ 0.
         """

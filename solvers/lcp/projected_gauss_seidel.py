@@ -75,7 +75,7 @@ class Segments:
     """The one-dimensional friction laws of every block.
 
     Attributes:
-        edges: unit directions in (T1, T2), zero where a block has fewer, shape (n_blocks, n_segments, 2).
+        edges: e_s in (T1, T2), unit vectors or zero if a block has fewer, shape (n_blocks, n_segments, 2).
         share: bound of a segment relative to the friction bound, 1 (planar) or sin(π/k), shape (n_blocks,).
         sizes: ω over the curvature along each direction [kg], shape (n_blocks, n_segments).
         normal_sizes: ω/G_NN [kg], shape (n_blocks,).
@@ -108,7 +108,7 @@ class Segments:
         target = padded[:, 1:]
         normal = np.maximum(padded[layout.partner, 0], 0.0)
         bound = (self.share * (layout.fixed_bound + layout.friction_coefficient * normal))[:, None]
-        weight = max(0.5 * self.edges.shape[1], 1.0)  # E Eᵀ is this times the identity, or less for planar friction
+        weight = max(0.5 * self.edges.shape[1], 1.0)  # Σ e_s e_sᵀ is this times the identity, or less if planar
         shares = np.zeros(self.edges.shape[:2])
         for _ in range(DECOMPOSITIONS):
             missing = target - np.einsum("bs,bsi->bi", shares, self.edges)

@@ -104,7 +104,8 @@ class Program:
 
     Attributes:
         source: its name in messages.
-        facts: its description of itself. prepared: object that identifies the problem that it prepared last.
+        facts: its description of itself.
+        prepared: object that identifies the problem that it prepared last.
     """
 
     def __init__(self, command: list[str], source: str) -> None:

@@ -39,7 +39,7 @@ SLACK = 2.0
 
 EXPONENT = 3.0
 """Exponent of the time in the number of entries: 1.5 for dense matrices and planar grids, 2 or more for spatial
-ones."""
+grids."""
 
 FIRST_PART_ROWS = 500
 """Number of rows of the first part that is factorised to measure the time."""

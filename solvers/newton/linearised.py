@@ -12,8 +12,8 @@ bound:
     idle    b = 0           Λ_T = 0
 
 Rolling friction has the states of sliding friction, with its own rows and bound. A bilateral law is always closed.
-Open and idle rows are not in the system. For the other rows the step δ satisfies ξ + Gδ = 0 if the law is closed or
-sticks, and, times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
+Open and idle rows are not in the system. On the other rows, the step δ satisfies ξ + Gδ = 0 if the law is closed or
+sticks. With κ = b/‖x_T‖ and P = κ(I − t tᵀ), and multiplied by α, the equation is
 
     P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            if it slips.
 
@@ -33,7 +33,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
 MAX_DENSE_ROWS = 150
-"""Largest number of rows for which the system is dense; its factorisation then takes less time than sparse overhead."""
+"""Largest number of rows of a dense system; its factorisation takes less time than the overhead of a sparse one."""
 
 
 @dataclass(frozen=True, eq=False)

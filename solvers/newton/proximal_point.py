@@ -4,9 +4,9 @@
 
 (Rockafellar, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14, 1976; for friction: Acary,
 Brémond & Huber 2018). G + ρA has full rank for any number of redundant contacts, and a limit of the sequence solves the
-problem itself. Small ρ give long steps, but inner problems that are as hard as the original. ρ therefore adapts: after
-an inner solve with few Newton steps it is reduced; if an inner solve does not converge, it is increased, and the solve
-is repeated.
+problem itself. Small ρ give long steps, but inner problems that are as hard as the original. Therefore ρ is reduced
+after an inner solve that takes few Newton steps. It is increased if an inner solve does not converge, and this solve is
+repeated.
 """
 
 from collections.abc import Iterator

@@ -6,8 +6,8 @@ Pinocchio (Carpentier et al.) solves for σ over contacts
 
 which is Coulomb's law in De Saxcé's form. Pinocchio's contacts have the rows T1, T2, N. The data are scaled by units of
 the problem (``Scaling``): G has a diagonal of about 1 and g is at most 1. Absolute tolerances then have the same
-meaning for every problem; for ADMM, it is nearly that of the judge's residual. In SI units, any impulses of small
-bodies would satisfy Pinocchio's default tolerances, which are absolute.
+meaning for every problem. For ADMM, they nearly equal tolerances of the judge's residual. In SI units, any impulses of
+small bodies would satisfy Pinocchio's default tolerances, which are absolute.
 """
 
 import importlib

@@ -1,4 +1,4 @@
-"""Solving in rounds: an external solver continues where it stopped, and the judge's residual is checked after each.
+"""Rounds of an external solver: it continues where it stopped, and the judge's residual is checked after each one.
 
 External solvers know neither a time limit nor the judge's residual. Each call is therefore limited to a number of
 iterations that fits into the remaining time, at the speed measured in earlier rounds. If a solver reports convergence

@@ -22,7 +22,7 @@ from ..iteration.method import Method, unsupported_laws
 from ..sweeps.cone import ConeProblem
 
 SHRINK, GROW = 0.5, 1.1
-"""Factor of t if the bound fails, and after each iteration."""
+"""Factor of t when the bound is violated, and after each iteration."""
 
 MAX_STEP = 100.0
 """Largest t relative to 1/λ_max(G). Without it, impulses that cause no velocity could grow until rounding dominates."""

@@ -19,12 +19,12 @@ from ..sweeps.step_size import check_relaxation
 
 @dataclass(frozen=True)
 class NSGS(Method):
-    """Nonsmooth (block) Gauss–Seidel: each contact is solved to rounding with all other impulses fixed.
+    """Nonsmooth (block) Gauss–Seidel: each contact is solved up to rounding with all other impulses fixed.
 
     Contacts of high friction may still oscillate against each other; their ω is then reduced (``sweeps.safeguarded``).
 
     Attributes:
-        relaxation: ω > 0; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.
+        relaxation: ω > 0; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* is its solution.
 
     Raises:
         SolverError: if an option is out of range.

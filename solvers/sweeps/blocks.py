@@ -71,7 +71,7 @@ class BlockIterates(DelassusState):
         return self._sweep.step_sizes
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps; the kernel of all states completes a sweep in which a contact is in an unusual state."""
+        """Do ``count`` sweeps; ``solve_other_spatial_blocks`` completes a sweep from the first unusual contact on."""
         if self._kernel is not solve_usual_spatial_blocks:
             self._kernel(count, *self._arguments)
             return
@@ -101,7 +101,7 @@ def _kernel_of(layout: BlockLayout) -> Callable[..., Any]:
 
 @njit(cache=True, inline="always")
 def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no-untyped-def]
-    """Return μ if the own Λ_N of block i, in lane ``own``, bounds its friction, else 0; and the rest of the bound."""
+    """Return the friction bound b + μ Λ_N of block i as (μ, b); μ is 0 unless Λ_N is its own, in lane ``own``."""
     mu, bound = friction[i], fixed[i]
     if partner[i] != own:
         mu, bound = 0.0, bound + mu * impulses[partner[i]]

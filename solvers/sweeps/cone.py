@@ -42,7 +42,7 @@ class ConeProblem:
 
     @staticmethod
     def of(problem: ContactProblem) -> "ConeProblem":
-        """Return ``problem`` in x."""
+        """Return ``problem`` in the variables x."""
         layout = problem.layout
         largest = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
         of_block = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))

@@ -1,6 +1,6 @@
 """Gauss–Seidel sweeps over the assembled Delassus matrix, one kernel for each block width.
 
-For each block i a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the latest
+For each block i, a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the latest
 impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of SORprox, law by law, and it
 reads G only once.
 

@@ -283,7 +283,7 @@ def _on_disc(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v):  # type: ignore[no-untyped-def]
-    """Return Λ of slip with Λ_T along (u, v), and its velocity along or across the impulse [m/s], inf if Λ_N < 0."""
+    """Return Λ of slip with Λ_T along (u, v), and its violation [m/s]: ≤ 0 if it is consistent, inf if Λ_N < 0."""
     denominator = 1.0 + mu * (h1 * u + h2 * v)
     if denominator == 0.0:
         return -1.0, 0.0, 0.0, np.inf
@@ -310,7 +310,7 @@ def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, o
             return 0.0, 0.0, False
         if n0 < 0.0:
             return 0.0, 0.0, False
-        shrink, along = 1.0, h1 * t1 + h2 * t2  # towards zero, until Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N
+        shrink, along = 1.0, h1 * t1 + h2 * t2  # shrink until Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N
         growth = np.sqrt(t1 * t1 + t2 * t2) + mu * along
         if growth > a + mu * n0:
             shrink = (a + mu * n0) / growth
@@ -357,7 +357,7 @@ def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_
     x = -(w1 * r1 + w2 * r2) / (w1 * w1 + w2 * w2)
     if max(abs(r1 + w1 * x), abs(r2 + w2 * x)) > SINGULAR * max(abs(r1), abs(r2)):
         return 0.0, 0.0, False
-    slope = -mu * (h1 * v1 + h2 * v2)  # of the bound along v
+    slope = -mu * (h1 * v1 + h2 * v2)  # derivative of the bound along v
     y, step = old_1 * v1 + old_2 * v2, 0.0
     for attempt in range(64):
         t1, t2 = x * u1 + y * v1, x * u2 + y * v2

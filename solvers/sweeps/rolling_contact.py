@@ -231,7 +231,7 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def _solve_linear_system(system):  # type: ignore[no-untyped-def]
-    """Solve a linear system by Gaussian elimination, into its last column; return whether a solution was found.
+    """Write the solution of a linear system, by Gaussian elimination, to its last column; return whether it was found.
 
     An unknown without a pivot is damped, so that it hardly changes.
     """

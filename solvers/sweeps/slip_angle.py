@@ -22,7 +22,7 @@ N_POLE_CANDIDATES = 8
 """Number of candidates for the pole of tan(θ/2); the best has the largest |f|, which is the leading coefficient."""
 
 MAX_BRACKET_STEPS = 120
-"""Largest number of steps of one bracketed search; even bisection needs fewer to converge to rounding."""
+"""Largest number of steps of one bracketed search; even bisection needs fewer to converge up to rounding."""
 
 WORKSPACE_SIZE = 16
 """Number of entries of the workspace of ``slip_directions``."""

@@ -51,7 +51,7 @@ def longest_seconds(n_rows: int) -> float:
 
 
 class PreparedSmall:
-    """The sweeps of one small problem, prepared."""
+    """The prepared sweeps of one small problem."""
 
     __slots__ = ("_arguments", "_by_parts", "_kernel", "_message", "_min_sweeps", "_prepare_by_parts", "problem")
 

@@ -1,4 +1,4 @@
-"""Many small problems in one call, over several threads.
+"""Many small problems in one call, on several threads.
 
 The arrays of all small problems are joined, and each thread runs one kernel over a range of them, without Python. No
 problem affects another, so solutions are bitwise identical for any number of threads.
@@ -180,7 +180,7 @@ class _Members:
         self._numbers: dict[int, int] = {}
 
     def add(self, index: int, problem: ContactProblem, laws: LawArguments) -> None:
-        """Add the problem with this index among all."""
+        """Add a problem with its index among all problems, and its laws."""
         number = self._numbers.setdefault(id(laws), len(self._numbers))
         self._laws[number] = laws
         self.indices.append(index)

@@ -142,7 +142,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
-        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments, which this kernel does not
+        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments, unlike this kernel
             return False, iteration
         if not _solve_blocks(width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses):
             return False, iteration
@@ -151,7 +151,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _begin_progress():  # type: ignore[no-untyped-def]
     """Return the best residual, the first one, checks without progress, and start and residual of the window."""
-    none = np.int64(0)  # for a literal, numba compiles ``_check`` once more
+    none = np.int64(0)  # a literal would make numba compile ``_check`` once more
     return np.inf, np.inf, none, none, np.inf
 
 

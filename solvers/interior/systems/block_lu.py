@@ -136,7 +136,7 @@ def _factorise(  # type: ignore[no-untyped-def]
     heads,
 ):
     top = 0
-    none = np.int64(0)  # for a literal, numba compiles ``_add_update`` once more
+    none = np.int64(0)  # a literal would make numba compile ``_add_update`` once more
     for s in range(len(nodes) - 1):
         p, q = b * (nodes[s + 1] - nodes[s]), b * (row_starts[s + 1] - row_starts[s])
         f11, f12, f21, f22 = np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, p)), np.zeros((q, q))

@@ -13,7 +13,8 @@ from numba.extending import intrinsic
 SPINS_BEFORE_YIELD = 20_000
 """Number of readings, about 50 µs, after which a waiting thread yields its core, possibly to the thread it waits for.
 
-A colour of a thousand contacts takes about as long. After a yield, another program may use the core for milliseconds.
+A sweep over a colour of a thousand contacts takes about as long. After a yield, another program may use the core for
+milliseconds.
 """
 
 _yield_core = types.ExternalFunction("sched_yield", types.intc())

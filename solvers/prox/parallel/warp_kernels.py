@@ -21,10 +21,10 @@ class Contacts:
 
     Attributes:
         length: degrees of freedom of a body.
-        idle: index of the idle body, in place of a missing one; it follows all others.
+        idle: index of the idle body, which takes the place of a missing one and follows all others.
         bodies: two bodies of each contact.
         pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
-        free: c, three for each contact.
+        free: c, three entries for each contact.
         sizes: r of N and T.
         friction: μ.
         fixed: a.

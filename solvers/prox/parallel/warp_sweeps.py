@@ -68,7 +68,7 @@ class DeviceSweep(ABC):
 
         from . import warp_kernels
 
-        wp.load_module(warp_kernels, device=device)  # compiled here: a recorded graph cannot load it
+        wp.load_module(warp_kernels, device=device)  # compiled here, because recording a graph cannot load it
         self.kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
         self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
         pieces, layout = self.pieces, self.layout
@@ -202,7 +202,7 @@ class JacobiDeviceSweep(DeviceSweep):
 
 
 class DeviceIterates:
-    """Λ, three for each contact, and v of an iteration from ``start``, shape (n_rows,), on a device."""
+    """Λ, three entries for each contact, and v of an iteration from ``start``, shape (n_rows,), on a device."""
 
     def __init__(self, sweep: DeviceSweep, start: FloatArray) -> None:
         layout, pieces = sweep.layout, sweep.pieces

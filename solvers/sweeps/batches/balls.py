@@ -1,8 +1,8 @@
 """Sweeps over contacts of balls in batches, from records of a normal.
 
 The iterates are those of ``pieces``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
-its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). A sweep updates v and τ,
-where σ = rω is κτ,
+its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). With the impulse P of a
+contact, a sweep updates v and τ, where κτ = rω,
 
     ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
     v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
@@ -167,7 +167,7 @@ class BallIterates(MomentumState, SinglePassIterates):
 
 @njit(cache=True)
 def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-untyped-def]
-    """Write 1/m of each ball and return κ = r²m/J; return 0 if balls differ in κ, or the moments of one ball differ."""
+    """Write 1/m of each ball and return κ = r²m/J, or 0 if balls differ in κ or have several moments of inertia."""
     share = 0.0
     for ball in range(len(radii)):
         linear, angular = inverse[6 * ball], inverse[6 * ball + 3]
