@@ -49,13 +49,12 @@ measured momentum reaches a plateau."""
 class Fallback(Method):
     """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
-    The limits of a solve apply to all parts together. The result is the first solution or, if there is none, the
-    impulses with the lowest residual, as the judge computes it. The message lists the parts that ran and the outcome of
-    each.
+    The limits of a solve apply to all parts together. The result is the first solution or, without one, the impulses
+    with the lowest residual. The message lists the parts that ran and the outcome of each.
 
     Attributes:
         parts: the solvers, all of the same model; parts that do not support a problem are skipped.
-        warm_iterations: iteration limit of the first part when it runs from a given start; no effect without a start.
+        warm_iterations: iteration limit of the first part from a given start; this run is omitted without one.
         iterations: iteration limit of each run from zero; the last part has no separate limit.
 
     Raises:
@@ -143,14 +142,14 @@ class PreparedFallback:
         return sequence.finish(sequence.status)
 
     def _residual(self) -> Residual:
-        """Return the residual that the first part evaluates, or a new one if that part has none."""
+        """Return the residual of the first part, or a new one if that part has none."""
         model, first = self.fallback.model, self.prepared[self.parts[0].name]
         if isinstance(first, PreparedIteration):
             return first.residual
         return residual_under(self.problem, model)
 
     def _runs(self, sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
-        """Yield the run of the first part from the start, then the runs of all parts from zero."""
+        """Yield the run of the first part from the start, then those of all parts from zero."""
         first = self.parts[0]
         if start is not None and np.any(start):
             name = f"{first.name} from the start"

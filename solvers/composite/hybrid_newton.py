@@ -34,8 +34,8 @@ SWEEPS_BEFORE = 200
 """Number of sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
 
 SLOW = 500
-"""Newton's method is tried if sweeps need more than this number for each digit (factor of 10) of the residual. A few
-Newton steps cost as much as a few thousand sweeps, for ten contacts and for a thousand."""
+"""Newton's method is tried if sweeps need more than this number per digit of the residual. A few Newton steps cost as
+much as a few thousand sweeps, for ten contacts and for a thousand."""
 
 SETTINGS = (SHARP, DAMPED, *THOROUGH)
 """Settings of successive runs of Newton's method between sweeps."""

@@ -17,8 +17,7 @@ The last four methods run in five rounds, with increasing iteration limits for t
 continues where it stopped. If it has ended, and in the fourth round, it restarts with series of another order, which
 may not cycle where the first ones do. When both paths have ended, ``ProximalPoint`` starts from the best impulses.
 Before the last round, ``SemismoothNewton`` starts from zero, because the other methods may all lead to the same
-iterate. In the last round, ``HybridNewton`` has no limit of its own. No method delays the others for long, and the runs
-do not depend on the speed of the machine.
+iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,7 @@
-"""Windows: numbers of sweeps in which the residual must fall tenfold, else an interior point method follows.
+"""Windows: limits for sweeps that reduce the residual less than tenfold, after which interior points follow.
 
-A window begins with the first sweep, and again whenever the residual has fallen by a digit (a factor of 10). With m
-blocks (contacts and joints), the work s of a sweep, and the work w of a step of the interior point method, its length
-is
+A window begins with the first sweep and after each digit (factor of 10) of the residual. With m blocks (contacts and
+joints), the work s of a sweep, and the work w of an interior point step, its length is
 
     n = min(400 + 3 m, 20 w / s)      sweeps, and at least 400.
 

@@ -1,7 +1,6 @@
 """Nominal times of sweeps, interior-point steps and cone programs, computed from numbers of operations.
 
-Here m is the number of blocks (contacts and joints), k is the number of their rows, padded to blocks of equal width,
-and f is the number of operations of a factorisation:
+There are m blocks (contacts and joints) with k rows, padded to blocks of equal width. A factorisation has f operations.
 
     sweep                  10 ns · k for contacts alone,   50 ns · k with joints or rolling friction
     interior-point step    0.3 ms + 5 µs · m + f / 15 GHz

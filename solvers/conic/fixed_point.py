@@ -9,11 +9,11 @@ Each outer iteration solves one cone program with c_N + s and computes s from th
 plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 makes it faster. If the
 residual rises far above its best value, the acceleration restarts.
 
-F(s) exists if the cone program has a solution, that is, if s lies in D = {s : W̃ᵀv + c + s e_N ∈ K* for some v}, where
-G = W̃ᵀW̃. D is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D, a fixed point exists (Acary, Cadoux,
-Lemaréchal & Malick 2011), and the iteration stays in D. Otherwise F may lead out of D although a fixed point exists,
-and even in D it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal
-point algorithm, Acary, Brémond & Huber 2018). With w_i = εα_i and (s, Λ) from the previous iterate, it computes
+F(s) exists if the cone program has a solution, that is, on D = {s : W̃ᵀv + c + s e_N ∈ K* for some v} with G = W̃ᵀW̃. D
+is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D, a fixed point exists (Acary, Cadoux, Lemaréchal &
+Malick 2011), and the iteration stays in D. Otherwise F may lead out of D although a fixed point exists, and even in D
+it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point algorithm,
+Acary, Brémond & Huber 2018). With w_i = εα_i and (s, Λ) from the previous iterate, it computes
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
 
@@ -129,7 +129,7 @@ class FixedPointMethod(Method, ABC):
 
 @dataclass(frozen=True)
 class FastFixedPoint(Method):
-    """A fixed-point iteration that ends when a program gains less than a digit; it has the name of its method.
+    """A fixed-point iteration that ends when a program gains less than a digit, under the name of its method.
 
     If bodies stay at rest, s = 0 is the solution, and the first program finds it. The more slowly contacts slip, the
     faster the iteration converges. Where it converges slowly, other methods are faster.

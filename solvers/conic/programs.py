@@ -8,7 +8,7 @@ Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of the i
 therefore ξ = 0 in the dual.
 
 The factor form is the dual of the Delassus form, where v is the scaled velocity that the impulses cause, and Λ are the
-multipliers. It never assembles G. Both forms accept another c as an update of their data, without a new set-up.
+multipliers. It never assembles G. Both forms accept another c without a new set-up.
 
 Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
 motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The largest diagonal entry of each

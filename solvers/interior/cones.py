@@ -26,7 +26,7 @@ INSIDE = 1e-15
 """Smallest distance of iterates from the boundary of a cone, relative to their size."""
 
 SOFTNESS = 1e-9
-"""Entry of D for a joint, where entries of Ĝ are about 1. It makes the system regular for redundant joints."""
+"""Entry of D for a joint, relative to 1 in Ĝ, which makes systems with redundant joints regular."""
 
 
 @njit(cache=True, error_model="numpy")

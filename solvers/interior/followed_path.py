@@ -39,10 +39,10 @@ MAX_RANGE = 3.0
 """Largest range of a series, relative to √(2n) for n cones."""
 
 MAX_SHORTENINGS, SHORTENING = 20, 0.6
-"""Largest number of trials of the range of a series, and the factor by which each failed trial shortens it."""
+"""Largest number of ranges of a series that are tried, and the factor from one to the next."""
 
 MAX_RETRIES, RETRY_SHARE = 6, 0.3
-"""Largest number of corrections of the end of a series, and the factor of its length after each failure."""
+"""Largest number of ends of a series that are corrected, and the factor of its length after each failure."""
 
 MIN_TAU_RATIO = 1e-3
 """Smallest ratio of τ at the end of a series to τ at its beginning."""
@@ -87,7 +87,7 @@ class FollowedPath:
         self._tangent: Direction | None = None
 
     def resume(self, progress: Progress) -> None:
-        """Follow the path until ``progress`` has an outcome, from the last point, if any, or from a first one."""
+        """Follow the path from the last point, or from a first one, until ``progress`` has an outcome."""
         self._progress = progress
         if self._tangent is None:
             self.find(progress.best)

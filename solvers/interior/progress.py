@@ -24,7 +24,7 @@ PATIENCE = 20
 """Number of steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends if its last steps, this share of all its steps, made no progress."""
+"""A run of at least this many steps ends if its last steps, this share of all, made no progress."""
 
 MIN_WARM_STEPS = 20
 """Minimum number of steps before this test in a run from a given start, which may be stuck at the boundary of a cone. A
@@ -110,8 +110,7 @@ class Progress:
     def may_run(self) -> bool:
         """Whether a run may begin: the first one, or another one after a run that stalled.
 
-        A run from a given start is followed by one from zero; other runs are followed by one only if they reduced the
-        residual.
+        A run from a given start is followed by one from zero, other runs only if they reduced the residual.
         """
         if self.outcome is None:
             return True

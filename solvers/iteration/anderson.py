@@ -39,7 +39,7 @@ MIN_EIGENVALUE = 1e-14
 
 
 class Anderson:
-    """The last pairs (x, g(x)), with at most ``memory`` differences; a memory of 0 gives the plain iteration."""
+    """The last pairs (x, g(x)), with at most ``memory`` differences; 0 gives the plain iteration."""
 
     def __init__(self, memory: int) -> None:
         self.memory = memory
@@ -78,7 +78,7 @@ class MovableIterates(Iterates, Protocol):
 
 
 class AndersonSweeps(WrappedIterates[MovableIterates]):
-    """Sweeps with Anderson acceleration, which keeps ``memory`` differences; a memory of 0 gives plain sweeps."""
+    """Sweeps with Anderson acceleration, which keeps ``memory`` differences; 0 gives plain sweeps."""
 
     def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:
         """Wrap ``iterates``; ``weights`` is √α of each lane of ``padded``, and ``memory`` the number of differences."""

@@ -2,7 +2,7 @@
 
 Sweeps with momentum β have a memory of the last m = 1/(1 − β) sweeps. If sweeps without momentum reduce a mode of the
 error by a small fraction δ per sweep, its amplitude z with momentum obeys z_{k+1} = (1 − δ)(z_k + β (z_k − z_{k−1})).
-The roots of this recurrence are real while 4δm² < 1:
+Its roots are real while 4δm² < 1:
 
     4δm² < 1    the error falls by the factor exp(−δm) per sweep, so twice the memory doubles the rate
     4δm² = 1    the fastest fall of this mode, about exp(−1/(2m))
@@ -11,8 +11,8 @@ The roots of this recurrence are real while 4δm² < 1:
 Let s be the measured rate, the decrease of the logarithm of the residual per sweep. The first case holds if s = δm is
 below 1/(4m), that is, if the residual falls by less than the factor e in 4m sweeps. Then m is doubled. The slow modes
 of a linear problem then fall twice as fast. If the next 4m sweeps gain less than half as much per sweep as those
-before, the sweeps were slow because contacts change between open, stick and slip, and a long memory delays such
-changes. Then m returns to its first value, and the next trial waits twice as long as the last one.
+before, the sweeps were slow because contacts change between open, stick and slip. A long memory delays such changes.
+Then m returns to its first value, and the next trial waits twice as long as the last one.
 
 After k sweeps, the memory is at most 1 + k/d, because a solve that ends after k sweeps gains nothing from a longer one.
 """

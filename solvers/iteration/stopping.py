@@ -1,10 +1,10 @@
 """Stopping criteria of projected iterations.
 
-The judge's residual is measured every few sweeps. A constant residual does not end a solve, because it may still fall:
-it may be constant for a million sweeps while an impulse travels through a stack. A solve therefore continues to its
-limits unless it cannot succeed. This is the case if Λ no longer changes, or rounding errors explain the residual
-(STALLED); if iterate ν equals iterate ν−2 up to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi
-sweeps); or if the residual grows without bound or is not a number (DIVERGED).
+The judge's residual is measured every few sweeps. A constant residual does not end a solve: it may fall after a million
+sweeps, in which an impulse travels through a stack. A solve therefore continues to its limits unless it cannot succeed.
+This is the case if Λ no longer changes, or rounding errors explain the residual (STALLED); if iterate ν equals iterate
+ν−2 up to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); or if the residual grows
+without bound or is not a number (DIVERGED).
 """
 
 import bisect

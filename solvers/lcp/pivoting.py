@@ -51,7 +51,7 @@ class Tableau:
     Attributes:
         matrix: M, dense, shape (n, n).
         vector: q, shape (n,).
-        smallest: entries of the entering column below this fraction of its largest entry count as zero.
+        smallest: one of ``SMALLEST_PIVOTS``.
         ending: state of the pivoting.
         pivots: number of pivots.
     """

@@ -1,7 +1,7 @@
 """PyramidPGS: projected Gauss–Seidel on the complementarity problem with box friction, as in physics engines.
 
 The regular k-gon with an even number of sides is a sum of k/2 segments (a zonotope). A friction pyramid is therefore
-equivalent to k/2 one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
+k/2 one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
 
     Λ_T = Σ_s e_s x_s,      |x_s| ≤ (a + μ Λ_N) sin(π/k),      x_s ← clip(x_s − ω e_sᵀξ_T / e_sᵀG_TT e_s)
 
@@ -34,7 +34,7 @@ class PyramidPGS(Method):
     """Projected Gauss–Seidel over scalar laws, with a friction pyramid in place of the cone.
 
     Attributes:
-        sides: k, the number of sides of the friction pyramid of a spatial contact; even and at least 4.
+        sides: k, the number of sides of a friction pyramid; even and at least 4.
         relaxation: ω.
 
     Raises:

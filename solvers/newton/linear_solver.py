@@ -13,9 +13,9 @@ expected to take at most
 
 Measured exponents range from 1.2 (flow) to 4.6 (the last part of a dense packing). The larger ones hold only while z
 grows by less than a factor of two. If a system is larger than all measured ones and may miss the deadline, leading
-parts of it are factorised first, each with twice as many rows as the previous one, until the prediction is either short
-enough or certainly too long. Rows are in reverse Cuthill–McKee order, so that a part has the connectivity of the whole.
-The parts do not affect the iterates.
+parts of it are factorised first. Their number of rows doubles until the prediction is either short enough or certainly
+too long. Rows are in reverse Cuthill–McKee order, so that a part has the connectivity of the whole. The parts do not
+affect the iterates.
 """
 
 from typing import TYPE_CHECKING

@@ -8,8 +8,8 @@ and ξ = W̃ᵀ w + d c, it minimises
 
 with D the derivatives of the projections. ℓ is convex, twice differentiable almost everywhere, and unconstrained. A
 step needs one factorisation over bodies, for any number of redundant contacts. With x̄ = 0, contacts penetrate with the
-velocity R x. This is the published method, which solves a relaxed model. Here x̄ is updated after each minimisation
-(method of multipliers of Hestenes and Powell), and R decreases, so that the relaxation vanishes.
+velocity R x. This is the published method, which solves a relaxed model. Here each minimisation updates x̄ (multipliers
+of Hestenes and Powell), and R decreases, so that the relaxation vanishes.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,8 @@
 """Rounds of an external solver: it continues where it stopped, and the judge's residual is checked after each one.
 
-External solvers know neither a time limit nor the judge's residual. Each call is therefore limited to a number of
-iterations that fits into the remaining time, at the speed measured in earlier rounds. If a solver reports convergence
-although the judge's residual is too large, the next round has a smaller tolerance.
+External solvers know neither a time limit nor the judge's residual. Each call is limited to the iterations that fit
+into the remaining time at the speed of earlier rounds. If a solver reports convergence although the judge's residual is
+too large, the next round has a smaller tolerance.
 """
 
 import time

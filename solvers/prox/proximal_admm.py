@@ -4,8 +4,8 @@
 
 De Saxcé's shift s = μ‖z_T‖ is updated in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
 & Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2, where L is the largest eigenvalue and m = η. ρ changes by
-(L/m)^±0.05 if the primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ by more than a factor of ten. Each new ρ
-needs a factorisation.
+(L/m)^±0.05 if the primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ more than tenfold. Each new ρ needs a
+factorisation.
 
 Anderson acceleration acts on w = x + z/ρ, because one iteration is a map of w. It restarts if ρ changes, or if w moves
 more than twice as far as before.

@@ -1,7 +1,7 @@
 """The contact problem over whole friction cones, in units of its contacts.
 
-With Λ = d x, where d_i = 1/√α_i for all rows of contact i and α_i is its largest diagonal entry of G, the largest
-diagonal entry of each contact in d G d is one for any masses, and the cones keep their form,
+Λ = d x with d_i = 1/√α_i for all rows of contact i, where α_i is its largest diagonal entry of G. The largest diagonal
+entry of each contact in d G d is then one for any masses, and the cones keep their form,
 
     K = {x_N ≥ 0, ‖x_T‖ ≤ a/d + μ x_N}.
 

@@ -9,7 +9,7 @@ Its states are tried one after the other: open (friction with bound a), stick (�
 possible. The result depends on the current impulse only if several solutions exist (Painlevé). A rank-deficient block
 leaves part of Λ_T undetermined. This part stays unchanged, or changes as little as the cone allows.
 
-If no state is consistent (a singular block may have no solution, and rounding may exclude two neighbouring states), the
+A singular block may have no solution, and rounding may exclude two neighbouring states. If no state is consistent, the
 result is the candidate with the smallest violation, as the judge measures it.
 
 ``solve_usual_spatial`` finds the state of a regular block near the current impulse, and reports whether it succeeded,
@@ -22,7 +22,7 @@ from numba import njit
 from .slip_angle import initial_direction, refine_direction, slip_directions, slip_polynomial
 
 SINGULAR = 1e-12
-"""A curvature below this fraction of the largest one of its block is a rounding error, and counts as zero."""
+"""A curvature below this fraction of the largest one of its block counts as zero."""
 
 REFINEMENTS = 8
 """Largest number of Newton steps that refine an inconsistent slip."""

@@ -1,8 +1,8 @@
 """Many small problems in one kernel: each is prepared, swept and judged.
 
-The arrays of all problems are joined. Each problem is given by a sparse matrix. Problem k has the rows r_k to r_{k+1} −
-1, and its matrix has the entries e_k to e_{k+1} − 1. The starts of its matrix begin at r_k + k, because a matrix has
-one more start than rows (or columns). Laws that several problems share are stored once.
+The arrays of all problems are joined. Problem k has the rows r_k to r_{k+1} − 1, and its sparse matrix has the entries
+e_k to e_{k+1} − 1. The starts of the matrix begin at r_k + k, because each matrix has one more start than rows (or
+columns). Shared laws are stored once.
 """
 
 import numpy as np

@@ -6,9 +6,8 @@ The front of a supernode, with index 1 for its pivot columns and 2 for the rows 
     ( F₂₁ F₂₂ )
 
 Rows are exchanged only within F₁₁. This suffices for Ĝ + D, whose symmetric part is positive definite or nearly so;
-refinement removes the additional rounding errors. Dense products use BLAS. A factorisation of 734 contacts takes 3 ms,
-a third to a half of the time of elimination column by column in the same order, and a fifth of the time of SuperLU in
-its own order.
+refinement removes the additional rounding errors. Dense products use BLAS. A factorisation of 734 contacts takes 3 ms:
+a third to a half of the time of column-wise elimination in the same order, a fifth of that of SuperLU in its own order.
 """
 
 import numpy as np
