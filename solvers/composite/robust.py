@@ -1,6 +1,6 @@
 """Robust: sweeps while they are fast, then more expensive methods.
 
-Sweeps solve most problems of flowing contacts in less time than one factorisation. If sweeps are slow, Newton's method
+Sweeps solve most problems of flowing material in less time than one factorisation. If sweeps are slow, Newton's method
 often succeeds once they have identified which contacts stick and slip. Interior point methods solve the other problems,
 such as piles and stacks with redundant contacts.
 
@@ -46,7 +46,7 @@ from .sweep_selection import can_accelerate, select_sweeps, sweeps_between_check
 from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
-"""The accelerated sweeps, and the ratio of the window of other sweeps to theirs."""
+"""The accelerated sweeps, and how many times longer a window of other sweeps is."""
 
 NEWTON_SETTINGS = replace(LINE_SEARCH, max_steps=8)
 """Newton steps from the last swept impulses, which identify the states even before the residual has fallen."""
@@ -76,7 +76,7 @@ def prepare_by_parts(problem: ContactProblem) -> "PreparedRobust":
 
 @dataclass(frozen=True, eq=False)
 class PreparedRobust:
-    """The prepared sweeps of one problem, the minimum number between checks, and the other prepared parts by name."""
+    """The prepared sweeps of one problem, their minimum number between checks, and the other prepared parts by name."""
 
     problem: ContactProblem
     name: str

@@ -65,7 +65,7 @@ class PreparedPGS(PreparedRounds):
         self._operator = on_deep_stack(lambda: pin.DelassusOperatorDense(dense), problem.n_contacts)
 
     def begin(self, max_seconds: float) -> Call:
-        """Return the sweeps; their only state is Λ."""
+        """Return the call of the sweeps, whose only state is Λ."""
         pin, contacts = pinocchio(), self._contacts
         solver, settings, result = pin.PGSConstraintSolver(), pin.PGSSolverSettings(), pin.PGSSolverResult()
         settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0
