@@ -33,8 +33,8 @@ def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -
         options: keyword arguments of the factory.
 
     Raises:
-        PluginError: if it does not implement the interface.
-        ProxbenchError: if the class raises it, for example for an option out of range.
+        PluginError: if the solver does not implement the interface.
+        ProxbenchError: if the class raises it, for example because an option is out of range.
     """
     head = f"solver {name} of {source}"
     check_factory(name, source, factory)

@@ -78,11 +78,11 @@ _EXAMPLES = {
 _NATIVE_EXAMPLES = {"Shared": "Shared(./libmine.so)", "Executable": "Executable(./mine)"}
 
 _PATH = re.compile(rf"\b({'|'.join(_NATIVE)})\(\s*(?:'([^']*)'|\"([^\"]*)\"|([^'\"=,()]+?))\s*(?=[,)])")
-"""The path of a library or executable, the first argument, with or without quotes."""
+"""Pattern of the path of a library or executable, which is the first argument, with or without quotes."""
 
 
 def available() -> list[str]:
-    """Return the names of built-in solvers, of parts of ``Robust``, and of plugins, which are not imported."""
+    """Return the names of built-in solvers, of parts of ``Robust``, and of plugins, without importing the plugins."""
     return [*BUILT_IN, *PARTS, *(offer.name for offer in plugin_solvers() if not offer.rejection)]
 
 
@@ -92,7 +92,7 @@ def parts() -> list[str]:
 
 
 def compiled_solvers(name: str | None = None) -> list[str]:
-    """Return the plain names of built-in solvers with compiled kernels: all, or those among a solver and its parts.
+    """Return the plain names of built-in solvers with compiled kernels: all, or those among ``name`` and its parts.
 
     ``CvxpyCoulomb`` is excluded because its library takes long to import.
 
@@ -106,12 +106,12 @@ def compiled_solvers(name: str | None = None) -> list[str]:
 
 
 def peers() -> list[str]:
-    """Return the names of external solvers; ``create`` raises if the library of one is not installed."""
+    """Return the names of external solvers; ``create`` raises ``SolverError`` if a library is not installed."""
     return list(PEERS)
 
 
 def on_devices() -> list[str]:
-    """Return the names of solvers on devices of Warp; ``create`` raises without Warp, or without the device."""
+    """Return the names of solvers on devices of Warp; ``create`` raises ``SolverError`` without Warp or the device."""
     return list(ON_DEVICES)
 
 
@@ -141,8 +141,8 @@ def create(name: str, **options: Any) -> Solver:
     The parts of a composite solver come first: ``create("Fallback(SORprox(relaxation=1.5), NSGS)")``.
 
     Raises:
-        SolverError: for an unknown name or option (the message suggests the nearest one), an option out of range, or
-            unsuitable parts.
+        SolverError: if a name or an option is unknown (the message suggests the nearest one), an option is out of
+            range, or the parts are unsuitable.
         PluginError: if the plugin that offers the name cannot be imported, or its solver breaks the contract.
     """
     written = parse(name)
@@ -189,7 +189,7 @@ def factory(name: str) -> Any:
     """Return the class of a solver, or the factory that a plugin offers, by its plain name.
 
     Raises:
-        SolverError: for an unknown name; the message suggests the nearest one.
+        SolverError: if the name is unknown; the message suggests the nearest one.
         PluginError: if the plugin that offers the name cannot be imported.
     """
     return _built_in(name) if name in _OWN else _plugin_factory(_offer(name))
@@ -199,7 +199,7 @@ def find_offer(name: str) -> Offer | None:
     """Return the plugin's offer of the solver ``name`` or of its first part from a plugin; None if all are built in.
 
     Raises:
-        SolverError: for an unknown name; the message suggests the nearest one.
+        SolverError: if the name is unknown; the message suggests the nearest one.
     """
     found = [_offer(plain) for plain in plain_names(name) if plain not in _OWN]
     return found[0] if found else None
@@ -265,7 +265,7 @@ def parse(text: str) -> Name:
     The path of a library or executable needs no quotes: ``"Shared(./libmine.so)"``.
 
     Raises:
-        SolverError: if the text is not a name, or a name with keyword options.
+        SolverError: if the text is neither a name nor a name with keyword options.
     """
     named = _PATH.sub(lambda found: f"{found[1]}(path={found[2] or found[3] or found[4] or ''!r}", text)
     return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
@@ -281,11 +281,11 @@ def solve(
         problem: the contact problem, its name, or the path of its file.
         solver: a solver, or its name; ``Robust`` sweeps while that is fast, and continues with other methods.
         tolerance: the judge's residual to reach.
-        limits: max_iterations, max_seconds.
+        limits: ``max_iterations`` and ``max_seconds``.
 
     Raises:
-        SolverError: for an unknown solver, option or limit, or if ``problem`` is not a contact problem, a name or a
-            path.
+        SolverError: if the solver, an option or a limit is unknown, or ``problem`` is not a contact problem, a name or
+            a path.
         ProblemError: from ``load``.
     """
     unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]

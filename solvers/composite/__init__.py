@@ -1,1 +1,1 @@
-"""Solvers that combine other solvers, and are named accordingly."""
+"""Solvers that combine other solvers."""

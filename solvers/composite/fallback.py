@@ -1,8 +1,8 @@
 """Fallback: several solvers in sequence, until one solves the problem.
 
 A problem can be hard for one method or start, and easy for another. The impulses of the last time step may lead to a
-plateau that a start at zero avoids. One relaxation may oscillate about a solution that another reaches. The first part
-starts from the given impulses, then all parts start from zero.
+plateau of the residual that a start at zero avoids. One relaxation may oscillate about a solution that another reaches.
+The first part starts from the given impulses. Then all parts run from zero.
 """
 
 from collections.abc import Iterator
@@ -33,32 +33,32 @@ from .sequence import SolverRun, SolverSequence
 from .sweep_selection import FAST_MOMENTUM, FAST_RELAXATION
 
 WARM_ITERATIONS = 500
-"""Default of ``warm_iterations``. In flow both starts are equally good; in a pile at rest the impulses of the last step
-either are nearly the solution, or do not lead to it."""
+"""Default of ``warm_iterations``. In flow, the impulses of the last step are as good a start as zero. In a pile at
+rest, they are either close to a solution or do not lead to one."""
 
 ITERATIONS = 2000
-"""Default of ``iterations``, sufficient for sweeps on most problems that they solve."""
+"""Default of ``iterations``. It suffices for most problems that sweeps solve."""
 
 MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
 """Relaxation and momentum of the parts of ``MomentumFallback``. Momentum that follows the measured rate is fastest on
-hundreds of contacts and more; a constant long memory solves most of the rare steps of a settling pile on which it
-reaches a plateau."""
+hundreds of contacts or more. A constant momentum close to 1 solves most of the rare steps of a settling pile on which
+measured momentum reaches a plateau."""
 
 
 @dataclass(frozen=True, init=False)
 class Fallback(Method):
     """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
-    The limits of a solve apply to all parts together. The result is the first solution, otherwise the best impulses of
-    all parts by the judge's residual. The message lists the parts that ran and the outcome of each.
+    The limits of a solve apply to all parts together. The result is the first solution or, without one, the impulses
+    with the lowest residual. The message lists the parts that ran and the outcome of each.
 
     Attributes:
         parts: the solvers, all of the same model; parts that do not support a problem are skipped.
-        warm_iterations: iteration limit of the first part from the start; this run is omitted without a start.
+        warm_iterations: iteration limit of the first part from a given start; this run is omitted without one.
         iterations: iteration limit of each run from zero; the last part has no separate limit.
 
     Raises:
-        SolverError: without parts, for parts of different models, or for an option out of range.
+        SolverError: if there are no parts, the parts have different models, or an option is out of range.
     """
 
     parts: tuple[Solver, ...]
@@ -93,12 +93,12 @@ class Fallback(Method):
 
     @property
     def has_iterates(self) -> bool:
-        """Whether every part shows its iterates."""
+        """Whether every part passes its iterates to the observer."""
         return all(map(shows_iterates, self.parts))
 
     @property
     def threads(self) -> int:
-        """The largest number of threads of a part."""
+        """The largest number of threads that a part uses."""
         return max(map(threads_of, self.parts))
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -123,7 +123,7 @@ class Fallback(Method):
 
 @dataclass(frozen=True, eq=False)
 class PreparedFallback:
-    """The parts that support one problem, and those that are prepared, by name."""
+    """The parts that support one problem, and the prepared parts by name."""
 
     problem: ContactProblem
     fallback: Fallback = field(repr=False)
@@ -149,7 +149,7 @@ class PreparedFallback:
         return residual_under(self.problem, model)
 
     def _runs(self, sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
-        """Yield the first part from the start, then all parts from zero."""
+        """Yield the run of the first part from the start, then those of all parts from zero."""
         first = self.parts[0]
         if start is not None and np.any(start):
             name = f"{first.name} from the start"
@@ -163,8 +163,8 @@ class PreparedFallback:
 class MomentumFallback(Fallback):
     """A preset of ``Fallback``: SORprox with the momentum "measured", 0.97, 0.985 and 0.985, then ``Robust``.
 
-    Sweeps are over the factors; ``Robust`` is the only part for problems without them. This is the default of
-    ``proxbench simulate`` for scenes with many contacts.
+    The sweeps use the factors. On problems without factors, only ``Robust`` runs. This is the default of ``proxbench
+    simulate`` for scenes with many contacts.
     """
 
     def __init__(self) -> None:

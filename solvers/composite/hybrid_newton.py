@@ -1,15 +1,15 @@
-"""HybridNewton: sweeps, and Newton's method on the projection equations if they are slow.
+"""HybridNewton: sweeps, and Newton's method on the projection equations if the sweeps are slow.
 
 Sweeps quickly identify which contacts are open, stick or slip, but determine the impulses slowly if masses differ or
-many contacts are coupled. Newton's method has the opposite properties. Sweeps therefore come first, and Newton's method
-is tried when they are slow. Its result is kept only if the judge's residual has fallen.
+many contacts are coupled. Newton's method has the opposite properties. The solver therefore begins with sweeps, and
+tries Newton's method when they are slow. Its result is kept only if the judge's residual has fallen.
 
 Newton's method converges only near a solution, which sweeps at high friction may never reach. If sweeps stall, Newton's
 method restarts after sweeps of other kinds, from the best iterate and from the first one (``restarts``).
 
-No decision depends on the tolerance: a solve to a smaller tolerance begins with the same iterates, and its residual is
-not larger. No decision depends on the speed of the machine, except near the deadline: a Newton step that would miss it
-is skipped (``linear_solver``).
+No decision depends on the tolerance. A solve to a smaller tolerance therefore begins with the same iterates, and its
+residual is not larger. No decision depends on the speed of the machine, except near the deadline: a Newton step that
+would miss it is skipped (``linear_solver``).
 """
 
 from dataclasses import dataclass, field
@@ -31,17 +31,17 @@ from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .restarts import Restarts
 
 SWEEPS_BEFORE = 200
-"""Sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
+"""Number of sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
 
 SLOW = 500
-"""Number of sweeps per digit of the residual above which Newton's method is tried. A few Newton steps cost as much as a
-few thousand sweeps, for ten contacts and for a thousand."""
+"""Newton's method is tried if sweeps need more than this number per digit of the residual. A few Newton steps cost as
+much as a few thousand sweeps, for ten contacts and for a thousand."""
 
 SETTINGS = (SHARP, DAMPED, *THOROUGH)
-"""Newton settings of successive attempts between sweeps."""
+"""Settings of successive runs of Newton's method between sweeps."""
 
 SUCCESS = 0.1
-"""If an attempt reduces the residual to this fraction, the next attempt follows at once; otherwise sweeps follow."""
+"""If an attempt reduces the residual to this fraction or less, the next attempt follows at once, else sweeps follow."""
 
 STUCK_STATUSES = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
 """Outcomes of sweeps after which restarts may help."""
@@ -57,7 +57,7 @@ class HybridNewton(Method):
         relaxation: ω of the sweeps; see ``SafeguardedSORprox``.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     relaxation: float = 1.5
@@ -145,7 +145,7 @@ class ConvergenceRate:
         self.sweeps += count
 
     def sweeps_per_digit(self, residual: float) -> float:
-        """Return the sweeps per digit of the residual, measured over the last ``SWEEPS_BEFORE`` sweeps or more."""
+        """Return the number of sweeps per digit of the residual, over the last ``SWEEPS_BEFORE`` sweeps or more."""
         earlier = [mark for mark in self._marks if mark[0] <= self.sweeps - SWEEPS_BEFORE]
         if not earlier or not residual < earlier[-1][1]:
             return np.inf

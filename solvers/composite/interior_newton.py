@@ -1,22 +1,23 @@
-"""InteriorNewton: interior points identify contact states, sweeps and Newton's method refine impulses.
+"""InteriorNewton: interior points identify contact states; sweeps and Newton's method refine impulses.
 
-An interior point method identifies from any start, in a few dozen factorisations, which contacts open, stick and slip.
-Its last digits are slow if a solution is not strictly complementary, and its path may turn. Sweeps with momentum
-usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods alternate:
+From any start, an interior point method takes a few dozen factorisations to identify which contacts open, stick and
+slip. It finds the last digits slowly if the solution is not strictly complementary, and its path may turn back. Sweeps
+with momentum usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods
+alternate:
 
     InteriorPoint      fast if τ can decrease steadily
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, as long as each cone program gains a digit, if programs are cheap: bodies at rest
+    ClarabelCoulomb    from zero, if programs are cheap, while each gains a digit, as it does for bodies at rest
     CentralPath        from the beginning of the path, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
     HybridNewton       from the best impulses: sweeps that change contact states one by one if no path helps
 
-The last four run five times, with growing iteration limits for the path and the sweeps. The path continues where it
-stopped. If it has ended, and in the fourth round, it restarts with series of another order, which may continue where
-the first ones cycle. When no path is left, ``ProximalPoint`` starts from the best impulses. ``SemismoothNewton`` starts
-from zero before the last round, in which ``HybridNewton`` has no limit, because the methods before it may all lead to
-the same iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
+The last four methods run in five rounds, with increasing iteration limits for the path and ``HybridNewton``. The path
+continues where it stopped. If it has ended, and in the fourth round, it restarts with series of another order, which
+may not cycle where the first ones do. When both paths have ended, ``ProximalPoint`` starts from the best impulses.
+Before the last round, ``SemismoothNewton`` starts from zero, because the other methods may all lead to the same
+iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -43,27 +44,27 @@ from .sweep_selection import FACTORS_DENSITY, density, refining_sweeps
 from .work import MAX_STEPS, program_seconds, step_seconds
 
 MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS, MAX_NEWTON_STEPS = 80, 500, 40, 500
-"""Limits of iterations: ``InteriorPoint``, sweeps after it and the path, ``ProximalPoint``, ``SemismoothNewton``."""
+"""Iteration limits of ``InteriorPoint``, of sweeps, of ``ProximalPoint`` and of ``SemismoothNewton``."""
 
 PATH_ROUNDS = ((6, 100), (6, 200), (6, 400), (10, 1000), (6, 1000))
 """Order and iteration limit of ``CentralPath`` in each round."""
 
 HYBRID_LIMITS = (500, 1000, 2000, 2000)
-"""Iteration limits of ``HybridNewton`` in all rounds but the last, which has no separate limit."""
+"""Iteration limits of ``HybridNewton`` in all rounds but the last, in which only the limit of the solve applies."""
 
 REDUNDANCY = 2
-"""Rows per degree of freedom above which interior points may factorise over bodies."""
+"""Rows per degree of freedom above which interior point methods may factorise over bodies."""
 
 MAX_OPERATIONS = 1e300
-"""Operations of a factorisation for which the memory does not suffice."""
+"""Number of operations returned for a factorisation that does not fit into memory."""
 
 
 @dataclass(frozen=True)
 class InteriorNewton(Method):
     """Interior points, their path through its turns, sweeps and Newton's method, one after the other.
 
-    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior points factorise over bodies if
-    several contacts of the same two bodies over-determine their motion, otherwise over contacts.
+    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior point methods factorise over
+    bodies if several contacts of the same two bodies over-determine their motion, otherwise over contacts.
     """
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -105,23 +106,23 @@ def first_method(problem: ContactProblem) -> SingleRun:
 
 
 def count_operations(sequence: SolverSequence) -> float:
-    """Return the operations of one factorisation of the first method, which is prepared if necessary.
+    """Return the number of operations of one factorisation of the first method, which is prepared if necessary.
 
-    ``MAX_OPERATIONS`` if the memory does not suffice for one.
+    Return ``MAX_OPERATIONS`` if the memory does not suffice for one.
     """
     prepared = sequence.prepare(first_method(sequence.problem))
     return prepared.system.flops if isinstance(prepared, PreparedRuns) else MAX_OPERATIONS
 
 
 def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
-    """Return De Saxcé's fixed point in the form of the faster sweeps.
+    """Return De Saxcé's fixed point in the form over which sweeps are faster, or None.
 
-    None if the problem has no cone program, or if one takes more work than ``MAX_STEPS`` interior point steps, with
-    ``operations`` per factorisation.
+    Return None if the problem has no cone program, or if one takes more work than ``MAX_STEPS`` interior point steps
+    with ``operations`` per factorisation.
     """
     if program_seconds(operations) > MAX_STEPS * step_seconds(problem, operations):
         return None
-    from ..conic.clarabel_coulomb import ClarabelCoulomb  # import takes 20 ms
+    from ..conic.clarabel_coulomb import ClarabelCoulomb  # imported here because import takes 20 ms
     from ..conic.fixed_point import FastFixedPoint
 
     forms: list[Literal["delassus", "factors"]] = ["delassus"]
@@ -132,11 +133,10 @@ def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
 
 
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
-    """Return the form of interior points: "factors" if contacts of the same two bodies over-determine their motion.
+    """Return the form of the methods: "factors" if contacts of the same two bodies over-determine their motion.
 
-    Several contacts of a pair of bodies, or of a body and the ground, are then redundant, and G has a dense block for
-    every two of them. Otherwise a step over bodies ends at a larger residual, because contact velocities are
-    differences of body velocities, and saves little.
+    Such contacts are redundant, and G has a dense block for every two of them. Otherwise a step over bodies saves
+    little, and ends at a larger residual because contact velocities are differences of body velocities.
     """
     if problem.factors is None or problem.n_rows <= REDUNDANCY * problem.factors.n_dofs:
         return "delassus"

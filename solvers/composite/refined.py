@@ -1,10 +1,10 @@
 """Refined: a solver whose iterates are refined by Newton steps on the states that they identify.
 
-An interior point method identifies early which contacts are open, stick and slip, but its impulses follow the central
-path and keep an error of about the square root of its tolerance. Once the states are right the problem is a linear
-system, the projection equations of ``linearised`` (Alart & Curnier 1991; that a projection identifies the states: Burke
-& Moré 1988). One Newton step solves it up to the curvature of slip, which further steps correct. A step that does not
-lower the judge's residual started from wrong states, and is discarded.
+An interior point method soon identifies which contacts are open, stick or slip. Its impulses, however, follow the
+central path, and their error is about the square root of its tolerance. Once the states are right, the problem is a
+system of equations, the projection equations of ``linearised`` (Alart & Curnier 1991; Burke & Moré 1988 prove that
+projections identify the states). It is linear except for the direction of slip, so that a few Newton steps solve it. A
+step that does not reduce the judge's residual is discarded, because it started from wrong states.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from ..newton.linearised import Equations
 from ..newton.steps import LINE_SEARCH, THOROUGH, NewtonMethod, NewtonSettings
 
 REFINEMENT = NewtonSettings(damping=1e-12, max_steps=4, patience=1)
-"""Settings on identified states: each step must reduce the residual, and halve it if another one is to follow."""
+"""Settings on identified states: each step must reduce the residual, and halve it if another step is to follow."""
 
 SUCCESS = 0.1
 """If a refinement reduces the residual below this fraction, the next iterate is refined too."""
@@ -30,18 +30,18 @@ MAX_WAIT = 8
 """Largest number of iterations between a failed refinement and the next one."""
 
 FIRST_SEARCH = 4
-"""Iterations of a phase before the first Newton search; the number doubles before each further search."""
+"""Number of iterations of a phase before the first run with a line search. It doubles before each further run."""
 
 
 @dataclass(frozen=True)
 class Refined(Method):
-    """A fixed point over cone programs with Newton steps from its iterates: ``Refined(ClarabelCoulomb)``.
+    """A fixed-point iteration over cone programs, with Newton steps from its iterates: ``Refined(ClarabelCoulomb)``.
 
     Attributes:
-        solver: ``ClarabelCoulomb`` or ``CvxpyCoulomb`` with any options; one iteration is one of its iterations.
+        solver: ``ClarabelCoulomb`` or ``CvxpyCoulomb`` with any options; one iteration is an iteration of this solver.
 
     Raises:
-        SolverError: if the solver does not offer its iterates.
+        SolverError: if the solver is not one of these two.
     """
 
     solver: FixedPointMethod
@@ -68,7 +68,7 @@ class Refined(Method):
 
 
 class Refinement(Correction):
-    """Newton steps from the iterates of one solve, less often after failures, and always at the end of a phase."""
+    """Newton steps from the iterates of one solve: less often after failures, and always at the end of a phase."""
 
     def __init__(self, problem: ContactProblem, residual: Residual, clock: Clock, tolerance: float) -> None:
         super().__init__(clock, tolerance)

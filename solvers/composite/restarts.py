@@ -2,18 +2,18 @@
 
 The predictors are block Gauss–Seidel sweeps and the sweeps of the solve, each from the best iterate so far and from the
 first. Newton's method starts from their 0th, 1st, 2nd, 4th, 8th, … iterate, with three dampings, with and without a
-line search (``newton.steps``). The best iterate comes first because it is the nearest known to a solution; the first
+line search (``newton.steps``). The best iterate comes first because no known iterate is closer to a solution. The first
 iterate is tried too, because sweeps and Newton's method may both lead back to the best one. The predictors alternate
-from iterate to iterate, because most successes come early. Such restarts replace a globalisation where the equations
-have neither a potential nor a monotone map: no merit function is free of local minima then (Acary, Brémond & Huber
-2018).
+from iterate to iterate, because most successes come early. Such restarts replace a globalisation, because the equations
+have neither a potential nor a monotone map. Every merit function may therefore have local minima (Acary, Brémond &
+Huber 2018).
 
 Their budget of counted work (``newton.work``) is the larger of
 
     WORK_SHARE × the work of the solve so far      and      MIN_WORK, at most LIMIT_SHARE × the time limit,
 
-and restarts are repeated only after the work has doubled. A budget of counted work gives the same iterates on every
-machine. The clock is the hard limit.
+and restarts are repeated only after the total work has doubled. A budget of counted work gives the same iterates on
+every machine. The clock is the hard limit.
 """
 
 from dataclasses import dataclass
@@ -72,7 +72,7 @@ class Restarts:
     def run(self) -> Outcome | None:
         """Try all starts and predictors; return the outcome if the solve is over, else None.
 
-        Every iterate is counted and shown, including those of predictors; the monitor keeps the best.
+        All iterates, also those of predictors, are counted and passed to the observer; the monitor keeps the best.
         """
         work, stop = self._newton.work, self._driver.monitor.stop
         work_until = work.seconds + max(WORK_SHARE * work.seconds, min(MIN_WORK, LIMIT_SHARE * stop.max_seconds))
@@ -92,14 +92,14 @@ class Restarts:
             starts.pop()
         blocks = BlockSweep.over(self._newton.equations.problem, 1.0)
         over_blocks = [Predictor(SafeguardedIterates(BlockIterates(blocks, start))) for start in starts]
-        # the starts themselves are attempted by the predictors over blocks
+        # the predictors over blocks already try Newton's method from the starts themselves
         over_rows = [
             Predictor(SafeguardedIterates(DelassusIterates(self._sweep, start)), attempted=0) for start in starts
         ]
         return [*over_blocks, *over_rows]
 
     def _advance(self, predictor: Predictor, work_until: float) -> Outcome | None:
-        """Try Newton's method from the next iterate of a predictor, then sweep to the one after; see ``run``.
+        """Try Newton's method from the next iterate of a predictor, then sweep to the following one; see ``run``.
 
         A predictor that diverges is not continued.
         """

@@ -1,20 +1,21 @@
 """Robust: sweeps while they are fast, then more expensive methods.
 
-Sweeps solve most problems of flowing contacts in less time than one factorisation. If sweeps are slow, Newton's
-method often succeeds once they have identified which contacts stick and slip. Interior points solve the other problems,
-such as redundant piles and stacks.
+Sweeps solve most problems of flowing material in less time than one factorisation. If sweeps are slow, Newton's method
+often succeeds once they have identified which contacts stick and slip. Interior point methods solve the other problems,
+such as piles and stacks with redundant contacts.
 
     sweeps              while each window of sweeps gains a digit
     accelerated sweeps  for a tenth of a window, and while each gains a digit
     Newton steps        a few from the last swept impulses
     InteriorNewton      interior points, their path, Newton's method and sweeps
 
-A window costs at most about half of an interior point method (``windows``), on piles of balls about a fifth. The time
-lost in slow sweeps is therefore small compared with what follows. Anderson acceleration often gains more in a few
-sweeps than momentum in a whole window. Newton steps on few rows cost no more than a hundred sweeps. With joints,
-they transmit impulses along chains, which sweeps do one joint at a time. In both cases the first windows are
-short: Newton steps are tried after the first of them that gains no digit, and the sweeps continue if they fail. No
-decision depends on the tolerance, nor on the clock except its limits.
+Sweeps gain a digit when they reduce the residual tenfold. A window (``windows``) takes at most about half as long as an
+interior point method, and a fifth on piles of balls. Slow sweeps thus take little time compared with the methods that
+follow. Anderson acceleration often gains more in a few sweeps than momentum in a whole window. Newton steps on few rows
+take no longer than a hundred sweeps. With joints, they transmit impulses along whole chains; a sweep transmits them to
+the next joint. In both cases the first windows are short: Newton steps are tried after the first window that gains no
+digit, and sweeps continue if the steps fail. No decision depends on the tolerance, or on the clock except for the time
+limit.
 """
 
 from collections.abc import Callable
@@ -45,7 +46,7 @@ from .sweep_selection import can_accelerate, select_sweeps, sweeps_between_check
 from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
-"""The sweeps that follow slow ones, and the ratio of the windows."""
+"""The accelerated sweeps, and how many times longer a window of other sweeps is."""
 
 NEWTON_SETTINGS = replace(LINE_SEARCH, max_steps=8)
 """Newton steps from the last swept impulses, which identify the states even before the residual has fallen."""
@@ -58,8 +59,8 @@ FINAL_STATUSES = (Status.SOLVED, Status.ITERATION_LIMIT, Status.TIME_LIMIT)
 class Robust(Method):
     """The solver to try first: fast if sweeps converge quickly, and reliable otherwise.
 
-    The message of a solution lists the parts that ran and the outcome of each. One iteration is one of the part that
-    runs.
+    The message of a solution lists the parts that ran and the outcome of each. One iteration is an iteration of the
+    part that runs.
     """
 
     def prepare(self, problem: ContactProblem) -> Prepared:
@@ -75,7 +76,7 @@ def prepare_by_parts(problem: ContactProblem) -> "PreparedRobust":
 
 @dataclass(frozen=True, eq=False)
 class PreparedRobust:
-    """The prepared sweeps of one problem, the sweeps between checks, and the other prepared parts by name."""
+    """The prepared sweeps of one problem, their minimum number between checks, and the other prepared parts by name."""
 
     problem: ContactProblem
     name: str
@@ -122,7 +123,7 @@ class SweepResult:
         best: the best Λ so far [N s], shape (n_rows,).
         latest: the last Λ [N s], shape (n_rows,).
         residual: residual of the last Λ.
-        has_ended: whether further sweeps are useless.
+        has_ended: whether the sweeps have an outcome.
         solution: the solution if the solve is over, else None.
     """
 
@@ -142,9 +143,9 @@ def run_sweeps(
     first: FloatArray,
     min_sweeps: int = 1,
 ) -> SweepResult:
-    """Sweep while each window gains a digit, with at least ``min_sweeps`` sweeps between checks of the residual.
+    """Sweep while each window gains a digit; check the residual every ``min_sweeps`` sweeps or less often.
 
-    ``first`` is the best Λ if no residual is finite.
+    If no residual is finite, ``first`` counts as the best Λ.
     """
     monitor = driver.monitor
     while True:
@@ -162,7 +163,7 @@ def run_sweeps(
 
 
 def accelerated_sweeps(sequence: SolverSequence) -> Callable[[FloatArray], Iterates] | None:
-    """Return how accelerated sweeps begin, None if the problem or the memory does not permit them."""
+    """Return the function that begins accelerated sweeps, None if the problem or the memory does not permit them."""
     if not can_accelerate(sequence.problem):
         return None
     try:

@@ -20,7 +20,7 @@ class SolverRun:
         name: name of the run in messages.
         prepared: the prepared solver.
         start: the initial Λ [N s], shape (n_rows,), or None for zero.
-        max_iterations: its iteration limit.
+        max_iterations: iteration limit of the run.
     """
 
     name: str
@@ -37,7 +37,7 @@ class _Unprepared:
     reason: str
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Return the start, or zero."""
+        """Return the start, or zero, with the reason."""
         impulses = np.zeros(self.problem.n_rows) if start is None else start
         return Solution(impulses, Status.UNSUPPORTED, 0, self.reason)
 
@@ -48,7 +48,7 @@ class SolverSequence:
 
     Attributes:
         problem: the problem.
-        residual: evaluates its residual.
+        residual: the residual of the problem.
         prepared: prepared solvers by name, extended by ``prepare``.
         stop: the limits of the whole sequence.
         observe: receives the iterates of all runs, numbered consecutively.
@@ -57,7 +57,7 @@ class SolverSequence:
         history: the name and outcome of each run.
         best_impulses: the best Λ so far [N s], shape (n_rows,); None before the first run.
         best_residual: residual of ``best_impulses``, computed as the judge computes it.
-        latest: the Λ of the last supported run [N s], shape (n_rows,); None before it.
+        latest: the Λ of the last supported run [N s], shape (n_rows,); None before the first one.
         status: status of the last supported run, or ``Status.TIME_LIMIT`` if any run ended with it.
     """
 
@@ -75,9 +75,10 @@ class SolverSequence:
     status: Status = Status.STALLED
 
     def prepare(self, solver: Solver) -> Prepared:
-        """Return the prepared solver, the same one for every run.
+        """Return the prepared solver, the same object for every run.
 
-        If it needs more memory than is available, its runs end at once, and the sequence continues with the others.
+        If it needs more memory than is available, its runs end at once, and the sequence continues with the other
+        solvers.
         """
         if solver.name not in self.prepared:
             try:
@@ -91,7 +92,7 @@ class SolverSequence:
         return SolverRun(solver.name, self.prepare(solver), start, max_iterations)
 
     def run(self, run: SolverRun) -> Solution | None:
-        """Do one run, and return the solution if the sequence is over, otherwise None."""
+        """Do one run; return the solution if the sequence is over, otherwise None."""
         left = self.stop.max_iterations - self.iterations
         limits = Stop(self.stop.tolerance, min(run.max_iterations, left), max(self.clock.remaining, 1e-9))
         try:
@@ -112,7 +113,7 @@ class SolverSequence:
         return self.finish(limit) if limit else None
 
     def keep_best(self, impulses: FloatArray, residual: float) -> None:
-        """Record Λ and its residual if it is the best so far."""
+        """Record Λ and its residual if Λ is the best so far."""
         if self.best_impulses is None or residual < self.best_residual:
             self.best_impulses, self.best_residual = impulses, residual
 

@@ -1,10 +1,10 @@
-"""Selection of the fastest sweeps for a problem, from its size and its couplings alone.
+"""Selection of the fastest sweeps for a problem, by its size and the coupling of its contacts alone.
 
 NSGS solves uncoupled contacts in one sweep. With many contacts, momentum halves the number of sweeps. A sweep over the
-assembled matrix reads a block for each pair of contacts on a body, a sweep over the factors one for each contact. On a
-slab that rests on five hundred contacts, a sweep over the matrix therefore takes two hundred times as long. Momentum
-slows the convergence of such a slab, which behaves like a single contact. If both forms read the same amount of data,
-the matrix needs fewer operations, and ``SafeguardedSORprox`` can be used.
+assembled matrix reads a block for each pair of contacts on a body; a sweep over the factors reads one for each contact.
+On a slab that rests on five hundred contacts, a sweep over the matrix therefore takes two hundred times as long.
+Momentum slows the convergence of such a slab, which behaves like a single contact. If both forms read the same amount
+of data, the matrix needs fewer operations, and ``SafeguardedSORprox`` can be used.
 """
 
 from typing import Any
@@ -27,25 +27,25 @@ Sweeps = NSGS | SORprox | SafeguardedSORprox
 """Methods among which the sweeps of a composite solver are chosen."""
 
 MIN_MOMENTUM_CONTACTS = 100
-"""Least number of spatial contacts with which momentum saves time."""
+"""Minimum number of spatial contacts with which momentum saves time."""
 
 RELAXATION = 1.5
 """Relaxation without momentum."""
 
 FAST_RELAXATION, FAST_MOMENTUM = 1.1, MEASURED
-"""Relaxation and momentum for many spatial contacts; the memory follows the measured rate of convergence."""
+"""Relaxation and momentum for many spatial contacts; the momentum follows the measured rate of convergence."""
 
 UNCOUPLED = 0.0
 """Density of a problem in which no two contacts share a body."""
 
 FACTORS_DENSITY, MAX_MOMENTUM_DENSITY = 1.5, 10.0
-"""Densities above which sweeps use the factors, and above which they have no momentum."""
+"""Densities (see ``density``) above which sweeps use the factors, and above which they have no momentum."""
 
 MAX_SMALL_SIZE, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
-"""Rows of the largest small problem; on such problems, the second value replaces ``FACTORS_DENSITY``."""
+"""Number of rows of the largest small problem; on small problems, the second value replaces ``FACTORS_DENSITY``."""
 
 ROWS_PER_CHECK = 100
-"""Rows that a sweep visits in the time of one residual check; on few rows, call overhead dominates that time."""
+"""Number of rows that sweeps visit in the time of one residual check, which call overhead dominates on few rows."""
 
 UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 """The sweeps of small problems, created once because creating them takes as long as several sweeps."""
@@ -76,7 +76,7 @@ def refining_sweeps(problem: ContactProblem) -> Sweeps | NesterovSORprox:
 
 
 def sweeps_between_checks(problem: ContactProblem, sweeps: Sweeps) -> int:
-    """Return how many sweeps take about as long as a check of the residual, 1 to ``MAX_CHECK_INTERVAL``.
+    """Return the number of sweeps that take about as long as a residual check, from 1 to ``MAX_CHECK_INTERVAL``.
 
     The number is 1 if the first sweep may be exact.
     """
@@ -84,7 +84,7 @@ def sweeps_between_checks(problem: ContactProblem, sweeps: Sweeps) -> int:
 
 
 def density(problem: ContactProblem) -> float:
-    """Return the ratio of the numbers that a sweep reads from the assembled matrix to those from the factors.
+    """Return how many numbers a sweep reads from the assembled matrix, relative to those it reads from the factors.
 
     The ratio is ``UNCOUPLED`` if no two contacts share a body or an entry of the matrix. If the problem holds only a
     matrix that couples contacts, it is 1.
@@ -117,7 +117,7 @@ def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatA
 @interpretable
 @njit(cache=True)
 def count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
-    """Return the largest number of pieces on a chunk, and the number of ordered pairs of pieces on the same chunk."""
+    """Return the largest number of pieces of one chunk, and the number of ordered pairs of pieces of the same chunk."""
     counts = np.zeros(n_chunks + 1)
     for chunk in chunks:
         counts[chunk] += 1.0

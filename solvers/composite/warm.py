@@ -1,4 +1,4 @@
-"""Warm: a solver that a run starts from its own solution of the previous step."""
+"""Warm: a solver that ``proxbench run`` starts from the solver's own solution of the previous step."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ from ...problems.contact.solver import Prepared, Solver, draws_randomly, shows_i
 class Warm:
     """A solver with a warm start, which its name shows: ``Warm(SORprox)``.
 
-    ``proxbench run`` solves the steps of a sequence that precede a problem with the solver itself, outside the measured
-    time, and starts each solve of the problem from the last solution. Without ``Warm``, the solver starts from zero. A
+    ``proxbench run`` first solves the steps that precede the problem with the solver itself, outside the measured time.
+    Each solve of the problem then starts from the last solution. Without ``Warm``, the solver starts from zero. A
     problem without a previous step is reported as unsupported. Outside ``proxbench run``, ``Warm`` has no effect.
 
     Attributes:
@@ -36,7 +36,7 @@ class Warm:
 
     @property
     def has_iterates(self) -> bool:
-        """Whether the solver shows its iterates."""
+        """Whether the solver passes its iterates to the observer."""
         return shows_iterates(self.solver)
 
     @property

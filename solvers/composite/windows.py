@@ -1,15 +1,15 @@
-"""Windows: limits of sweeps that gain less than a digit, after which interior points follow.
+"""Windows: limits for sweeps that reduce the residual less than tenfold, after which interior points follow.
 
-A window begins with the first sweep and with each digit. With m blocks (contacts and joints), the work s of a sweep and
-w of a step of the interior point method that would follow, it has
+A window begins with the first sweep and after each digit (factor of 10) of the residual. With m blocks (contacts and
+joints), the work s of a sweep, and the work w of an interior point step, its length is
 
-    n = min(400 + 3 m, 20 w / s)      sweeps, at least 400.
+    n = min(400 + 3 m, 20 w / s)      sweeps, and at least 400.
 
-The first term was measured on piles of balls, where the cost of a factorisation grows faster than m. The second one
-limits the work of a window to that of 20 steps. It is the smaller one if bodies form chains, whose factorisation is
+The first term was measured on piles of balls, where the cost of a factorisation grows faster than m. The second term
+limits the work of a window to that of 20 steps. It is the smaller term if bodies form chains, whose factorisation is
 cheap, and if sweeps are slow, as with joints. Both s and w are counted (``work``), and no length depends on the clock.
-Counting the operations of a factorisation takes as long as about 400 sweeps. It is therefore done only after 400 sweeps
-that gained less than a digit, and only if the second term could be the smaller one.
+Counting the operations of a factorisation takes as long as about 400 sweeps. They are therefore counted only after 400
+sweeps that gained less than a digit, and only if the second term could be the smaller one.
 """
 
 from collections.abc import Callable
@@ -23,23 +23,23 @@ from .sequence import SolverSequence
 from .work import MAX_STEPS, step_seconds, sweep_seconds
 
 WINDOW, WINDOW_PER_CONTACT = 400, 3
-"""Sweeps in a window: a constant, and an addition for each block."""
+"""Number of sweeps in a window: a constant, and an addition for each block."""
 
 SHORT_WINDOW = 90
-"""Sweeps in the first windows if Newton systems are dense or there are joints."""
+"""Number of sweeps in each of the first windows if Newton systems are dense or there are joints."""
 
 
 class Window:
     """A check whether sweeps gain a digit within ``length`` sweeps, counted from ``begin`` and from each digit.
 
-    ``longest``, if given, returns another limit of the length; it is called once, after ``WINDOW`` slow sweeps.
+    ``longest``, if given, returns a second limit of the length. It is called once, after ``WINDOW`` slow sweeps.
     """
 
     def __init__(self, length: int, begin: int = 0, longest: Callable[[], int] | None = None) -> None:
         self.length, self._begin, self._before, self._longest = length, begin, np.inf, longest
 
     def is_slow(self, iteration: int, residual: float) -> bool:
-        """Whether the last window of sweeps, up to this sweep with this best residual, has gained less than a digit."""
+        """Whether a whole window up to ``iteration`` has gained less than a digit of ``residual``, the best so far."""
         if residual <= 0.1 * self._before:
             self._before, self._begin = residual, iteration
             return False
@@ -50,14 +50,14 @@ class Window:
 
 
 def window_lengths(problem: ContactProblem) -> list[int]:
-    """Return the lengths of the windows, after each of which Newton steps are tried."""
+    """Return the lengths of successive windows; Newton steps are tried after slow sweeps of each length."""
     whole = WINDOW + WINDOW_PER_CONTACT * problem.n_contacts
     is_short = problem.n_rows <= MAX_DENSE_ROWS or problem.laws.is_bilateral.any()
     return [SHORT_WINDOW, whole] if is_short else [whole]
 
 
 def longest_window(sequence: SolverSequence) -> int:
-    """Return the number of sweeps with the work of ``MAX_STEPS`` interior point steps.
+    """Return the number of sweeps that take as much work as ``MAX_STEPS`` interior point steps.
 
     The interior point method is prepared only if the result may be shorter than the window of ``window_lengths``.
     """

@@ -1,7 +1,6 @@
 """Nominal times of sweeps, interior-point steps and cone programs, computed from numbers of operations.
 
-Here m is the number of blocks (contacts and joints), k the number of their rows with padding to blocks of equal width,
-and f the number of operations of a factorisation:
+There are m blocks (contacts and joints) with k rows, padded to blocks of equal width. A factorisation has f operations.
 
     sweep                  10 ns · k for contacts alone,   50 ns · k with joints or rolling friction
     interior-point step    0.3 ms + 5 µs · m + f / 15 GHz
@@ -14,10 +13,10 @@ numbers are the same on all machines and under any load.
 from ...problems.contact.problem import ContactProblem
 
 MAX_STEPS = 20
-"""Largest time of a window of sweeps or of a cone program, in nominal times of an interior-point step."""
+"""Largest time of a window of sweeps or of a cone program, in interior-point steps."""
 
 SWEPT_ROW, SWEPT_ROW_OF_ANY_LAW = 1e-8, 5e-8
-"""Seconds per row of a sweep over contacts, and of a sweep over a problem with joints or rolling friction."""
+"""Seconds per row of a sweep over contacts alone, and of a sweep over a problem with joints or rolling friction."""
 
 STEP, STEPPED_BLOCK, OPERATION = 3e-4, 5e-6, 1 / 15e9
 """Seconds of an interior-point step: the constant part, per block, and per operation of its factorisation."""

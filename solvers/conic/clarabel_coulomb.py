@@ -17,7 +17,7 @@ class ClarabelCoulomb(FixedPointMethod):
         memory: number of pairs that Anderson acceleration of the outer iteration keeps, 0 for no acceleration.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     form: Form = "delassus"
@@ -32,5 +32,5 @@ class ClarabelCoulomb(FixedPointMethod):
         return unsupported_reason(problem, self.form)
 
     def program(self, problem: ContactProblem) -> ClarabelProgram:
-        """Return the program, set up."""
+        """Return the program of ``problem``, set up for Clarabel."""
         return ClarabelProgram(problem, self.form)

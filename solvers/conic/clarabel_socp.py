@@ -1,14 +1,14 @@
 """ClarabelSOCP: the associated (convex) contact model as a second-order cone program, solved by Clarabel.
 
-The optimality condition of the model is −ξ ∈ N_K(Λ). It agrees with Coulomb's law where contacts stick or open; a
-sliding contact separates with ξ_N = μ‖ξ_T‖ instead of staying closed. The programs are those of ``programs``. Clarabel
-is an interior point method (Goulart & Chen 2024).
+The optimality condition of the model is −ξ ∈ N_K(Λ). It agrees with Coulomb's law where contacts stick or open. A
+sliding contact, however, separates with ξ_N = μ‖ξ_T‖. The programs are those of ``programs``. Clarabel is an interior
+point method (Goulart & Chen 2024).
 
-The tolerance of a conic solver is not a bound of the residual. It is therefore reduced until the judge's residual under
+The tolerance of a conic solver does not bound the residual. It is therefore reduced until the judge's residual under
 the convex model reaches the tolerance of the solve. Once a tolerance is too tight for the solver's factorisations, all
-other tolerances are tried, and then all of them with more accurate linear algebra, because the attainable residual is
-not predictable. A failed solve to a smaller tolerance thus includes all runs of a solve to a larger one, and its
-residual is not larger.
+other tolerances are tried, because the attainable residual is not predictable. All tolerances are then tried with more
+accurate linear algebra. A solve that fails to reach a smaller tolerance thus includes all runs of a solve to a larger
+one, and its residual is not larger.
 """
 
 from collections.abc import Iterator
@@ -30,10 +30,10 @@ LADDER = tuple(10.0**-digits for digits in range(3, 16))
 """Tolerances of the conic solver; smaller ones are meaningless in double precision."""
 
 FIRST_ACCURACY = 1e-2
-"""Upper bound of the first tolerance, relative to the tolerance of the solve."""
+"""Upper bound of the conic solver's first tolerance, relative to the tolerance of the solve."""
 
 STRIDE = 2
-"""Steps on the ladder between two runs."""
+"""Number of steps down the ladder from one run to the next."""
 
 _LIMITS = {ConicStatus.ITERATION_LIMIT: Status.ITERATION_LIMIT, ConicStatus.TIME_LIMIT: Status.TIME_LIMIT}
 
@@ -48,7 +48,7 @@ class ClarabelSOCP(Method):
         form: impulses over the "delassus" matrix as variables, or velocities over the "factors" W and M⁻¹.
 
     Raises:
-        SolverError: for an unknown form.
+        SolverError: if the form is unknown.
     """
 
     form: Form = "delassus"
@@ -78,7 +78,7 @@ class PreparedConvex:
     program: ClarabelProgram = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve to the judge's residual of the convex model; start and observer are ignored."""
+        """Solve to the tolerance by the judge's residual of the convex model; start and observer are ignored."""
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)
@@ -110,7 +110,7 @@ class PreparedConvex:
 
 
 class _Accuracies:
-    """Tolerances to try: decreasing until the conic solver fails, then the others, then all with better accuracy."""
+    """Tolerances to try: decreasing until the conic solver fails, then the others, then all with careful runs."""
 
     def __init__(self, tolerance: float) -> None:
         fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]

@@ -2,10 +2,10 @@
 
     minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact,
 
-with G = RᵀR: R = W̃ where the factors are known, otherwise from the eigenvalues of G. y is Λ in the units of
-``programs.Scaling``; the regularisation is that of ``programs``. The linear term is a parameter: cvxpy compiles the
-program once, and later runs replace b alone. ``ClarabelCoulomb`` solves the same program without cvxpy, which saves the
-time for compiling.
+with G = RᵀR. R is W̃ where the factors are known; otherwise it is computed from the eigenvalues of G. y is Λ in the
+units of ``programs.Scaling``, and the regularisation is that of ``programs``. The linear term is a parameter: cvxpy
+compiles the program once, and later runs replace b alone. ``ClarabelCoulomb`` solves the same program without cvxpy,
+and so without the time for compiling it.
 """
 
 import importlib
@@ -44,14 +44,14 @@ BUNDLED_QUADRATIC = "OSQP"
 """A quadratic solver that cvxpy installs."""
 
 MAX_SOLVER_ITERATIONS = 100_000
-"""Largest iteration limit that a solver receives; the iterations of splitting methods are cheap."""
+"""Largest iteration limit that a solver receives. It is large because iterations of splitting methods are cheap."""
 
 
 @dataclass(frozen=True)
 class CvxpyCoulomb(FixedPointMethod):
     """Solve Coulomb friction by De Saxcé's fixed-point iteration over convex models in cvxpy.
 
-    Spatial friction needs second-order cones. Planar friction and frictionless contact are quadratic programs, which
+    Spatial friction needs second-order cones. Planar friction and frictionless contact give quadratic programs, which
     quadratic solvers accept too. Without friction, one or two programs suffice.
 
     Attributes:
@@ -70,7 +70,7 @@ class CvxpyCoulomb(FixedPointMethod):
         check_memory(self.memory)
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Return why the solver does not support ``problem``, or None."""
+        """Return why the solver cannot solve ``problem``, or None."""
         laws = problem.laws
         if (laws.row_count > 1).any() and not supports_cones(self.solver):
             is_spatial = (laws.row_count[~laws.is_rolling] > 1).any()
@@ -95,7 +95,7 @@ def cvxpy() -> Any:
 def check_solver(name: str) -> None:
     """Raise ``SolverError`` unless the solver ``name`` of cvxpy is installed and supports quadratic objectives."""
     if name in (BUNDLED_CONIC, BUNDLED_QUADRATIC):
-        return  # without importing cvxpy
+        return  # avoids importing cvxpy
     known = installed_solvers(cones=False)
     if name in known:
         return
@@ -113,7 +113,7 @@ def supports_cones(name: str) -> bool:
 
 
 def installed_solvers(cones: bool) -> list[str]:
-    """Return the installed solvers of cvxpy that support second-order cones if ``cones``, else those and QP solvers."""
+    """Return the solvers installed in cvxpy that support second-order cones, and QP solvers too unless ``cones``."""
     cp = cvxpy()
     defines = importlib.import_module("cvxpy.reductions.solvers.defines")
     names = []

@@ -6,22 +6,23 @@ rolling friction),
     −(ξ + s e_N) ∈ N_K(Λ),      s = μ ‖ξ_T‖      for every contact.
 
 Each outer iteration solves one cone program with c_N + s and computes s from the resulting velocity: s ← F(s). The
-plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 shortens it. If the
+plain iteration converges linearly, and slowly on many contacts; Anderson acceleration of s ≥ 0 makes it faster. If the
 residual rises far above its best value, the acceleration restarts.
 
-F(s) exists if the cone program has a solution, that is, on D = {s : W̃ᵀv + c + s e_N ∈ K* for some v}, with G = W̃ᵀW̃.
-D is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D a fixed point exists (Acary, Cadoux, Lemaréchal
-& Malick 2011), and the iteration stays in D. Otherwise F may leave D although there is a fixed point, and even
-in D it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point
-algorithm, Acary, Brémond & Huber 2018): with w_i = εα_i and (s, Λ) from the iterate before,
+F(s) exists if the cone program has a solution, that is, on D = {s : W̃ᵀv + c + s e_N ∈ K* for some v} with G = W̃ᵀW̃. D
+is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D, a fixed point exists (Acary, Cadoux, Lemaréchal &
+Malick 2011), and the iteration stays in D. Otherwise F may lead out of D although a fixed point exists, and even in D
+it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point algorithm,
+Acary, Brémond & Huber 2018). With w_i = εα_i and (s, Λ) from the previous iterate, it computes
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
 
-G + diag(w) is positive definite: the program has exactly one solution, which depends continuously on (s, Λ). A fixed
-point solves the original problem. Small ε allow long steps, large ε damp oscillations.
+G + diag(w) is positive definite. The program therefore has exactly one solution, which depends continuously on (s, Λ).
+A fixed point solves the original problem. Small ε allow long steps, large ε damp oscillations.
 
-Another method may correct the iterates (``Correction``), and the iteration continues from the result. No
-decision depends on the tolerance: a solve to a tighter tolerance begins with the same iterates and ends no worse.
+Another method may correct the iterates (``Correction``); the iteration continues from the result. No decision depends
+on the tolerance. A solve to a smaller tolerance therefore begins with the same iterates, and its residual is not
+larger.
 """
 
 from abc import ABC, abstractmethod
@@ -42,22 +43,22 @@ from ..iteration.stopping import ROUNDING, Clock, Outcome
 from .programs import ConicProgram, ConicResult, ConicStatus, largest_curvatures
 
 MAX_TOLERANCE = 1e-8
-"""The largest tolerance of a cone program; its solution has an error of about the square root of it."""
+"""The largest tolerance of a cone program. The error of a solution is about the square root of the tolerance."""
 
 MIN_TOLERANCE = 1e-13
 """Tolerance below which the factorisations of conic solvers begin to fail."""
 
 INNER_ERROR = 1e-2
-"""Error of the solution of a cone program, relative to the best residual so far."""
+"""Intended error of the solution of a cone program, relative to the best residual so far."""
 
 TOLERANCE_GROWTH = 100.0
-"""The smallest tolerance grows by this factor when the conic solver gives up without progress."""
+"""Factor by which the smallest tolerance grows when the conic solver gives up without progress."""
 
 PROGRESS = 0.95
-"""A residual below this fraction of the best one is progress."""
+"""A residual below this fraction of the best one counts as progress."""
 
 RESTART_GROWTH = 10.0
-"""The acceleration restarts when the residual exceeds its best value by this factor."""
+"""The acceleration restarts when the residual exceeds this multiple of its best value."""
 
 INNER_ITERATIONS = 1_000_000
 """Iteration limit of one cone program; each conic solver applies its own lower limit."""
@@ -73,7 +74,7 @@ class Phase:
     Attributes:
         weight: ε, 0 for De Saxcé's iteration.
         patience: the phase ends after this many iterations without progress.
-        progress: a residual below this fraction of the best one is progress.
+        progress: a residual below this fraction of the best one counts as progress.
     """
 
     weight: float
@@ -82,10 +83,10 @@ class Phase:
 
 
 PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
-"""The phases; all but the first begin at Λ = 0. The last continues to the limits unless nothing changes."""
+"""The phases. All but the first begin at Λ = 0. The last one continues to the limits unless nothing changes."""
 
 FAST_PHASE = Phase(0.0, 1, progress=0.1)
-"""De Saxcé's iteration as long as each cone program gains a digit."""
+"""De Saxcé's iteration as long as each cone program reduces the residual tenfold."""
 
 
 def check_memory(memory: int) -> None:
@@ -94,14 +95,14 @@ def check_memory(memory: int) -> None:
 
 
 class Correction:
-    """Corrects the iterates of one solve; this one leaves them unchanged."""
+    """Correction of the iterates of one solve. This base class leaves them unchanged."""
 
     def __init__(self, clock: Clock, tolerance: float) -> None:
-        """Take the clock and the tolerance of the solve."""
+        """Store the clock and the tolerance of the solve."""
         self.clock, self.tolerance = clock, tolerance
 
     def begin_phase(self) -> None:
-        """Note that the iteration starts, or restarts in a new phase."""
+        """Begin a phase of the iteration."""
 
     def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
         """Return better impulses [N s], shape (n_rows,), and their residual, or the given ones.
@@ -112,7 +113,7 @@ class Correction:
 
 
 class FixedPointMethod(Method, ABC):
-    """A fixed point over cone programs, whose iterates can be corrected."""
+    """A fixed-point iteration over cone programs, whose iterates can be corrected."""
 
     memory: int
 
@@ -128,10 +129,10 @@ class FixedPointMethod(Method, ABC):
 
 @dataclass(frozen=True)
 class FastFixedPoint(Method):
-    """A fixed point as long as each cone program gains a digit, under the name of the method.
+    """A fixed-point iteration that ends when a program gains less than a digit, under the name of its method.
 
-    If bodies stay at rest, s = 0 is the solution, and the first program finds it; the more slowly contacts slip, the
-    faster the iteration converges. If it is slow, other methods are faster.
+    If bodies stay at rest, s = 0 is the solution, and the first program finds it. The more slowly contacts slip, the
+    faster the iteration converges. Where it converges slowly, other methods are faster.
     """
 
     method: FixedPointMethod
@@ -159,7 +160,7 @@ class PreparedFixedPoint:
         residual: its residual.
         program: its cone program.
         memory: number of pairs of the Anderson acceleration.
-        correction: creates the correction of each solve.
+        correction: function that creates the correction of each solve.
         phases: the phases of each solve.
     """
 
@@ -171,7 +172,7 @@ class PreparedFixedPoint:
     phases: tuple[Phase, ...] = field(default=PHASES, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""
+        """Iterate until the residual reaches the tolerance, from the s of ``start``; ``iterations`` counts programs."""
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
@@ -210,7 +211,7 @@ def shifted_velocity(problem: ContactProblem, shift: FloatArray) -> FloatArray:
 
 @dataclass
 class _Outer:
-    """The outer iteration of one solve: ``lowest`` is the residual of ``best``, ``iteration`` counts cone programs."""
+    """The outer iteration of one solve; ``lowest`` is the residual of ``best``; ``iteration`` counts cone programs."""
 
     prepared: PreparedFixedPoint
     stop: Stop
@@ -228,7 +229,7 @@ class _Outer:
         self.correction = self.prepared.correction(self.clock, self.stop.tolerance)
 
     def run(self, phase: Phase, shift: FloatArray, impulses: FloatArray) -> Outcome | None:
-        """Iterate from s and Λ; return the outcome if the solve is over, or None if only the phase is."""
+        """Iterate from s and Λ; return the outcome if the solve is over, or None if only the phase is over."""
         problem, program, memory = self.prepared.problem, self.prepared.program, self.prepared.memory
         alpha, weight = _alpha(problem), np.zeros(problem.n_rows)
         if phase.weight > 0.0:
@@ -277,7 +278,7 @@ class _Outer:
         return Outcome(Status.ITERATION_LIMIT, self._progress())
 
     def _record(self, impulses: FloatArray, residual: float) -> None:
-        """Keep the best Λ, and show this one to the observer."""
+        """Keep Λ if it is the best so far, and pass it to the observer."""
         if residual < self.lowest:
             self.best, self.lowest = impulses, residual
         self.clock.show(self.observe, self.iteration, impulses)
@@ -288,7 +289,7 @@ class _Outer:
         return bool(repeats.all()) or self.lowest <= self.prepared.residual.rounding(self.best)
 
     def _time_limit(self, result: ConicResult) -> Outcome | None:
-        """Return the time limit if it has passed, by this clock or by that of the conic solver."""
+        """Return the time limit as the outcome if it has passed by this clock or by that of the conic solver."""
         if result.status is ConicStatus.TIME_LIMIT or self.clock.has_expired:
             return Outcome(Status.TIME_LIMIT, self._progress())
         return None

@@ -3,19 +3,19 @@
     Delassus    minimise ½ ΛᵀGΛ + cᵀΛ   subject to   Λ ∈ K,            K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact
     factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
 
-Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of both cones together, {ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is
-the sum of their duals, which needs variables that the factor form does not have. A bilateral law has K = R, and so
-ξ = 0 in the dual.
+Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of the intersection of both cones, {ξ_N ≥ μ ‖ξ_T‖ + μ_r
+‖ξ_R‖}, is the sum of their duals. It needs variables that the factor form does not have. A bilateral law has K = R, and
+therefore ξ = 0 in the dual.
 
-The factor form is the dual of the Delassus form, with v the scaled velocity that the impulses cause and Λ the
-multipliers; it never assembles G. Both accept another c as an update of their data, without a new set-up.
+The factor form is the dual of the Delassus form, where v is the scaled velocity that the impulses cause, and Λ are the
+multipliers. It never assembles G. Both forms accept another c without a new set-up.
 
 Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
-motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The largest diagonal entry of
-each block is then one, and c has size one, for any masses and units of the contacts. Each cone is scaled as a whole and
-keeps its form.
+motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The largest diagonal entry of each
+block is then one, and c is of the order of one, for any masses and units. Each cone is scaled as a whole and keeps its
+form.
 
-Either program may be regularised: G + diag(w) replaces G; in factor form the rows diag(√w) are appended to W̃.
+Either program may be regularised: G + diag(w) replaces G. In factor form, the rows diag(√w) are appended to W̃.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ from ...problems.contact.residual import convex_obstacle
 Form = Literal["delassus", "factors"]
 
 MAX_ITERATIONS = 200
-"""Limit of interior-point iterations of one run; Clarabel needs 10 to 30, or makes no progress."""
+"""Limit of interior-point iterations of one run. Clarabel needs 10 to 30 unless it makes no progress."""
 
 MAX_REFINEMENTS = 50
 """Largest number of refinements of one linear solve in a careful run, as long as each halves the error."""
@@ -59,7 +59,7 @@ class ConicResult:
     """The result of one run of a conic solver.
 
     Attributes:
-        impulses: Λ [N s], shape (n_rows,); NaN if there are none.
+        impulses: Λ [N s], shape (n_rows,); NaN if the solver returned none.
         iterations: number of iterations of the run.
         seconds: time of the run [s].
         status: how the run ended.
@@ -79,7 +79,7 @@ class ConicProgram(Protocol):
         ...
 
     def regularised(self, weight: FloatArray) -> "ConicProgram":
-        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), in place of G; needs a new set-up."""
+        """Return the program with G + diag(``weight``) [1/kg], shape (n_rows,), in place of G, newly set up."""
         ...
 
 
@@ -101,7 +101,7 @@ def unsupported_reason(problem: ContactProblem, form: Form) -> str | None:
 
 
 def largest_curvatures(problem: ContactProblem) -> FloatArray:
-    """Return α of each block [1/kg], its largest diagonal entry of G, or of all blocks if that is zero; (n_blocks,).
+    """Return α [1/kg], shape (n_blocks,): the largest diagonal entry of G of each block or, if zero, of all blocks.
 
     Rolling rows are scaled by the lengths ℓ of their laws (``residual``), here and in ``Scaling``.
     """
@@ -120,7 +120,7 @@ class Scaling:
         block_impulse: unit of the impulses of each block [N s], shape (n_blocks,).
         block_moment: unit of their rolling impulses [N m s], shape (n_blocks,).
         impulse: unit of each row's impulse, shape (n_rows,).
-        lanes: row of each lane of each block, −1 if none, shape (n_blocks, width).
+        lanes: row of each lane of each block, −1 if there is none, shape (n_blocks, width).
     """
 
     def __init__(self, problem: ContactProblem) -> None:
@@ -132,7 +132,7 @@ class Scaling:
         self.block_impulse: FloatArray = np.sqrt(self.energy / alpha)
         self.block_moment = self.block_impulse
         if layout.rolling:
-            rolling_lengths = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 where nothing rolls
+            rolling_lengths = layout.pad(lengths)[:, -layout.rolling :].max(axis=1)  # 0 without rolling friction
             self.block_moment = self.block_impulse * np.where(rolling_lengths > 0.0, rolling_lengths, 1.0)
         self.impulse: FloatArray = lengths * layout.unpad(np.repeat(self.block_impulse, width))
         row_of_slot = np.full(layout.n_blocks * width, -1)
@@ -168,7 +168,7 @@ class ClarabelProgram:
 
 
 def _over_impulses(problem: ContactProblem, scaling: Scaling, weight: FloatArray | None) -> tuple[Any, Any, FloatArray]:
-    """Return the solver of the Delassus form, and all rows with the factor 1."""
+    """Return the solver of the Delassus form, the indices of all rows, and the factor 1 for each row."""
     n_rows, units = problem.n_rows, sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
     delassus = problem.delassus() if weight is None else problem.delassus() + sp.diags_array(weight)
     solver = _make_solver(units @ delassus @ units, np.zeros(n_rows), *_cones(problem, scaling))
@@ -196,7 +196,7 @@ _STATUSES = {
     clarabel.SolverStatus.AlmostSolved: ConicStatus.NEARLY,
     clarabel.SolverStatus.MaxIterations: ConicStatus.ITERATION_LIMIT,
     clarabel.SolverStatus.MaxTime: ConicStatus.TIME_LIMIT,
-    # the forms are dual, so either infeasibility means an unbounded energy
+    # the forms are dual to each other, so either infeasibility means an unbounded energy
     clarabel.SolverStatus.PrimalInfeasible: ConicStatus.UNBOUNDED,
     clarabel.SolverStatus.AlmostPrimalInfeasible: ConicStatus.UNBOUNDED,
     clarabel.SolverStatus.DualInfeasible: ConicStatus.UNBOUNDED,
@@ -228,8 +228,8 @@ def _make_solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: F
 def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
-    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, which is therefore added only without such a cone. Friction with zero bound
-    (a = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
+    ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, so Λ_N ≥ 0 is added only for blocks without such a cone. Friction with a bound of
+    zero is the equation Λ_T = 0. Bilateral laws have no constraint.
     """
     layout = problem.layout
     rows, columns, values = [], [], []
@@ -268,7 +268,7 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
 
 
 def friction_parts(problem: ContactProblem, scaling: Scaling) -> list[tuple[Any, FloatArray, FloatArray]]:
-    """Return rows of the lanes, μ and a, in the units of ``scaling``, of sliding friction and of rolling friction."""
+    """Return the rows of the lanes, μ and a of sliding and of rolling friction, in the units of ``scaling``."""
     layout, first = problem.layout, 1 + problem.layout.sliding
     parts = []
     if layout.sliding:

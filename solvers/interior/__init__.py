@@ -1,1 +1,1 @@
-"""Interior point methods with exact Coulomb friction: Newton's method inside cones, and the path it follows."""
+"""Interior point methods with exact Coulomb friction: Newton's method inside cones, and along the central path."""

@@ -1,18 +1,20 @@
 """CentralPath: the central path of exact Coulomb friction, followed by power series through its turns.
 
-For fixed s the path r∘û = τ e, û = Ĝr + ĉ + s e_N is that of a convex program, one point for each τ. With s = ‖û_T‖ it
-is a curve along which τ may increase before it decreases again. At such a turn Newton's method towards a smaller τ has
-no solution to converge to, and stagnates. The path is therefore followed by arc length, for which turns are regular:
+For fixed s, the path r∘û = τ e, û = Ĝr + ĉ + s e_N is that of a convex program, with one point for each τ. With
+s = ‖û_T‖, it is a curve along which τ may increase before it decreases again. At such a turn, the equations for a
+smaller τ have no solution nearby, and Newton's method stagnates. The path is therefore followed by arc length, for
+which turns are regular:
 
-    1. On the manifold r∘û = τ e (``smoothing``) Newton's method reduces R_p below κτ, in the plane normal to the path.
-    2. One factorisation gives tangent and power series (``power_series``). Their range ends where the last order
-       reaches ε of the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is below τ there.
-    3. The steps repeat from there, until the residual reaches the tolerance.
+    1. On the manifold r∘û = τ e (``smoothing``), Newton's method reduces R_p (``interior_point``) to a fraction of τ,
+       in the plane normal to the path.
+    2. One factorisation gives the tangent and the power series (``power_series``). Its range ends where the term of
+       the last order N is ε times the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)), or earlier, where R_p is below τ.
+    3. The steps repeat from the end of the range, until the residual reaches the tolerance.
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
-The angle to the previous tangent would lead backwards at sharp bends of the path. Where the solution is strictly
-complementary the path is analytic at τ = 0 and converges fast; elsewhere the residual decreases like √τ.
+The angle to the previous tangent would be misleading at sharp bends of the path. If the solution is strictly
+complementary, the path is analytic at τ = 0, and the residual decreases fast. Otherwise it decreases like √τ.
 """
 
 from dataclasses import dataclass, field
@@ -36,10 +38,10 @@ class CentralPath(InteriorMethod):
 
     Attributes:
         order: order of the power series, 2 to 50.
-        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
+        form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     order: int = 10
@@ -61,13 +63,13 @@ class CentralPath(InteriorMethod):
         return super().supports(problem)
 
     def run(self, prepared: PreparedRuns, progress: Progress) -> None:
-        """Follow the path until the progress has ended."""
+        """Follow the path until ``progress`` has an outcome."""
         path = self.path(prepared, progress)
         path.find(progress.best)
         path.follow()
 
     def path(self, prepared: PreparedRuns, progress: Progress) -> FollowedPath:
-        """Return the path, without its first point."""
+        """Return the path, whose first point has not been found yet."""
         return FollowedPath(prepared.scaled, prepared.system, self.order, progress)
 
 

@@ -1,7 +1,8 @@
 """The cones of contacts, and Newton's equations on each of them.
 
-A cone has its lanes r = (N, T₁, T₂, …) of impulses and û of velocities, scaled so that a friction cone is the
-second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = (xᵀy, x₀ȳ + y₀x̄) and e = (1, 0, …), its laws are
+A cone has the lanes (N, T₁, T₂, …) of impulses r and of velocities û, scaled so that a friction cone is the
+second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = (xᵀy, x₀ȳ + y₀x̄) and e = (1, 0, …), the laws of
+the kinds are
 
     NORMAL   r_N û_N = τ
     CONE     r ∘ û = τ e,                     û_N = ξ_N + s,  s = ‖û_T‖ (De Saxcé)
@@ -9,10 +10,10 @@ second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = 
     BOTH     as NORMAL and DISC               with b = a + μ r_N
     JOINT    û_N = 0                          for r_N of any sign
 
-at τ → 0; for τ > 0, iterates are inside the cones. Each kind has at most one second-order cone, with the pair (p, q) of
-``write_pairs``. Linearising p ∘ q = τ e gives dq = x₀ − D₀ dp there, and eliminating dû from all equations leaves
-(Ĝ + D) dr. Every determinant is a product, (x₀ − ‖x̄‖)(x₀ + ‖x̄‖), because a difference of squares would cancel near
-the boundary.
+in the limit τ → 0. For τ > 0, iterates are inside the cones. Each kind has at most one second-order cone, with the pair
+(p, q) of ``write_pairs``. Linearising p ∘ q = τ e gives dq = x₀ − D₀ dp, and eliminating dû from all equations leaves a
+system in dr with the matrix Ĝ + D. Every determinant is computed as a product, (x₀ − ‖x̄‖)(x₀ + ‖x̄‖), because a
+difference of squares would lose digits near the boundary.
 """
 
 import numpy as np
@@ -25,7 +26,7 @@ INSIDE = 1e-15
 """Smallest distance of iterates from the boundary of a cone, relative to their size."""
 
 SOFTNESS = 1e-9
-"""Entry of D for a joint, relative to 1 in Ĝ, so that steps exist for redundant joints."""
+"""Entry of D for a joint, relative to 1 in Ĝ, which makes systems with redundant joints regular."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -92,7 +93,7 @@ def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
 def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
     """Write D₀ = L(p)⁻¹ L(q) and x₀ = L(p)⁻¹ (στ e − p∘q − dp_a∘dq_a) of each cone.
 
-    ``target`` is στ, ``second`` the product of the predictor steps: the lanes of the cone, then the normal.
+    ``target`` is στ, and ``second`` holds dp_a∘dq_a of the affine step: the lanes of the cone, then the normal.
     """
     width = p.shape[1]
     for i in range(len(kind)):
@@ -119,8 +120,8 @@ def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-
 def couple(kind, friction, share, r, u, matrices, shifts, target, second, coupled, right):  # type: ignore[no-untyped-def]
     """Write D and the right-hand side x of (Ĝ + D) dr = x + …, from D₀ and x₀ of the cones.
 
-    The ``share`` z of De Saxcé's term enters: D = (I − zZ) D₀, x = (I − zZ) x₀, Z = e_N ζᵀ, ζ = û_T/‖û_T‖; for a
-    variable bound the same share of its change, z μ dr_N.
+    Only the ``share`` z of De Saxcé's term enters: D = (I − zZ) D₀, x = (I − zZ) x₀, Z = e_N ζᵀ, ζ = û_T/‖û_T‖. For a
+    variable bound, the same share of its change enters, z μ dr_N.
     """
     width = r.shape[1]
     for i in range(len(kind)):
@@ -205,7 +206,7 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def complementarity(kind, p, q, r, u):  # type: ignore[no-untyped-def]
-    """Return the mean of p·q over all cones, half-lines included, and ‖p∘q‖₂ over all."""
+    """Return the mean of p·q and ‖p∘q‖₂ over all cones, including half-lines."""
     total, squares, count = 0.0, 0.0, 0
     for i in range(len(kind)):
         if kind[i] == NORMAL or kind[i] == BOTH:

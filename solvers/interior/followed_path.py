@@ -15,34 +15,34 @@ from .scaled_problem import ScaledProblem
 from .smoothing import on_manifold
 
 STARTS = (0.1, 1.0, 10.0, 100.0)
-"""Values of τ at which a point of the path is searched, in this order."""
+"""Values of τ at which the first point of the path is sought, in this order."""
 
 WARM_SHARE, MIN_WARM_TAU = 0.1, 1e-6
-"""From a given Λ the first search is at τ = share × its residual, at least the minimum."""
+"""From a given Λ, the first search is at τ = share × its residual, or at the minimum if that is larger."""
 
 CLOSE, LOOSE = 0.1, 1.0
 """Largest R_p relative to τ after a correction, and at the end of a series."""
 
 ROUNDING = 1e-14
-"""Rounding of R_p, relative to the largest scaled impulse or 1."""
+"""Rounding error of R_p, relative to the largest scaled impulse, or to 1 if that is larger."""
 
 FIRST_STEPS, FURTHER_STEPS = 30, 3
 """Largest number of Newton steps of the first correction, and of corrections after a series."""
 
 MIN_STEP = 1.0 / 32.0
-"""The shortest fraction of a step of the first correction."""
+"""The smallest fraction of a Newton step in the first correction."""
 
 ACCURACY = 1e-2
 """ε, the largest size of the last order of a series relative to the first."""
 
 MAX_RANGE = 3.0
-"""Largest range of a series, relative to √(2n)."""
+"""Largest range of a series, relative to √(2n) for n cones."""
 
 MAX_SHORTENINGS, SHORTENING = 20, 0.6
-"""Largest number of shortenings of a range, and their factor."""
+"""Largest number of ranges of a series that are tried, and the factor from one to the next."""
 
 MAX_RETRIES, RETRY_SHARE = 6, 0.3
-"""Largest number of retries of a series after a failed correction of its end, and the factor of its length."""
+"""Largest number of ends of a series that are corrected, and the factor of its length after each failure."""
 
 MIN_TAU_RATIO = 1e-3
 """Smallest ratio of τ at the end of a series to τ at its beginning."""
@@ -87,7 +87,7 @@ class FollowedPath:
         self._tangent: Direction | None = None
 
     def resume(self, progress: Progress) -> None:
-        """Follow the path until ``progress`` has ended, from the last point or, if there is none, from the first."""
+        """Follow the path from the last point, or from a first one, until ``progress`` has an outcome."""
         self._progress = progress
         if self._tangent is None:
             self.find(progress.best)
@@ -96,7 +96,7 @@ class FollowedPath:
         self.follow()
 
     def follow(self) -> None:
-        """Follow the path until the progress has ended."""
+        """Follow the path until the progress has an outcome."""
         while self._progress.outcome is None:
             self.advance()
 
@@ -184,7 +184,7 @@ class FollowedPath:
         inner = local_product(
             scaled.kind, scaled.friction, self._p, self._q, point.r, point.u, x.r, x.u, x.s, y.r, y.u, y.s
         )
-        return float(inner) + float(x.tau) * float(y.tau)  # numpy's scalars would warn where the path overflows
+        return float(inner) + float(x.tau) * float(y.tau)  # scalars of numpy would warn if the path overflows
 
     def _oriented_tangent(self, point: Point) -> Direction:
         """Return the forward unit tangent: τ decreases where det (Ĝ + D) > 0, as at the start, else it increases."""
@@ -215,7 +215,7 @@ class FollowedPath:
         return float(min(longest, (ACCURACY / size) ** (1.0 / (self._order - 1)))) if size > 0.0 else longest
 
     def _end_of(self, series: Series, point: Point, reach: float) -> tuple[Point, float] | None:
-        """Return the end of a series within ``reach`` and its length; None if no end is close to the path."""
+        """Return an end of a series within ``reach`` that is close to the path, and its length, or None."""
         for _ in range(MAX_SHORTENINGS):
             if not series.tau_at(reach) > MIN_TAU_RATIO:
                 reach = _last_above(series, MIN_TAU_RATIO, reach)
@@ -226,7 +226,7 @@ class FollowedPath:
         return None
 
     def _correct(self, point: Point, max_steps: int = FIRST_STEPS) -> Point:
-        """Return the point after Newton steps at fixed τ, shortened where R_p does not decrease."""
+        """Return the point after Newton steps at fixed τ; a step is shortened if R_p does not decrease."""
         for _ in range(max_steps):
             if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break

@@ -6,12 +6,13 @@ With u = ξ + μ‖ξ_T‖ e_N for each contact, Coulomb's law is K_μ ∋ Λ �
     R_p = û − Ĝr − ĉ − s e_N = 0,      R_s = s − ‖û_T‖ = 0,      r ∘ û = τ e,      τ → 0
 
 (Acary, Armand, Nguyen & Shpakovych, Optimization Methods and Software 39(3), 2024). For fixed s this is the central
-path of a convex cone program. Both parts of a step share one factorisation of Ĝ + D, D block diagonal (``cones``):
+path of a convex cone program. A step has two parts, which share one factorisation of Ĝ + D with block-diagonal D
+(``cones``):
 
     affine      towards τ = 0, with the step length α_a that the cones allow and τ_a at its end
     combined    towards στ, σ = σ₀ min(1, (τ_a/τ)^β), β = max(1, 3α_a²), with Mehrotra's second-order term if σ < ¼
 
-If ‖R_s‖ > ‖r∘û‖, there is a single step towards σ₀τ. All contacts have the same step length.
+If ‖R_s‖ > ‖r∘û‖, the step has one part, towards σ₀τ. The step length is the same for all contacts.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ from .smoothing import on_manifold
 from .systems.delassus_system import REFINEMENTS
 
 START, START_TANGENT = 1.0, 0.1
-"""r_N = û_N and r_T = û_T of each contact at a cold start, in scaled units."""
+"""r_N = û_N and r_T = û_T of each contact at the start from zero, in scaled units."""
 
 CENTRING = 0.499
 """σ₀, the largest σ."""
@@ -38,13 +39,13 @@ SECOND_ORDER = 0.25
 """Mehrotra's second-order term is used below this σ."""
 
 BASE_FRACTION, FURTHER_FRACTION = 0.9, 0.09
-"""Fraction of the distance to the boundary in a step: the first number plus the second times the last step length."""
+"""A step covers this fraction of the distance to the boundary: the first number + the second × the last step length."""
 
 REFINED_RESIDUAL = 1e-5
-"""Residual below which directions are refined; above it, the factorisation is accurate enough."""
+"""Residual below which directions are refined; above it, directions are accurate enough without refinement."""
 
 WARM_SHARE, MIN_WARM_TAU, MAX_WARM_TAU = 0.1, 1e-8, 0.5
-"""A warm start begins at τ = share × its residual, within these limits."""
+"""A solve from a given Λ begins at τ = share × its residual, within these limits."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class InteriorPoint(InteriorMethod):
         form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
 
     Raises:
-        SolverError: for an unknown form.
+        SolverError: if the form is unknown.
     """
 
     form: Literal["delassus", "factors"] = "delassus"
@@ -75,7 +76,7 @@ class _Iterate:
         self._scaled, self._system = scaled, system
         n, width = self._scaled.uses.shape
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
-        # the matrix of a step treats a bound that another contact determines as constant
+        # the matrix of a step treats a bound as constant if another contact determines it
         self._share = np.where(self._scaled.is_remote, 0.0, 1.0)
         self._part, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))

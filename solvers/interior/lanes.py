@@ -5,8 +5,8 @@ has a second cone, with R and a copy of N. The lanes r of impulses and û of vel
 
     r_N of both = r_N of the block,      û_N¹ + û_N² = û_N of the block.
 
-Impulses are copied from blocks to cones, velocities are summed from cones to blocks, and D of a block, its part of
-the matrix Ĝ + D of a Newton step, is the sum of D of its cones. The splitting of û_N does not appear in that system.
+Impulses are copied from blocks to cones, and velocities are summed from cones to blocks. D of a block, its part of the
+matrix Ĝ + D of a Newton step, is the sum of the D of its cones. The system does not contain the two parts of û_N.
 """
 
 import numpy as np
@@ -58,7 +58,7 @@ class Lanes:
 
 
 class RollingLanes(Lanes):
-    """A second cone for each block with rolling friction; it uses its N lane if μ_r > 0."""
+    """Lanes with a second cone for each block with rolling friction; this cone uses its N lane if μ_r > 0."""
 
     def __init__(self, layout: BlockLayout) -> None:
         super().__init__(layout)

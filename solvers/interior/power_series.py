@@ -1,20 +1,20 @@
-"""Power series of the central path: one factorisation, and one solution of the linear system per order.
+"""Power series of the central path, from one factorisation and one solution of the linear system per order.
 
 Along the path every equation is at most quadratic in the unknowns (see ``cones``),
 
     p ∘ q = τ e,      s² = ‖û_T‖²,      û = Ĝr + ĉ + s e_N,
 
-so with x(a) = Σ x_k aᵏ each order follows from the lower ones, by the linear system of Newton's method at a = 0 with
-the right-hand side (Cochelin 1994)
+so that, with x(a) = Σ x_k aᵏ, each order follows from the lower ones by the linear system of Newton's method at a = 0
+(Cochelin 1994). With ζ = û_{T,0}/s₀, the equations of order k are
 
     L(p₀) q_k + L(q₀) p_k = τ_k e − Σ_{0<j<k} p_j ∘ q_{k−j},
     s_k = ζᵀ û_{T,k} + (Σ_{0<j<k} û_{T,j}ᵀ û_{T,k−j} − s_j s_{k−j}) / 2s₀.
 
-The parameter is arc length, so that τ need not be monotone: ⟨x₁, x₁⟩ = 1 and ⟨x₁, x_k⟩ = 0. The metric is local,
+The parameter a is arc length, so τ need not be monotone: ⟨x₁, x₁⟩ = 1 and ⟨x₁, x_k⟩ = 0. The metric is local,
 
     ⟨x, y⟩ = Σ xᵀQ_p⁻¹y + xᵀQ_q⁻¹y over all cones + τ_x τ_y/τ²,
 
-and invariant under scaling of the contacts and of the problem.
+with the quadratic representation Q of the Jordan product. It is invariant under scaling.
 """
 
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ class Direction:
     """A direction in the unknowns.
 
     Attributes:
-        r: change of r, shape (n, 3).
-        u: change of û, shape (n, 3).
-        s: change of s, shape (n,).
+        r: change of r, shape (m, w): m cones with w lanes each.
+        u: change of û, shape (m, w).
+        s: change of s, shape (m,).
         tau: change of τ, relative to τ.
     """
 
@@ -88,7 +88,7 @@ def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: i
 
 @njit(cache=True, error_model="numpy")
 def write_right_side(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
-    """Write L(p)⁻¹ times the heads, and the right-hand side over lanes, without De Saxcé's term."""
+    """Write L(p)⁻¹ times ``heads``, and from it and ``lifts`` the right-hand side over lanes."""
     width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0
@@ -153,6 +153,6 @@ class Series:
         return float(np.polynomial.polynomial.polyval(a, self.tau))
 
     def manifold_vector(self, a: float) -> FloatArray:
-        """Return v = r − û at a, shape (n, 3)."""
+        """Return v = r − û at a, shape (m, w)."""
         vector: FloatArray = np.tensordot(np.power(a, np.arange(len(self.tau))), self.r - self.u, 1)
         return vector

@@ -1,4 +1,4 @@
-"""Progress of a solve by interior points: the best iterate, the limits, and the reasons to end."""
+"""Progress of a solve by an interior point method: the best iterate, the limits, and the reasons to end."""
 
 from collections.abc import Callable
 from operator import itemgetter
@@ -12,26 +12,26 @@ from ...problems.contact.solver import Observer, Solution, Status, Stop
 from ..iteration.stopping import RECORD_RATIO, Clock, Outcome
 
 FLOPS_PER_SECOND = 3e9
-"""Lower estimate of the speed of a factorisation; the first measured step replaces it."""
+"""Lower estimate of the speed of a factorisation, used until a step has been measured."""
 
 SLACK = 1.5
-"""Safety factor of the predicted time of a step, because other programs share the processor."""
+"""Safety factor of the predicted time of a step, because other programs may share the processor."""
 
 MAX_SHORT_STEPS = 5
 """Number of successive negligible steps that end a run."""
 
 PATIENCE = 20
-"""Steps without a better residual after which the rounding limit is tested."""
+"""Number of steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends if none of its last steps, this share of all, made progress."""
+"""A run of at least this many steps ends if its last steps, this share of all, made no progress."""
 
 MIN_WARM_STEPS = 20
-"""Smallest number of steps for this test in a run from a given start, which may be stuck at the boundary of a cone. A
-run from zero takes about as many steps in all."""
+"""Minimum number of steps before this test in a run from a given start, which may be stuck at the boundary of a cone. A
+run from zero takes about this many steps in total."""
 
 LARGE = 1e6
-"""Scaled impulses above this may be growing without bound, so that a proof of infeasibility is tried."""
+"""Scaled impulses above this value may grow without bound; a proof of infeasibility is then tried."""
 
 PROOF_TOLERANCE = 1e-12
 """Tolerance for ‖Gd‖ and c·d in a proof of infeasibility, relative to the sum of the sizes of their terms."""
@@ -40,7 +40,7 @@ PROOF_TOLERANCE = 1e-12
 class Progress:
     """The best iterate of one solve, and its outcome.
 
-    Steps shorter than ``shortest`` are negligible; if that is 0, steps that leave Λ unchanged to the last bit are.
+    Steps shorter than ``shortest`` are negligible. If it is 0, only steps that leave all bits of Λ unchanged are.
 
     Attributes:
         best: the best Λ so far [N s], shape (n_rows,).
@@ -72,7 +72,7 @@ class Progress:
         self._check_limits()
 
     def factorise(self, factorise: Callable[[], bool]) -> bool:
-        """Factorise if a step as long as the last one meets the deadline; return False if not, or if it fails."""
+        """Factorise if another step is expected to meet the deadline; return False if it is not, or if it fails."""
         if SLACK * self._step_seconds > self._clock.remaining:
             self.end(Status.TIME_LIMIT, f"{self._summary()}; the next step would miss the deadline")
             return False
@@ -83,7 +83,7 @@ class Progress:
         return done
 
     def record(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
-        """Count a step of length ``part`` to Λ with its residual in the judge's arithmetic."""
+        """Count a step of length ``part`` that led to Λ with this residual in the judge's arithmetic."""
         self._iteration += 1
         is_short = part < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
         self._latest = impulses
@@ -108,9 +108,9 @@ class Progress:
         self.outcome = self.outcome or Outcome(status, reason)
 
     def may_run(self) -> bool:
-        """Whether a run may begin: the first one, or one after a run that stalled.
+        """Whether a run may begin: the first one, or another one after a run that stalled.
 
-        After a run from a given start, the solve continues as from zero.
+        A run from a given start is followed by one from zero, other runs only if they reduced the residual.
         """
         if self.outcome is None:
             return True
@@ -127,7 +127,7 @@ class Progress:
         return True
 
     def check_gain(self) -> None:
-        """End a run if most steps brought no gain; steps that change only the last bits would not end otherwise."""
+        """End a run whose last steps made no progress, because steps that change only the last bits do not end it."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
         if steps >= (MIN_WARM_STEPS if self._is_warm else MIN_STEPS) and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
             self.end(
@@ -162,9 +162,9 @@ class Progress:
 
 
 def proves_infeasibility(problem: ContactProblem, impulses: FloatArray) -> bool:
-    """Whether normal impulses d ≥ 0 and joint impulses along Λ with Gd = 0 and c·d < 0 prove infeasibility.
+    """Whether the normal impulses d ≥ 0 and the joint impulses d of Λ prove infeasibility by Gd = 0 and c·d < 0.
 
-    ξ·d = (Gd)·Λ + c·d = c·d < 0 contradicts ξ_N ≥ 0 and ξ = 0 of joints for any friction (Farkas).
+    For any Λ, ξ·d = (Gd)·Λ + c·d = c·d < 0. This contradicts ξ_N ≥ 0 and ξ = 0 of joints (Farkas' lemma).
     """
     laws = problem.laws
     rows, joints = laws.first_row[laws.is_unilateral], laws.first_row[laws.is_bilateral]

@@ -1,9 +1,9 @@
 """Runs of an interior point method within one solve.
 
-An iterate that is stuck near the boundary of a cone may move again from the inside. A run that stalls is therefore
-followed by another one, from zero if it began at a given start, else from the best Λ; the solve ends with the first run
-that finds no better Λ, because the next would repeat it. If other methods follow, a single run is enough, and it ends
-when its steps become negligible.
+An iterate that is stuck near the boundary of a cone may move again after a step to the inside. A run that stalls is
+therefore followed by another run: from zero if it began at a given start, otherwise from the best Λ. The solve ends
+with the first run that finds no better Λ, because the next run would repeat it. If other methods follow, a single run
+is enough, and it ends when its steps become negligible.
 """
 
 from abc import ABC, abstractmethod
@@ -25,14 +25,14 @@ NEGLIGIBLE_STEP = 1e-9
 """Steps below this fraction of a Newton step are negligible."""
 
 NewtonSystem = DelassusSystem | BodySystem
-"""The Newton systems of one problem, over contacts or over bodies."""
+"""The Newton system of one problem, over contacts or over bodies."""
 
 
 class InteriorMethod(Method, ABC):
     """An interior point method.
 
     Attributes:
-        form: factorise over contacts, with the "delassus" matrix assembled, or over bodies, by the "factors".
+        form: "delassus" factorises over contacts with the assembled G, "factors" over bodies with W and M⁻¹.
     """
 
     form: Literal["delassus", "factors"]
@@ -56,12 +56,12 @@ class InteriorMethod(Method, ABC):
 
     @abstractmethod
     def run(self, prepared: "PreparedRuns", progress: Progress) -> None:
-        """Continue from the best Λ until the progress has ended."""
+        """Continue from the best Λ until ``progress`` has an outcome."""
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedRuns:
-    """The scaled problem and its ordered factorisation; a solve is several runs, or one if ``is_single``."""
+    """The scaled problem and its ordered factorisation; a solve has several runs, or one if ``is_single``."""
 
     method: InteriorMethod
     problem: ContactProblem

@@ -3,10 +3,10 @@
     û = V ξ + s e_N,      Λ = S r,      û = Ĝ r + ĉ + s e_N,      Ĝ = V G S,  ĉ = V c
 
 V = κ k diag(1, μ, μ) and S = k/(κρ) diag(1, μ, μ) of each contact transform its friction cone {‖Λ_T‖ ≤ μΛ_N} and the
-dual one into the second-order cone; rolling friction has μ_r instead of μ. κ is one over the largest free velocity of
-its component, ρ the mean of α, the largest diagonal entry of G of each contact apart from rolling, and k = √(ρ/α). The
-beginning of the path then depends neither on units nor on masses. Both factors contain k, so Ĝ is symmetric if G is,
-and r∘û does not depend on k.
+dual cone into the second-order cone; rolling friction has μ_r instead of μ. κ is the reciprocal of the largest free
+velocity of the component of the contact. α is the largest diagonal entry of its block of G without rolling rows, ρ is
+the mean of α, and k = √(ρ/α). The beginning of the path then depends neither on units nor on masses. Both factors
+contain k, so Ĝ is symmetric if G is, and r∘û does not depend on k.
 """
 
 import numpy as np
@@ -75,16 +75,16 @@ class ScaledProblem:
         return bounds
 
     def impulses(self, r: FloatArray) -> FloatArray:
-        """Return Λ [N s] over rows, shape (n_rows,), of r."""
+        """Return Λ [N s] over rows, shape (n_rows,), from r."""
         return self.layout.unpad(self.lanes.to_block(self.impulse_scale * r))
 
     def judged(self, r: FloatArray) -> tuple[FloatArray, float]:
-        """Return Λ of r, and its residual in the judge's arithmetic."""
+        """Return Λ from r, and its residual in the judge's arithmetic."""
         impulses = self.impulses(r)
         return impulses, self._residual.judged(self._problem, impulses)
 
     def of_impulses(self, impulses: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return r and û, shape (m, w), of Λ [N s] over rows, with s = ‖û_T‖."""
+        """Return r and û, shape (m, w), from Λ [N s] over rows, with s = ‖û_T‖."""
         scale = np.where(self.uses, self.impulse_scale, 1.0)
         r = np.where(self.uses, self.lanes.from_block(self.layout.pad(impulses)) / scale, 0.0)
         velocity = self._problem.relative_velocity(impulses)
@@ -111,7 +111,7 @@ class ScaledProblem:
         self.fixed_bound: FloatArray = fixed / (arm * self._bound_scale[block])
 
     def _bounds_of_cones(self, residual: Residual) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return μ and a of every cone, and the divisor of rolling impulses with a fixed bound, a length."""
+        """Return μ and a of every cone, and the length by which rolling impulses with a fixed bound are divided."""
         layout = self.layout
         second = self.lanes.block[layout.n_blocks :]
         return (

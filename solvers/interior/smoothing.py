@@ -1,14 +1,14 @@
 """Smoothed projection onto cones: from any vector to impulses and velocities on the central manifold.
 
-Every v is r − û of exactly one pair with r ∘ û = τ e inside the cone; r and û have the axes of v:
+For every v, exactly one pair r, û inside the cone has v = r − û and r ∘ û = τ e; r and û share the Jordan frame of v:
 
     r = ½ (v + √(v² + 4τ e)),      û = r − v                  (Fukushima, Luo & Tseng 2001),
 
-which tend to the projections onto the cone and its dual for τ → 0. Complementarity thus holds by construction, and the
-problem becomes a system of equations in v without boundaries. A start Λ gives v = r(Λ) − û(Λ).
+and for τ → 0, they tend to the projections of v and −v onto the cone. Complementarity thus holds by construction, and
+the problem becomes a system of equations in v without boundaries. A start Λ gives v = r(Λ) − û(Λ).
 
 A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²), û = −τr/(b² − r²), and
-r the only root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
+the length r is the only root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
 """
 
 import numpy as np
@@ -30,12 +30,12 @@ def rounded_positive_part(x, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
-    """Return r in [0, b) with r + τr/(b² − r²) = length, and the rest b − r, without cancellation."""
+    """Return r in [0, b) with r + τr/(b² − r²) = length, and b − r, without cancellation."""
     half = 0.5 * bound
     if half * (1.0 + tau / (half * 1.5 * bound)) < length:
         rest = _rest_in_disc(length, bound, tau)
         return bound - rest, rest
-    # convex and increasing in r, so Newton's method converges to the root from above
+    # the equation is convex and increasing in r, so Newton's method converges to its root from above
     radius = min(half, length / (1.0 + tau / (bound * bound)))
     for _ in range(MAX_STEPS):
         within = (bound - radius) * (bound + radius)
@@ -49,7 +49,7 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
-    """Return y = b − r below ½b, where (b − y)(1 + τ/(y(2b − y))), decreasing in y, is ``length``."""
+    """Return y = b − r below ½b with (b − y)(1 + τ/(y(2b − y))) = ``length``; the left side decreases in y."""
     low, high = 0.0, 0.5 * bound
     excess = length - bound
     y = min(high, 0.5 * tau / excess) if excess > 0.0 else high
@@ -72,7 +72,7 @@ def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-untyped-def]
-    """Write r, û and s of v, with r∘û = τ e in every cone; s is ‖û_T‖ in De Saxcé's term."""
+    """Write r, û and s from v, with r∘û = τ e in every cone; s is ‖û_T‖ in De Saxcé's term."""
     for i in range(len(kind)):
         r[i] = 0.0
         u[i] = 0.0
@@ -106,7 +106,7 @@ def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-
 def on_manifold(
     kind: np.ndarray, fixed_bound: FloatArray, friction: FloatArray, tau: float, v: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return r and û, shape (m, w), and s, shape (m,), of v, shape (m, w), at τ > 0."""
+    """Return r and û, shape (m, w), and s, shape (m,), from v, shape (m, w), at τ > 0."""
     r, u, slack = np.empty_like(v), np.empty_like(v), np.empty(len(v))
     split(kind, fixed_bound, friction, tau, v, r, u, slack)
     return r, u, slack

@@ -4,14 +4,15 @@ With f_k = g(x_k) − x_k and the last m differences,
 
     x_{k+1} = g(x_k) − Σ_j γ_j (g(x_{j+1}) − g(x_j)),      γ = argmin ‖ f_k − Σ_j γ_j (f_{j+1} − f_j) ‖₂.
 
-For a linear g and m as large as the dimension this is GMRES and ends after that many steps.
+For a linear g of dimension n and m ≥ n, this is GMRES, which ends after n steps.
 
-``AndersonSweeps`` applies it to sweeps, once per window of several sweeps (Pratapa, Suryanarayana & Pask 2016): g maps
-Λ to the impulses Λ' after the window, the norm is that of √α Λ, and γ solves the normal equations. While contact states
-do not change, sweeps are a linear map, which the acceleration solves as GMRES does; across a change of states it may
-fail. An extrapolated start whose window moves Λ clearly further than the window before is therefore undone: the
-sweeps continue from their last Λ, and the differences are dropped. Without progress of the residual, windows become
-longer, and finally extrapolation stops. Observers see swept Λ, which satisfies the bounds of its laws.
+``AndersonSweeps`` accelerates sweeps, once per window of several sweeps (Pratapa, Suryanarayana & Pask 2016): g maps Λ
+to the impulses Λ' after the window, the norm is that of √α Λ, and γ solves the normal equations. While contact states
+do not change, g is an affine map, whose fixed point the acceleration finds as GMRES does. When states change, the
+acceleration may fail. An extrapolated start is therefore undone if its window moves Λ much farther than the previous
+window: the sweeps continue from their last Λ, and the differences are dropped. If the residual makes no progress,
+windows become longer, and finally extrapolation stops. Observers receive Λ after a sweep, which satisfies the bounds of
+its laws.
 """
 
 from typing import Protocol
@@ -25,13 +26,13 @@ MIN_SINGULAR_VALUE = 1e-10
 """Smallest singular value relative to the largest; smaller ones are omitted from the least-squares problem."""
 
 FIRST_WINDOW = 3
-"""Number of sweeps in the first window; it doubles without progress."""
+"""Number of sweeps in the first window; it doubles if the residual makes no progress."""
 
 MAX_WINDOW = 48
 """Largest number of sweeps in an extrapolated window; longer windows may progress without acceleration."""
 
 MAX_GROWTH = 2.0
-"""An extrapolation is undone if its window moves Λ more than this many times as far as the window before."""
+"""An extrapolation is undone if its window moves Λ more than this many times as far as the previous window."""
 
 MIN_EIGENVALUE = 1e-14
 """Smallest eigenvalue of the normal equations relative to the largest; smaller ones are omitted."""
@@ -72,19 +73,19 @@ class MovableIterates(Iterates, Protocol):
         ...
 
     def note_jump(self) -> None:
-        """Note that Λ has just been overwritten."""
+        """Account for a Λ that has just been overwritten."""
         ...
 
 
 class AndersonSweeps(WrappedIterates[MovableIterates]):
-    """Sweeps with Anderson acceleration; ``memory`` differences are kept, 0 gives plain sweeps."""
+    """Sweeps with Anderson acceleration, which keeps ``memory`` differences; 0 gives plain sweeps."""
 
     def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:
-        """Take iterates, √α of each lane of ``padded``, and the number of differences."""
+        """Wrap ``iterates``; ``weights`` is √α of each lane of ``padded``, and ``memory`` the number of differences."""
         self._iterates, self._padded, self._weights = iterates, iterates.padded, weights
         self._differences = WindowDifferences(memory, len(weights))
         self._begin = self._padded.copy()  # Λ at the beginning of this window
-        self._end = self._padded.copy()  # Λ at the end of the window before
+        self._end = self._padded.copy()  # Λ at the end of the previous window
         self._done, self._moved, self._is_extrapolated, self._window = 0, np.inf, False, FIRST_WINDOW
 
     def reduce_acceleration(self) -> bool:
@@ -97,7 +98,7 @@ class AndersonSweeps(WrappedIterates[MovableIterates]):
         return True
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps; extrapolate before the first sweep of each window, so that the visible Λ is swept."""
+        """Do ``count`` sweeps; extrapolate only before the first sweep of a window, so that Λ results from a sweep."""
         while count > 0:
             if self._done >= self._window:
                 if self._window <= MAX_WINDOW:
@@ -134,7 +135,7 @@ class WindowDifferences:
         self._count = 0
 
     def step(self, move: FloatArray, end: FloatArray) -> FloatArray | None:
-        """Record a window, its weighted f and its Λ'; return Σ γ_j ΔΛ'_j, None if it is unknown or not finite."""
+        """Record the weighted f and the Λ' of a window; return Σ γ_j ΔΛ'_j, None if it is unknown or not finite."""
         before, self._last = self._last, (move, end.copy())
         if before is None or len(self._moves) == 0:
             return None

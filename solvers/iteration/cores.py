@@ -9,7 +9,7 @@ def usable_cores() -> int:
 
 
 def thread_requirement(cores: int) -> str:
-    """Return the valid numbers of threads for messages."""
+    """Return the valid numbers of threads, as a text for messages."""
     if cores == 1:
         return "1, because this process may use only one core"
     return f"a whole number from 1 to {cores}, the cores that this process may use"

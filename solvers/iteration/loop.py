@@ -15,7 +15,7 @@ from ...problems.errors import ProblemError
 from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor, Outcome, sweeps_to_next_check
 
 ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
-"""Sweeps without a clearly better residual in the judge's arithmetic that establish the rounding limit."""
+"""Number of sweeps without a clearly better residual in the judge's arithmetic that establishes the rounding limit."""
 
 
 class Iterates(Protocol):
@@ -46,7 +46,7 @@ class MeasuringIterates:
     """Base class of iterates whose acceleration may follow the measured residuals."""
 
     def note_residual(self, residual: float) -> None:
-        """Note the residual of the current Λ."""
+        """Record the residual of the current Λ."""
         raise NotImplementedError
 
 
@@ -62,7 +62,7 @@ Inner = TypeVar("Inner", bound=Iterates)
 
 
 class WrappedIterates(Generic[Inner]):
-    """Base class of iterates that modify the sweeps of others; Λ and ξ are those of the wrapped iterates."""
+    """Base class of iterates that modify the sweeps of other iterates, whose Λ and ξ they share."""
 
     _iterates: Inner
 
@@ -91,7 +91,7 @@ class PreparedIteration:
     Attributes:
         problem: the problem.
         residual: its residual.
-        begin: creates the iterates from the first Λ, shape (n_rows,).
+        begin: function that creates the iterates from the first Λ, shape (n_rows,).
     """
 
     problem: ContactProblem
@@ -113,11 +113,11 @@ class PreparedIteration:
 
 @dataclass
 class IterationDriver:
-    """Driver that runs and counts the iterations of one solve, and shows each iterate to the observer, if any.
+    """Driver that runs and counts the iterations of one solve, and passes each iterate to the observer, if any.
 
     Attributes:
         iterates: the current iterates.
-        begin: creates iterates of the same kind from another Λ, shape (n_rows,).
+        begin: function that creates iterates of the same kind from another Λ, shape (n_rows,).
         monitor: decides when to stop.
         observe: the observer, or None.
         iteration: number of iterations so far.
@@ -140,7 +140,7 @@ class IterationDriver:
             self.record(self.iterates.impulses())
 
     def run_to_next_check(self, min_sweeps: int = 1) -> int:
-        """Sweep until the next check of the residual, at least ``min_sweeps`` within the limit; return their number."""
+        """Sweep until the next residual check, at least ``min_sweeps`` times within the limit; return the number."""
         left = self.monitor.stop.max_iterations - self.iteration
         count = min(left, max(min_sweeps, sweeps_to_next_check(self.iteration)))
         self.run(count)
@@ -170,7 +170,8 @@ class Check(NamedTuple):
 def check_convergence(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Check:
     """Measure the residual of the current Λ and decide whether the sweeps are over.
 
-    Without progress the acceleration is reduced; without acceleration two more sweeps are compared with the current Λ.
+    If the residual makes no progress, the acceleration is reduced. Without acceleration, two more sweeps follow, and
+    their Λ is compared with the current one.
     """
     monitor, iterates = driver.monitor, driver.iterates
     impulses, found = impulses_and_residual(iterates, residual)
@@ -199,7 +200,7 @@ def infeasible_solution(problem: ContactProblem) -> Solution:
 
 
 def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
-    """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros if a start is useless.
+    """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros if no start is useful.
 
     Raises:
         ProblemError: if ``start`` has the wrong shape.
@@ -217,8 +218,8 @@ def confirm_residual(
 ) -> float:
     """Return ``found``, a residual within the tolerance, or the judge's residual if rounding may matter.
 
-    ξ sums terms of the size G_ii Λ_i, which exceed c by the mass ratio if heavy bodies rest on light ones. An
-    iteration adds these terms in another order than the judge.
+    ξ is a sum of terms of size G_ii Λ_i. If heavy bodies rest on light ones, these exceed c by the mass ratio. An
+    iteration adds them in another order than the judge.
     """
     if residual.rounding(impulses) <= tolerance:
         return found
@@ -228,12 +229,12 @@ def confirm_residual(
 def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Outcome | None:
     """Return the outcome if rounding alone keeps the best residual above the tolerance, else None.
 
-    Near the rounding limit the residual of the iteration does not identify the best Λ: the iteration may stay at a Λ
-    with a low residual of its own and leave one that the judge accepts. The iteration is therefore restarted from its
-    best Λ, and the judge's arithmetic measures the new iterates. If they are no better, the old iterates continue.
+    Near the rounding limit, the residual that the iteration computes does not identify the best Λ. By this residual,
+    the iteration may prefer another Λ to one that the judge accepts. It is therefore restarted from its best Λ, and the
+    new iterates are measured in the judge's arithmetic. If they are no better, the old iterates continue.
     """
     monitor, tolerance = driver.monitor, driver.monitor.stop.tolerance
-    # test the residual of the iteration first, because it is free
+    # test the residual of the iteration first, because it is already known
     if monitor.best_impulses is None or not _is_rounding(residual, monitor.best_impulses, monitor):
         return None
     monitor.begin_rounding_test(driver.iteration, residual.judged(problem, monitor.best_impulses))
@@ -254,14 +255,14 @@ def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: It
 
 
 def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool:
-    """Whether rounding of ξ at Λ = ``best`` explains the best residual."""
+    """Whether rounding errors of ξ at Λ = ``best`` explain the best residual."""
     return monitor.best_residual <= residual.rounding(best)
 
 
 def iterate(
     problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]], model: Model = Model.COULOMB
 ) -> PreparedIteration:
-    """Prepare an iteration for ``problem`` from a generator, which is all that a simple method needs to provide.
+    """Prepare an iteration for ``problem`` from a generator, all that a simple method needs to provide.
 
     The result handles tolerance, limits, observers, infeasible problems, cycles, divergence and stalls.
 

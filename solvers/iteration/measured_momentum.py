@@ -1,19 +1,20 @@
 """Momentum whose memory follows the measured rate of convergence.
 
-Sweeps with momentum β remember the last m = 1/(1 − β) sweeps. In a mode that sweeps without momentum reduce by a small
-fraction δ per sweep, the error z obeys z_{k+1} = (1 − δ)(z_k + β (z_k − z_{k−1})), whose roots are real while 4δm² < 1:
+Sweeps with momentum β have a memory of the last m = 1/(1 − β) sweeps. If sweeps without momentum reduce a mode of the
+error by a small fraction δ per sweep, its amplitude z with momentum obeys z_{k+1} = (1 − δ)(z_k + β (z_k − z_{k−1})).
+Its roots are real while 4δm² < 1:
 
     4δm² < 1    the error falls by the factor exp(−δm) per sweep, so twice the memory doubles the rate
     4δm² = 1    the fastest fall of this mode, about exp(−1/(2m))
     4δm² > 1    the error oscillates within √β = exp(−1/(2m)), so a longer memory is slower
 
-Let s be the measured rate, the logarithm of the gain of the residual per sweep. The first case holds if s = δm is below
-1/(4m), that is, if the residual falls by less than the factor e in 4m sweeps. Then m is doubled. The slow modes of a
-linear problem then fall twice as fast. If the next 4m sweeps gain less than half as much per sweep as those before,
-the sweeps were slow because contacts change between open, stick and slip, which a long memory delays. Then m returns to
-its first value, and the next trial waits twice as long as the last one.
+Let s be the measured rate, the decrease of the logarithm of the residual per sweep. The first case holds if s = δm is
+below 1/(4m), that is, if the residual falls by less than the factor e in 4m sweeps. Then m is doubled. The slow modes
+of a linear problem then fall twice as fast. If the next 4m sweeps gain less than half as much per sweep as those
+before, the sweeps were slow because contacts change between open, stick and slip. A long memory delays such changes.
+Then m returns to its first value, and the next trial waits twice as long as the last one.
 
-After k sweeps the memory is at most 1 + k/d: a solve that ends after k sweeps gains nothing from a longer one.
+After k sweeps, the memory is at most 1 + k/d, because a solve that ends after k sweeps gains nothing from a longer one.
 """
 
 from math import log
@@ -21,7 +22,7 @@ from math import log
 import numpy as np
 
 FIRST_MEMORY, MAX_MEMORY = 5.0, 67.0
-"""Memory at first, β = 0.8, and at most, β = 0.985."""
+"""The initial memory (β = 0.8), and the largest one (β = 0.985)."""
 
 DELAY = 4.0
 """d, the number of sweeps after which β may be one half."""
@@ -30,7 +31,7 @@ MEMORIES_PER_WINDOW = 4.0
 """Number of sweeps in a window, relative to the memory; slow modes gain less than the factor e in this window."""
 
 GROWTH = 2.0
-"""Factor of the memory and of the waiting time."""
+"""Factor by which the memory and the waiting time grow."""
 
 MIN_RATIO = 0.5
 """Ratio of the rates after and before a growth below which the memory returns to its first value."""
@@ -42,15 +43,15 @@ class MeasuredMomentum:
     def __init__(self) -> None:
         self._memory, self._pause = FIRST_MEMORY, 1.0
         self._best, self._begin = np.inf, (0, np.inf)  # sweeps and best residual at the beginning of the window
-        self._rate_before: float | None = None  # rate before the last growth, if it is on trial
+        self._rate_before: float | None = None  # rate before the last growth of the memory, during its trial
 
     @property
     def bound(self) -> float:
-        """The present bound of β."""
+        """The current bound of β."""
         return 1.0 - 1.0 / self._memory
 
     def note(self, sweeps: int, residual: float) -> None:
-        """Note the residual after a number of sweeps, and change the memory if a window ends there."""
+        """Record the residual after a number of sweeps, and change the memory if a window ends there."""
         self._best = min(self._best, residual)
         begin, best = self._begin
         if best == np.inf:

@@ -11,7 +11,7 @@ from ...problems.names import name_with_options
 class Method:
     """Base class of built-in solvers, which are frozen dataclasses of their options; see ``problems.contact.solver``.
 
-    By default a method solves Coulomb friction, shows its iterates and accepts all problems.
+    By default, a method solves Coulomb friction, passes its iterates to the observer, and accepts all problems.
     """
 
     @property

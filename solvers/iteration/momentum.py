@@ -2,19 +2,20 @@
 
     y = Λ^ν + β (Λ^ν − Λ^(ν−1)),      Λ^(ν+1) = sweep(y)
 
-(Polyak's heavy ball on Gauss–Seidel sweeps). Observers see Λ, which a sweep has just projected, never y. If the
+(Polyak's heavy ball on Gauss–Seidel sweeps). Observers receive Λ, which a sweep has just projected, never y. If the
 direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep has no momentum, as in the restarts of
-O'Donoghue & Candès (Found. Comput. Math. 15, 2015): a change of the active set then costs one sweep and does not
-overshoot. Without progress of the residual β is halved. All other state of a sweep is linear in Λ and moves with it.
+O'Donoghue & Candès (Found. Comput. Math. 15, 2015). A change of the active set then takes one sweep and does not
+overshoot. If the residual makes no progress, β is halved. All other state of a sweep is affine in Λ and is extrapolated
+with it.
 
 β may grow with the number k of sweeps so far, up to a bound:
 
     β_k = min(β, k/(k + d)).
 
-Sweeps with momentum remember the changes of the last 1/(1 − β) sweeps: a change of one sweep moves Λ by that many times
-its length in all. A solve that ends after k sweeps gains nothing from a memory that is longer than a part of k, and the
-best constant β therefore depends on the tolerance and on the number of contacts. With β_k the memory is 1 + k/d sweeps,
-at any k the same part of them, as in accelerated gradient methods (Su, Boyd & Candès, J. Mach. Learn. Res. 17, 2016).
+Sweeps with momentum have a memory of 1/(1 − β) sweeps: the change of one sweep moves Λ by that many times its length in
+total. A solve that ends after k sweeps gains nothing from a memory longer than a fraction of k. The best constant β
+therefore depends on the tolerance and on the number of contacts. With β_k the memory is 1 + k/d, about the same
+fraction of k for any k, as in accelerated gradient methods (Su, Boyd & Candès, J. Mach. Learn. Res. 17, 2016).
 
 The bound may follow the measured rate of convergence (``measured_momentum``).
 
@@ -22,10 +23,10 @@ The bound may follow the measured rate of convergence (``measured_momentum``).
 
     β_k = (t_k − 1)/t_(k+1),      t_(k+1) = (1 + √(1 + 4t_k²))/2,      t_1 = 1.
 
-On a convex problem of strength m and curvature L the best β is (√L − √m)/(√L + √m), which is unknown. β_k grows towards
-1; once it exceeds the best β the iterates turn back and t restarts at 1, so β stays near the best value on average.
-Sweeps are not gradient steps: on redundant joints the changes may grow without turning back. Therefore t also restarts
-if a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
+For a convex function with curvatures from m to L, the best β is (√L − √m)/(√L + √m), which is unknown. β_k grows
+towards 1. Once it exceeds the best β, the iterates turn back and t restarts at 1, so that β is near the best value on
+average. Sweeps are not gradient steps, however: on redundant joints, the changes may grow without turning back.
+Therefore t also restarts if a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
 """
 
 from collections.abc import Callable
@@ -40,10 +41,10 @@ from .measured_momentum import DELAY, MeasuredMomentum
 from .method import check_option
 
 MEASURED: Literal["measured"] = "measured"
-"""Option in place of β for momentum that follows the measured rate."""
+"""Value of the option ``momentum`` with which β follows the measured rate of convergence."""
 
 Momentum = float | Literal["measured"]
-"""Option ``momentum`` of a method."""
+"""Type of the option ``momentum`` of a method."""
 
 MIN_MOMENTUM = 0.3
 """A β up to this value is set to zero instead of being halved."""
@@ -52,11 +53,11 @@ NESTEROV_BOUND = 1.0
 """Bound of β for Nesterov's sequence, which stays below it anyway."""
 
 GROWTH = 100.0
-"""Length of a sweep, relative to the shortest since the last restart, that restarts the sequence."""
+"""The sequence restarts if a sweep is longer than this multiple of the shortest sweep since the last restart."""
 
 
 def check_momentum(momentum: object, delay: object) -> None:
-    """Raise ``SolverError`` unless β is measured or 0 ≤ β < 1, and d ≥ 0 is finite, and 0 for measured momentum."""
+    """Raise ``SolverError`` unless β is measured or 0 ≤ β < 1, and d is finite, at least 0, and 0 for measured β."""
     is_measured = isinstance(momentum, str) and momentum == MEASURED
     is_valid = is_measured or (isinstance(momentum, int | float) and 0.0 <= momentum < 1.0)
     check_option("momentum", momentum, is_valid, "a number from 0 to below 1, or 'measured'")
@@ -75,7 +76,7 @@ class LinearIterates(Iterates, Protocol):
 
 @njit(cache=True)
 def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
-    """Return β after a number of sweeps, at least one: min(β, k/(k + d)), β itself for d = 0."""
+    """Return β after k ≥ 1 sweeps: min(β, k/(k + d)), which is β itself for d = 0."""
     return min(momentum, sweeps / (sweeps + delay))
 
 
@@ -84,21 +85,21 @@ class MomentumState(MeasuringIterates):
 
     Args:
         momentum: bound of β.
-        delay: d, the number of sweeps after which β is one half; β is constant for 0.
+        delay: d, the number of sweeps after which β may be one half; 0 for a constant β.
     """
 
     def __init__(self, momentum: float, delay: float = 0.0) -> None:
-        self._momentum, self._present = momentum, 0.0  # β of the method, and of the coming sweep
+        self._momentum, self._present = momentum, 0.0  # bound of β, and β of the next sweep
         self._delay, self._sweeps = delay, 0
         self._measured: MeasuredMomentum | None = None
 
     def follow_residuals(self) -> None:
-        """Let the bound of β follow the measured rate of convergence."""
+        """Make the bound of β follow the measured rate of convergence."""
         self._measured = MeasuredMomentum()
         self._momentum, self._delay = self._measured.bound, DELAY
 
     def note_residual(self, residual: float) -> None:
-        """Note the residual of the current Λ."""
+        """Record the residual of the current Λ."""
         if self._measured is not None:
             self._measured.note(self._sweeps, residual)
             self._momentum = self._measured.bound
@@ -106,7 +107,7 @@ class MomentumState(MeasuringIterates):
     def reduce_acceleration(self) -> bool:
         """Halve β, or set it to zero when it is small; return False if it is zero already.
 
-        The bound no longer follows the residuals then.
+        From then on, the bound no longer follows the residuals.
         """
         if self._measured is not None:
             self._momentum, self._measured = min(self._momentum, MeasuredMomentum().bound), None
@@ -155,14 +156,14 @@ class RestartedMomentum(MomentumIterates):
 
 
 def with_momentum(iterates: LinearIterates, momentum: float, delay: float) -> Iterates:
-    """Return the iterates with momentum β that grows with ``delay``, or the iterates themselves if β = 0."""
+    """Return the iterates with momentum β, delayed by ``delay``, or the iterates themselves if β = 0."""
     return MomentumIterates(iterates, momentum, delay) if momentum > 0.0 else iterates
 
 
 def begin_with_momentum(
     begin: Callable[[FloatArray, float, float], Iterates], momentum: Momentum, delay: float
 ) -> Callable[[FloatArray], Iterates]:
-    """Return a function that begins iterates at Λ, shape (n_rows,), with the options of a method."""
+    """Return the function that begins iterates at Λ, shape (n_rows,), with the options of a method."""
     if not isinstance(momentum, str):
         return lambda start: begin(start, momentum, delay)
 

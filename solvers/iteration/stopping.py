@@ -1,10 +1,10 @@
 """Stopping criteria of projected iterations.
 
-The judge's residual is measured every few sweeps. A residual that no longer falls does not end a solve: it may stay
-constant for a million sweeps, while an impulse travels through a stack, and then fall. A solve therefore continues to
-its limits unless it cannot succeed: Λ no longer changes, or the residual consists of rounding (STALLED); iterate ν
-equals iterate ν−2 to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); the residual
-explodes or is not a number (DIVERGED).
+The judge's residual is measured every few sweeps. A constant residual does not end a solve: it may fall after a million
+sweeps, in which an impulse travels through a stack. A solve therefore continues to its limits unless it cannot succeed.
+This is the case if Λ no longer changes, or rounding errors explain the residual (STALLED); if iterate ν equals iterate
+ν−2 up to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); or if the residual grows
+without bound or is not a number (DIVERGED).
 """
 
 import bisect
@@ -20,7 +20,7 @@ from ...problems.compilation import COMPILATION
 from ...problems.contact.solver import Observer, Solution, Status, Stop
 
 MAX_CHECK_INTERVAL = 10
-"""Largest number of sweeps between two checks of the residual; a check costs about one sweep."""
+"""Largest number of sweeps between two checks of the residual; a check takes about as long as one sweep."""
 
 DIVERGENCE_GROWTH = 1e8
 """A residual this many times the first one (or 1, if that is larger) counts as divergence."""
@@ -29,20 +29,20 @@ MIN_PLATEAU_SWEEPS = 2000
 """Lack of progress is not diagnosed before this many sweeps."""
 
 PLATEAU_PROGRESS = 0.9
-"""Progress: the last three quarters of all sweeps reduced the best residual below this fraction."""
+"""Sweeps make progress if the last three quarters of them reduce the best residual below this fraction."""
 
 RECORD_RATIO = 0.99
 """A residual below this fraction of the last recorded one is recorded together with its sweep."""
 
 CLEARLY_BETTER = 0.5
-"""A residual below this fraction of another is clearly better, even if both consist of rounding."""
+"""A residual below this fraction of another is clearly better, even if both are rounding errors."""
 
 CYCLE_PATIENCE = 20
-"""Checks without progress before iterates are compared. Two consecutive comparisons must agree: an iteration may have
-hidden state that is still changing, and a safeguard may break a cycle."""
+"""Number of checks without progress before iterates are compared. Two consecutive comparisons must agree: an iteration
+may have hidden state that is still changing, and a safeguard may break a cycle."""
 
 ROUNDING = 16 * np.finfo(np.float64).eps
-"""Impulses that differ by less, relative to the largest value of their row, are equal to rounding."""
+"""Impulses that differ by less, relative to the largest value of their row, are equal up to rounding."""
 
 
 class Outcome(NamedTuple):
@@ -53,7 +53,7 @@ class Outcome(NamedTuple):
 
 
 class Clock:
-    """The time left to a solve; it stops during calls of an observer and while kernels compile.
+    """Clock of a solve, which stops during calls of an observer and while kernels compile.
 
     Args:
         seconds: time limit [s].
@@ -108,7 +108,7 @@ class Monitor:
         stop: the limits.
         best_residual: the lowest finite residual so far.
         best_impulses: its iterate, None before the first check; it must not be modified.
-        clock: the time left.
+        clock: the clock of the solve.
     """
 
     stop: Stop
@@ -153,7 +153,7 @@ class Monitor:
 
     @property
     def may_test_rounding(self) -> bool:
-        """Whether a test for the rounding limit is due; each failed test doubles the waiting time."""
+        """Whether a test for the rounding limit is due: the next one is due when the number of sweeps has doubled."""
         return self._iteration >= self._next_rounding_test
 
     def begin_rounding_test(self, iteration: int, residual: float) -> None:
@@ -191,6 +191,6 @@ class Monitor:
         return Solution(impulses, outcome.status, iterations, outcome.reason)
 
     def _best_at(self, iteration: int) -> float:
-        """Return the best residual, to one percent, after ``iteration`` sweeps."""
+        """Return the best residual after ``iteration`` sweeps, to within one percent."""
         later = bisect.bisect_right(self._marks, iteration, key=itemgetter(0))
         return self._marks[max(later - 1, 0)][1]

@@ -1,8 +1,8 @@
 """Enumeration of contact states: all solutions of a tiny planar problem, as a reference for other methods.
 
-A unilateral law is open (Λ_N = 0) or closed (ξ_N = 0), a planar friction law sticks (ξ_T = 0) or slips at one of its
-bounds (Λ_T = ±(a + μ Λ_N), or 0 at an open contact). Each combination is a linear system; the judge checks whether its
-solution satisfies the inequalities too. Without fixed bounds there are at most 5ⁿ combinations for n contacts.
+A unilateral law is open (Λ_N = 0) or closed (ξ_N = 0). A planar friction law sticks (ξ_T = 0) or slips at one of its
+bounds (Λ_T = ±(a + μ Λ_N)). Each combination of states gives a linear system. The judge checks whether its solution
+also satisfies the inequalities. Without fixed bounds there are at most 5ⁿ combinations for n contacts.
 """
 
 import itertools
@@ -21,16 +21,16 @@ from ..iteration.method import Method, unsupported_laws
 from ..iteration.stopping import Clock
 
 MAX_CONTACTS = 6
-"""Largest number of contacts; it takes about a second."""
+"""Largest number of contacts; all combinations of states then take about a second."""
 
 SINGULAR = 1e-12
-"""Ratio of singular values below which a system is singular, and its solution of least norm is used."""
+"""Ratio of singular values below which a system counts as singular; its solution of least norm is then used."""
 
 NO_SOLUTION = 1e-3
-"""If the best combination has a larger residual, the problem has no solution; a smaller one may be due to rounding."""
+"""If the lowest residual is larger, the problem has no solution; a smaller residual may be due to rounding."""
 
 SAME_SOLUTION = 1e-9
-"""Impulses that differ by less, relative to the largest, are the same solution."""
+"""Impulses that differ by less, relative to the largest one, count as the same solution."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class PreparedEnumeration:
                 state == "-" and laws.fixed_bound[law] == 0.0 and states[laws.partner[law]] == "open"
                 for law, state in enumerate(states)
             )
-            if not slips_for_nothing:  # the bound is zero, and "+" is the same state
+            if not slips_for_nothing:  # with a bound of zero, "-" is the same state as "+"
                 yield self._solve(states)
 
     def _solve(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:

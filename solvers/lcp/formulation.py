@@ -8,11 +8,11 @@ Each law contributes unknowns and conditions; b = a + μ Λ_N is the friction bo
       z = (Λ_T + b, ξ⁻),    w = (ξ⁺, b − Λ_T),    ξ_T = ξ⁺ − ξ⁻.
 
 * Spatial friction with the inscribed k-gon in place of the disc (Stewart & Trinkle 1996): Λ_T = D β with the corners of
-  the unit k-gon in the columns of D,
+  the unit k-gon in the columns of D, and e = (1, …, 1),
 
       z = (β, λ),    w = (Dᵀξ_T + λ e, b − eᵀβ).
 
-All quantities are scaled contact by contact: Λ = s z and w = s ξ with s = 1/√α, which equalises mass ratios.
+All quantities are scaled contact by contact, which equalises mass ratios: Λ = s z and w = s ξ with s = 1/√α.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from ...problems.contact.residual import Residual
 from ..iteration.method import check_option
 
 _Entries = tuple[IntArray, IntArray, FloatArray | float]
-"""Rows, columns and values of a sparse matrix, which may be broadcast."""
+"""Rows, columns and values of a sparse matrix, which are broadcast against each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Complementarity:
     offset: FloatArray
 
     def impulses(self, unknowns: FloatArray) -> FloatArray:
-        """Return Λ [N s], shape (n_rows,), of z, shape (n,)."""
+        """Return Λ [N s], shape (n_rows,), from z, shape (n,)."""
         found: FloatArray = self.to_impulses @ unknowns + self.offset
         return found
 
@@ -66,7 +66,7 @@ def unknowns_of_laws(laws: Laws, sides: int) -> IntArray:
 
 
 def corners(sides: int) -> FloatArray:
-    """Return the corners of the regular polygon in the unit circle, the first on the T1 axis, shape (2, sides)."""
+    """Return the corners of the regular polygon in the unit circle, shape (2, sides); the first is on the T1 axis."""
     angle = 2.0 * np.pi / sides * np.arange(sides)
     return np.stack([np.cos(angle), np.sin(angle)])
 
@@ -105,7 +105,7 @@ class _Conditions:
 
     def __init__(self, laws: Laws, friction: FloatArray, bound: FloatArray, sides: int) -> None:
         self._laws, self._friction, self._bound, self._sides = laws, friction, bound, sides
-        self._first = np.append(0, np.cumsum(unknowns_of_laws(laws, sides)))  # unknown of each law, and their number
+        self._first = np.append(0, np.cumsum(unknowns_of_laws(laws, sides)))  # first unknown of each law, total number
         self.offset, self.constant = np.zeros(laws.n_rows), np.zeros(self._first[-1])
         self.impulse: list[_Entries] = []
         self.velocity: list[_Entries] = []
@@ -140,7 +140,7 @@ class _Conditions:
         return law, self._laws.first_row[law], self._first[law]
 
     def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:
-        """Return entries of ``factor`` times μ in the columns of the normal impulses, for each law with μ > 0."""
+        """Return the entries ``factor`` times μ in the columns of the normal impulses, for each law with μ > 0."""
         has_friction = self._friction[law] > 0.0
         law, row = law[has_friction], row[has_friction]
         return row, self._first[self._laws.partner[law]], factor * self._friction[law]
@@ -153,9 +153,9 @@ def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:
 
 
 def _scales(problem: ContactProblem, residual: Residual) -> FloatArray:
-    """Return s = 1/√α of each row, with α of its contact, or the largest α if a contact has α = 0."""
+    """Return s = 1/√α of each row, with α of its contact, or with the largest α if its contact has α = 0."""
     layout = problem.layout
-    law_alpha = np.append(residual.alpha, 0.0)  # a block without such a law has the index -1
+    law_alpha = np.append(residual.alpha, 0.0)  # the index of a law that a block does not have is -1
     alpha = np.maximum(law_alpha[layout.normal_law], law_alpha[layout.friction_law])
     alpha = np.where(alpha > 0.0, alpha, max(float(alpha.max(initial=0.0)), np.finfo(float).tiny))
     scale: FloatArray = layout.unpad(np.repeat(1.0 / np.sqrt(alpha), layout.width))

@@ -1,7 +1,7 @@
-"""Lemke's method on the linear complementarity problem of contact: exact planar friction, spatial friction pyramids.
+"""Lemke's method on the complementarity problem of contact: exact planar friction, pyramids for spatial friction.
 
-If contacts affect each other only within groups, the matrix is block diagonal, and each block is solved separately:
-the work grows with the cube of the largest group, not of the problem.
+If contacts affect each other only within groups, the matrix is block diagonal, and each block is solved separately. The
+work then grows with the cube of the size of the largest group, not of the whole problem.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from .formulation import Complementarity, check_sides, complementarity, unknowns
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
 
 MAX_GROUP_SIZE = 6000
-"""Largest number of unknowns of a group; larger tableaus need more than 300 MB and hours of pivoting."""
+"""Largest number of unknowns of a group; a larger tableau needs more than 300 MB and hours of pivoting."""
 
 PIVOTS_BETWEEN_CHECKS = 20
 """Number of pivots between two checks of the clock."""
@@ -37,7 +37,7 @@ class Lemke(Method):
         sides: k, the number of sides of the friction pyramid of a spatial contact; at least 3.
 
     Raises:
-        SolverError: for fewer than 3 sides.
+        SolverError: if ``sides`` is less than 3.
     """
 
     sides: int = 8
@@ -77,7 +77,7 @@ class Lemke(Method):
 
 def _groups(matrix: sp.csr_array) -> list[IntArray]:
     """Return the indices of each connected group of unknowns."""
-    from scipy.sparse.csgraph import connected_components  # import takes 0.1 s
+    from scipy.sparse.csgraph import connected_components  # imported here because import takes 0.1 s
 
     count, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
@@ -130,7 +130,7 @@ class PreparedLemke:
 
 
 def _advance(tableau: Tableau, max_pivots: int, clock: Clock) -> Status | None:
-    """Pivot to the end, to ``max_pivots`` or to the deadline; return the limit reached, if any."""
+    """Pivot to the end, to ``max_pivots`` or to the deadline; return the limit that was reached, if any."""
     while tableau.ending is Ending.UNFINISHED:
         if tableau.pivots >= max_pivots:
             return Status.ITERATION_LIMIT

@@ -2,10 +2,10 @@
 
     w = M z + q + d z₀,      w, z, z₀ ≥ 0,      d = (1, …, 1)
 
-From z₀ so large that w ≥ 0, the complement of the variable that has just left enters the basis at each pivot, until z₀
-leaves. The leaving variable is the lexicographic minimum of the rows [β, B⁻¹] over the entering column, so that
-degenerate problems cannot cycle. The tableau contains the columns of the nonbasic variables; the columns of B⁻¹ are
-those of w, which are either stored or unit vectors.
+The method begins with a z₀ so large that w ≥ 0. At each pivot, the complement of the variable that left last enters the
+basis, until z₀ leaves it. The leaving variable is the lexicographic minimum of the rows [β, B⁻¹] over the entering
+column, with the basis B and β = B⁻¹ q, so that degenerate problems cannot cycle. The tableau contains the columns of
+the nonbasic variables; the columns of B⁻¹ are those of w, which are either stored or unit vectors.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from numba import njit
 from ...problems.arrays import FloatArray
 
 SMALLEST_PIVOTS = (1e-8, 1e-11, 1e-14)
-"""Entries of the entering column below this fraction of its largest count as zero.
+"""Entries of the entering column below this fraction of its largest entry count as zero.
 
-The first keeps rounding out of the tableau; the others are tried when the path ends on a ray, because large mass ratios
-can make a valid pivot small.
+The first value keeps rounding errors out of the tableau. The others are tried when the pivoting ends on a ray, because
+large mass ratios can make a valid pivot small.
 """
 
 RAY_ROUNDING = 1e-12
-"""Mᵀ y of a ray y ≥ 0 is zero to rounding below this fraction of the largest entry of M."""
+"""Mᵀ y of a ray y ≥ 0 is zero up to rounding if it is below this fraction of the largest entry of M."""
 
 FALL_ROUNDING = 1e-6
-"""qᵀy must be below zero by this fraction of the largest entry of q: a z ≥ 0 that y does not exclude would have entries
-a million times as large as M and q suggest."""
+"""qᵀy must be below zero by this fraction of the largest entry of q. If a feasible z ≥ 0 existed nevertheless, its
+entries would be a million times as large as M and q suggest."""
 
 TIE = 1e-13
-"""Ratios that differ by less, relative to the largest of the tied ones or to 1, are tied."""
+"""Ratios are tied if they exceed the least one by no more than this, relative to the larger of it and 1."""
 
 
 class Ending(IntEnum):
@@ -46,12 +46,12 @@ class Ending(IntEnum):
 class Tableau:
     """The state of the pivoting on one linear complementarity problem of size n.
 
-    Variables are numbered: w from 0, z from n, z₀ is 2n.
+    Variables are numbered: w from 0, z from n, and z₀ is 2n.
 
     Attributes:
         matrix: M, dense, shape (n, n).
         vector: q, shape (n,).
-        smallest: entries of the entering column below this fraction of its largest count as zero.
+        smallest: one of ``SMALLEST_PIVOTS``.
         ending: state of the pivoting.
         pivots: number of pivots.
     """
@@ -66,7 +66,7 @@ class Tableau:
         n = len(self.vector)
         self._rows: FloatArray = np.ascontiguousarray(np.column_stack([-self.matrix, -np.ones(n)]))
         largest = float(np.abs(self.vector).max(initial=0.0))
-        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # scaled for the test of ties; exact
+        self._values = np.ldexp(self.vector, -int(np.frexp(largest)[1]))  # scaled exactly, for the test of ties
         self._basic = np.arange(n)
         self._nonbasic = np.arange(n, 2 * n + 1)
         self._entering = 2 * n
@@ -83,7 +83,7 @@ class Tableau:
         self.pivots += done
 
     def solution(self) -> FloatArray:
-        """Return z of the current basis, recomputed from M and q to remove the rounding of the pivots."""
+        """Return z of the current basis, recomputed from M and q to remove the rounding errors of the pivots."""
         n = len(self.vector)
         unknowns = np.zeros(n)
         closed = np.sort(self._basic[(self._basic >= n) & (self._basic < 2 * n)]) - n
@@ -101,7 +101,7 @@ class Tableau:
         return unknowns
 
     def proves_infeasibility(self) -> bool:
-        """Whether the final ray is, beyond rounding, a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0.
+        """Whether the final ray gives a y ≥ 0 with Mᵀ y ≤ 0 and qᵀ y < 0 that rounding errors do not explain.
 
         Then yᵀ(M z + q) < 0 for every z ≥ 0, so that no z satisfies M z + q ≥ 0.
         """
@@ -192,7 +192,7 @@ def _leaving_row(rows, values, basic, place, column, tied, smallest):  # type: i
 
 @njit(cache=True)
 def _inverse_entry(rows, place, row, j):  # type: ignore[no-untyped-def]
-    """Return entry (row, j) of B⁻¹: from the column of w_j, or of the unit matrix if w_j is basic."""
+    """Return entry (row, j) of B⁻¹, from the column of w_j, or from the unit matrix if w_j is basic."""
     if place[j] >= 0:
         return 1.0 if place[j] == row else 0.0
     return rows[row, -1 - place[j]]

@@ -1,12 +1,12 @@
 """PyramidPGS: projected Gauss–Seidel on the complementarity problem with box friction, as in physics engines.
 
-The regular k-gon with an even number of sides is a sum of k/2 segments (a zonotope), so a friction pyramid is k/2
-one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
+The regular k-gon with an even number of sides is a sum of k/2 segments (a zonotope). A friction pyramid is therefore
+k/2 one-dimensional friction laws along the edges e_s of the k-gon, with unknowns x_s:
 
     Λ_T = Σ_s e_s x_s,      |x_s| ≤ (a + μ Λ_N) sin(π/k),      x_s ← clip(x_s − ω e_sᵀξ_T / e_sᵀG_TT e_s)
 
-Scalar unknowns are updated one after the other with the newest values of the others. Planar friction is one segment,
-and exact.
+Scalar unknowns are updated one after the other with the newest values of the others. Planar friction has one segment
+and is exact.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides
 
 DECOMPOSITIONS = 100
-"""Alternating projections that distribute the first Λ_T over the segments; inexact shares only cost sweeps."""
+"""Number of projected steps that distribute the first Λ_T over the segments; errors only lead to more sweeps."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class PyramidPGS(Method):
     """Projected Gauss–Seidel over scalar laws, with a friction pyramid in place of the cone.
 
     Attributes:
-        sides: k, even and at least 4.
+        sides: k, the number of sides of a friction pyramid; even and at least 4.
         relaxation: ω.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     sides: int = 8
@@ -62,7 +62,7 @@ class PyramidPGS(Method):
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G, the segments of every friction law and their step sizes."""
         self.check_supports(problem)
-        if problem.layout.width < 3:  # one segment per contact: the sweep of SORprox
+        if problem.layout.width < 3:  # with at most one segment per contact, the sweep is that of SORprox
             sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
             return PreparedIteration(problem, Residual(problem), sweep.begin)
         delassus, segments = FlatDelassus.of(problem), Segments.of(problem, self.sides, self.relaxation)
@@ -75,7 +75,7 @@ class Segments:
     """The one-dimensional friction laws of every block.
 
     Attributes:
-        edges: unit directions in (T1, T2), zero where a block has fewer, shape (n_blocks, n_segments, 2).
+        edges: e_s in (T1, T2), unit vectors or zero if a block has fewer, shape (n_blocks, n_segments, 2).
         share: bound of a segment relative to the friction bound, 1 (planar) or sin(π/k), shape (n_blocks,).
         sizes: ω over the curvature along each direction [kg], shape (n_blocks, n_segments).
         normal_sizes: ω/G_NN [kg], shape (n_blocks,).
@@ -90,7 +90,7 @@ class Segments:
     def of(problem: ContactProblem, sides: int, relaxation: float) -> "Segments":
         """Return the segments of pyramids with ``sides`` sides."""
         blocks = problem.delassus_blocks()
-        rows = np.append(problem.laws.row_count, 0)[problem.layout.friction_law]  # last: no friction
+        rows = np.append(problem.laws.row_count, 0)[problem.layout.friction_law]  # the last entry is for no friction
         angle = np.pi / sides * (2 * np.arange(sides // 2) + 1) + np.pi / 2
         edges = np.zeros((len(rows), sides // 2, 2))
         edges[rows == 2] = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -103,12 +103,12 @@ class Segments:
     def distribute(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
         """Return x within its bounds with Σ_s e_s x_s closest to Λ_T, shape (n_blocks, n_segments).
 
-        Λ is padded, shape (n_blocks, 3).
+        ``padded`` is Λ, shape (n_blocks, 3).
         """
         target = padded[:, 1:]
         normal = np.maximum(padded[layout.partner, 0], 0.0)
         bound = (self.share * (layout.fixed_bound + layout.friction_coefficient * normal))[:, None]
-        weight = max(0.5 * self.edges.shape[1], 1.0)  # E Eᵀ is this times the identity, or less for planar friction
+        weight = max(0.5 * self.edges.shape[1], 1.0)  # Σ e_s e_sᵀ is this times the identity, or less if planar
         shares = np.zeros(self.edges.shape[:2])
         for _ in range(DECOMPOSITIONS):
             missing = target - np.einsum("bs,bsi->bi", shares, self.edges)

@@ -1,1 +1,1 @@
-"""Solvers in any language: shared libraries with a C interface, and executables that speak it over pipes."""
+"""Solvers in any language: shared libraries with a C interface, and executables that communicate over pipes."""

@@ -1,4 +1,4 @@
-"""The last line that a program wrote to captured output: often the only statement of why it ended."""
+"""The last line that a program wrote to captured output, often the only explanation of why it ended."""
 
 import os
 import stat
@@ -24,7 +24,7 @@ def output_size(descriptor: int) -> int:
 def last_line(descriptor: int, start: int) -> str:
     """Return the last non-empty line of captured output, without control characters.
 
-    It is empty if nothing was written, or if the output cannot be read, as that of a terminal.
+    It is empty if nothing was written, or if the output cannot be read, for example that of a terminal.
 
     Args:
         descriptor: the open output.

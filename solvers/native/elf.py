@@ -1,7 +1,7 @@
 """Detect ELF files that cannot be loaded.
 
-A read beyond the end of a truncated file kills the process. For a library of another processor, the loader of glibc
-reports a missing file.
+Loading a truncated file kills the process, because the loader reads beyond its end. For a library of another processor,
+the loader of glibc misleadingly reports a missing file.
 """
 
 import struct
@@ -48,9 +48,9 @@ def own_processor() -> str:
 
 
 def elf_length(file: Path) -> int:
-    """Return the end of the loaded segments of a 64-bit ELF file in bytes; 0 for other files.
+    """Return the offset of the end of the loaded segments of a 64-bit ELF file [bytes]; 0 for other files.
 
-    If the file ends within its header or its table of segments, it is the file size plus one.
+    If the file ends within its header or its table of segments, return the file size plus one.
     """
     with file.open("rb") as stream:
         header = stream.read(_HEADER_LENGTH)

@@ -1,7 +1,7 @@
 """Executable: a solver in a program that reads problems from its standard input and answers on its standard output.
 
-The program stays alive from one solve to the next; ``messages`` defines the protocol. It is for solvers without
-a C interface; a call costs two messages through pipes.
+The program keeps running from one solve to the next; ``messages`` defines the protocol. ``Executable`` is for solvers
+without a C interface. A call takes two messages through pipes.
 """
 
 import os
@@ -47,19 +47,19 @@ from .problem_arrays import ProblemArrays
 from .structures import INTERFACE
 
 MAX_COUNT = 2**62
-"""Largest iteration limit that is passed on; larger limits are reduced to it."""
+"""Largest iteration limit that the program receives; larger limits are reduced to it."""
 
 _ALL_THREADS = 2
 """Low bits of the clock identifier of a process (clock_getcpuclockid(3))."""
 
 START_SECONDS = 30.0
-"""Wall time within which a program must start to describe itself [s]."""
+"""Wall time within which a program must begin to describe itself after its start [s]."""
 
 _STANDARD_ERROR = 2
 """Descriptor of the standard error that programs inherit."""
 
 END_SECONDS = 1.0
-"""Wall time for a program to exit after closing its output [s]."""
+"""Wall time within which a program must exit after it closes its output [s]."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Executable(NativeSolver):
         return program.facts
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Send the arrays that the program asks for, and let it prepare them."""
+        """Send the arrays that the program requests, and wait until it has prepared them."""
         self.check_supports(problem)
         return PreparedProgram(self.program, problem)
 
@@ -100,12 +100,12 @@ class Executable(NativeSolver):
 
 
 class Program:
-    """A running program. A forked process starts its own one.
+    """A running program; a forked process starts its own copy.
 
     Attributes:
         source: its name in messages.
         facts: its description of itself.
-        prepared: an object that identifies the problem that it prepared last.
+        prepared: object that identifies the problem that it prepared last.
     """
 
     def __init__(self, command: list[str], source: str) -> None:
@@ -216,7 +216,7 @@ class PreparedProgram:
         self._prepare()
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve in the program; see ``Prepared.solve``. Its message defaults to the program's own time.
+        """Solve in the program; see ``Prepared.solve``. The default message is the time by the program's own clock.
 
         Raises:
             SolverError: if the program has ended.
@@ -243,7 +243,7 @@ class PreparedProgram:
         return Solution(answer.impulses, status, answer.iterations, answer.text or own)
 
     def _answer(self, observe: Observer | None) -> Answer:
-        """Return the solution, and show the iterates that come before it."""
+        """Return the solution, and pass the iterates that come before it to the observer."""
         source, n_rows = self._program.source, self._n_rows
         kinds = (SOLVE,) if observe is None else (SOLVE, ITERATE)
         while True:

@@ -1,4 +1,4 @@
-"""The messages between Proxbench and an executable: their format, and checks of answers.
+"""The messages between Proxbench and an executable: their format, and the checks of answers.
 
 A message consists of a head and a body. The head has 16 bytes: the length of the body [bytes] (uint64), the kind of the
 message (uint32) and a code (int32). Numbers are in the byte order of the machine, doubles and int64 at multiples of 8
@@ -36,7 +36,7 @@ HEAD = struct.Struct("=QIi")
 """Length of the body, kind and code."""
 
 LIMITS = struct.Struct("=ddqII")
-"""Tolerance, seconds, iterations, threads, and whether iterates are shown; the start follows."""
+"""Tolerance, seconds, iterations, threads, and whether iterates are requested; the start follows."""
 
 MAX_TEXT = 4096
 """Largest number of bytes of text in a message."""

@@ -1,4 +1,4 @@
-"""Base of shared libraries and executables: name, model and supported problems, from their description."""
+"""Base class of shared libraries and executables: name, model and supported problems from their description."""
 
 import os
 from abc import ABC, abstractmethod
@@ -31,7 +31,7 @@ MAX_NAME_LENGTH = 80
 
 
 class BrokenInterfaceError(SolverError):
-    """A solver in another language broke the rules of the interface while it solved."""
+    """A solver in another language violated the rules of the interface during a solve."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class SolverFacts:
     """The checked description of a solver.
 
     Attributes:
-        name, version: name and version by its author.
+        name, version: name and version that its author gave it.
         model: the model that it solves.
         forms: arrays that it requests, bits of ``pb_form``.
         laws: laws that it supports, bits of ``pb_laws``.
@@ -57,7 +57,7 @@ class SolverFacts:
     def checked(
         source: str, name: str, version: str, model: int, sides: int, *, masks: tuple[int, int, int]
     ) -> "SolverFacts":
-        """Return the facts of ``source``, with the ``masks`` forms, laws and flags.
+        """Return the facts of ``source``; ``masks`` are the forms, laws and flags.
 
         Raises:
             SolverError: if the model does not exist.
@@ -98,7 +98,7 @@ class NativeSolver(ABC):
     facts: SolverFacts = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[str]
-    """Name of such a file in messages."""
+    """Name of the kind of file in messages."""
 
     example: ClassVar[str]
 
@@ -138,7 +138,7 @@ class NativeSolver(ABC):
 
     @property
     def has_iterates(self) -> bool:
-        """Whether it shows its iterates."""
+        """Whether it passes its iterates to the observer."""
         return bool(self.facts.flags & SHOWS_ITERATES)
 
     @property
@@ -195,7 +195,7 @@ def status_of(source: str, code: int) -> Status:
 def granted_threads() -> int:
     """Return the number of threads that a solver may use.
 
-    It is OMP_NUM_THREADS, which is 1 in all measurements, or the number of cores that this process may use.
+    It is OMP_NUM_THREADS, which is 1 in all measurements, or else the number of cores that this process may use.
     """
     granted = os.environ.get("OMP_NUM_THREADS", "")
     return int(granted) if granted.isdecimal() and int(granted) else usable_cores()

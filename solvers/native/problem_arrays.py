@@ -1,6 +1,6 @@
 """A contact problem as the plain arrays of ``pb_problem``, copied into one block of memory.
 
-Writing to these arrays does not change the problem. Executables receive the same memory, with offsets instead of
+Writing to these arrays does not change the problem. Executables receive a copy of this memory, with offsets instead of
 addresses.
 """
 
@@ -20,7 +20,7 @@ ALIGNMENT = 64
 """Alignment of the address of each array in bytes."""
 
 MAX_WEIGHT = 1e300
-"""Weight of the laws if the free velocity is zero, so that any violation is infinite relative to it [s/m]."""
+"""Weight of the laws if the free velocity is zero [s/m]; relative to it, any violation is then almost infinite."""
 
 _TYPES: dict[str, np.dtype[Any]] = {"d": np.dtype(np.float64), "i": np.dtype(np.int32)}
 
@@ -70,7 +70,7 @@ def _always(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
 
 
 def _scales(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
-    """Return α, and ℓ ratio/scale, so that the largest weighted violation is the judge's residual."""
+    """Return α, and the weights ℓ ratio/scale by which the largest weighted violation is the judge's residual."""
     residual = Residual(problem)
     structure.infeasible_law = residual.stuck_law
     scale = residual.scale if residual.scale > 0.0 else 1.0 / MAX_WEIGHT

@@ -1,9 +1,9 @@
 """The solver Shared, which calls a shared library that exports the functions of ``proxbench.h``.
 
-The structures of a solve are created when the problem is prepared, so that a call has little overhead: it sets the
-limits, enters the library, and copies the impulses to memory that the library cannot reach. Guards lie before and
-after the memory of the impulses, and their bytes must not change. The impulses are NaN before each call, which reveals
-entries that the library does not write.
+The structures of a solve are created when the problem is prepared. A call therefore has little overhead: it sets the
+limits, enters the library, and copies the impulses to memory that the library does not know. Guard entries lie before
+and after the memory of the impulses, and their bytes must not change. The impulses are NaN before each call, which
+reveals entries that the library does not write.
 """
 
 import ctypes
@@ -93,7 +93,7 @@ class Shared(NativeSolver):
         )
 
     def _check_file(self) -> None:
-        """Raise ``SolverError`` if the file is truncated, which would kill this process, or of another processor."""
+        """Raise ``SolverError`` if the file is for another processor, or truncated, which would kill this process."""
         try:
             length, found = elf_length(self.file), self.file.stat().st_size
             processor, own = processor_of(self.file), own_processor()
@@ -199,7 +199,7 @@ class PreparedLibrary:
 
 
 def _solution(impulses: FloatArray, status: Status, iterations: int, message: str) -> Solution:
-    """Return ``Solution(...)`` in half the time: the constructor of a frozen dataclass sets attributes indirectly."""
+    """Return ``Solution(...)`` in half the time of its constructor, which sets the attributes indirectly."""
     made = object.__new__(Solution)
     attributes = made.__dict__
     attributes["impulses"], attributes["status"] = impulses, status

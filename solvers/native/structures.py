@@ -37,10 +37,10 @@ FUNCTIONS = ("proxbench_describe", "proxbench_prepare", "proxbench_solve", "prox
 """Functions that a shared library exports."""
 
 OBSERVER = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_void_p)
-"""Type of ``observe`` of a request."""
+"""Type of the field ``observe`` of ``pb_request``."""
 
 SIZES = ("n_rows", "n_laws", "n_dofs", "n_blocks", "width", "infeasible_law")
-"""Whole numbers of ``pb_problem``, after its size and forms."""
+"""Integer fields of ``pb_problem``, after its size and forms."""
 
 ARRAYS = {
     "free_velocity": "d",
@@ -69,7 +69,7 @@ ARRAYS = {
     "mass_values": "d",
     "free_motion": "d",
 }
-"""Arrays of ``pb_problem`` in their order, with "d" for doubles and "i" for int32."""
+"""Arrays of ``pb_problem`` in the order of its fields, with "d" for doubles and "i" for int32."""
 
 
 class Description(ctypes.Structure):

@@ -1,4 +1,4 @@
-"""The linear systems of Newton steps, solved only if the deadline permits.
+"""Solution of the linear systems of Newton steps, if the deadline permits.
 
 Each step solves J δ = right (``linearised``) in impulses scaled by √α, so that pivots depend neither on units nor on
 mass ratios:
@@ -6,15 +6,16 @@ mass ratios:
     (D J D + damping · I) y = D right,      δ = D y,      D = diag(1/√α).
 
 A factorisation cannot be interrupted, and on twenty thousand densely packed contacts it takes a minute. Its time is
-therefore predicted from an earlier one. If a matrix with z entries took t seconds, one with z' entries is expected to
-take at most
+therefore predicted from that of an earlier one. If a matrix with z entries took t seconds, one with z' entries is
+expected to take at most
 
     t' = SLACK · t · max(1, z'/z)³.
 
-Measured exponents are 1.2 (flow) to 4.6 (the last part of a dense packing), the larger ones over less than a doubling.
-If a system is larger than all measured ones and may miss the deadline, leading parts of it are factorised first, each
-with twice as many rows as the one before, until the prediction is either short enough or certainly too long. Rows are
-in reverse Cuthill–McKee order, so that a part has the connectivity of the whole. The parts do not affect the iterates.
+Measured exponents range from 1.2 (flow) to 4.6 (the last part of a dense packing). The larger ones hold only while z
+grows by less than a factor of two. If a system is larger than all measured ones and may miss the deadline, leading
+parts of it are factorised first. Their number of rows doubles until the prediction is either short enough or certainly
+too long. Rows are in reverse Cuthill–McKee order, so that a part has the connectivity of the whole. The parts do not
+affect the iterates.
 """
 
 from typing import TYPE_CHECKING
@@ -31,19 +32,20 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
 PIVOT_THRESHOLD = 0.1
-"""A diagonal pivot is accepted unless it is below this fraction of its column, which keeps the factors sparse."""
+"""Diagonal pivots keep the factors sparse; they are used unless below this fraction of the largest in their column."""
 
 SLACK = 2.0
 """Safety factor of a prediction."""
 
 EXPONENT = 3.0
-"""Growth of the time with the entries: 1.5 for a dense matrix and for planar grids, 2 and more for spatial ones."""
+"""Exponent of the time in the number of entries: 1.5 for dense matrices and planar grids, 2 or more for spatial
+grids."""
 
 FIRST_PART_ROWS = 500
 """Number of rows of the first part that is factorised to measure the time."""
 
 SMALL_ENTRIES, SMALL_SECONDS = 10_000, 5e-3
-"""Entries and seconds of a small system, assumed before the first measurement."""
+"""Number of entries and time [s] of a small system, assumed before the first measurement."""
 
 
 class LinearSolver:
@@ -92,7 +94,7 @@ class LinearSolver:
         return step
 
     def _meets_deadline(self, matrix: sp.csr_array) -> bool:
-        """Whether a factorisation is expected to meet the deadline; factorises parts first if that is uncertain."""
+        """Whether a factorisation is expected to meet the deadline; if that is uncertain, factorise parts first."""
         from scipy.sparse.csgraph import reverse_cuthill_mckee  # imported here because import takes 0.1 s
 
         order = None

@@ -1,8 +1,9 @@
-"""The projection equations of a contact problem and their linearisation: the system of a semismooth Newton step.
+"""The projection equations of a contact problem, and their linearisation, the system of a semismooth Newton step.
 
-With r = 1/α the inclusion of law i reads Λ_i = prox_{C_i}(x_i), x_i = Λ_i − ξ_i/α_i (α_i the largest diagonal entry of
-its block, as in the judge). The state of the law is the piece of the prox on which x_i lies (Alart & Curnier, A mixed
-formulation for frictional contact problems prone to Newton like solution methods, 1991); b = a + μΛ_N is its bound:
+With r = 1/α, the inclusion of law i is Λ_i = prox_{C_i}(x_i), x_i = Λ_i − ξ_i/α_i, where α_i is the largest diagonal
+entry of its block, as in the judge. The state of the law is the piece of the prox on which x_i lies (Alart & Curnier, A
+mixed formulation for frictional contact problems prone to Newton like solution methods, 1991); b = a + μΛ_N is its
+bound:
 
     open    x_N ≤ 0         Λ_N = 0
     closed  x_N > 0         ξ_N = 0
@@ -11,12 +12,12 @@ formulation for frictional contact problems prone to Newton like solution method
     idle    b = 0           Λ_T = 0
 
 Rolling friction has the states of sliding friction, with its own rows and bound. A bilateral law is always closed.
-Open and idle rows are not in the system. For the other rows the step δ satisfies ξ + Gδ = 0 if the law is closed or
-sticks, and, times α, with κ = b/‖x_T‖ and P = κ(I − t tᵀ),
+Open and idle rows are not in the system. On the other rows, the step δ satisfies ξ + Gδ = 0 if the law is closed or
+sticks. With κ = b/‖x_T‖ and P = κ(I − t tᵀ), and multiplied by α, the equation is
 
     P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            if it slips.
 
-Small systems are assembled densely: sparse systems of the same size take ten times as long.
+Small systems are assembled as dense matrices, because sparse systems of the same size take ten times as long.
 """
 
 from copy import copy
@@ -32,7 +33,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 
 MAX_DENSE_ROWS = 150
-"""Largest number of rows of a dense system, whose factorisation is cheaper than the overhead of a sparse one."""
+"""Largest number of rows of a dense system; its factorisation takes less time than the overhead of a sparse one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,7 @@ class Equations:
 
 @njit(cache=True)
 def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-untyped-def]
-    """Return the dense Jacobian over active rows: rows of G, or of P G and the weights of δ where a law slips."""
+    """Return the dense Jacobian over active rows: rows of G or, where a law slips, of P G plus the weights of δ."""
     n = len(active)
     matrix = np.zeros((n, n))
     for row in range(n):
@@ -136,7 +137,7 @@ def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-unty
 def _linearise(  # type: ignore[no-untyped-def]
     sets, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
 ):
-    """Identify the states, zero Λ of open and idle rows, and write the right-hand side and weights (P, δ) of slip."""
+    """Identify the states, set Λ of open and idle rows to zero, and write the right-hand side and weights of slip."""
     for law in range(len(sets)):
         if sets[law] == LINE:
             is_active[first_row[law]] = alpha[law] > 0.0
@@ -156,7 +157,7 @@ def _linearise(  # type: ignore[no-untyped-def]
             base[i : i + width] = 0.0
             continue
         if alpha[law] <= 0.0:
-            continue  # impulses of this law move nothing and stay unchanged
+            continue  # impulses of this law cause no velocity and stay unchanged
         is_active[i : i + width] = True
         argument = base[i : i + width] - velocity[i : i + width] / alpha[law]
         length = np.sqrt((argument**2).sum())

@@ -2,10 +2,11 @@
 
     Λ^{k+1} solves   −(GΛ + c + ρ_k A (Λ − Λ^k)) ∈ N_{C(Λ)}(Λ),      A = diag(α),
 
-(Rockafellar, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14, 1976, for friction: Acary,
+(Rockafellar, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14, 1976; for friction: Acary,
 Brémond & Huber 2018). G + ρA has full rank for any number of redundant contacts, and a limit of the sequence solves the
-problem itself. Small ρ make long steps, but inner problems as hard as the original. ρ therefore adapts: an inner solve
-that takes few Newton steps divides it; one that does not converge multiplies it and is repeated.
+problem itself. Small ρ give long steps, but inner problems that are as hard as the original. Therefore ρ is reduced
+after an inner solve that takes few Newton steps. It is increased if an inner solve does not converge, and this solve is
+repeated.
 """
 
 from collections.abc import Iterator
@@ -36,7 +37,7 @@ DECREASE, INCREASE = 10.0, 10.0
 """Divisor of ρ after an easy inner solve, and its factor after a failed one."""
 
 INNER_TOLERANCE = 1e-2
-"""Residual of the solution of an inner problem, relative to that of its centre."""
+"""Tolerance of an inner solve, relative to the residual of its centre."""
 
 DAMPING = 1e-14
 """Damping, relative to α, that prevents exactly singular inner Jacobians."""
@@ -57,7 +58,7 @@ class ProximalPoint(Method):
 
 @dataclass(frozen=True, eq=False)
 class PreparedProximalPoint:
-    """Newton's equations of one problem."""
+    """The projection equations of one problem."""
 
     problem: ContactProblem
     residual: Residual = field(repr=False)

@@ -1,15 +1,15 @@
 """SAP: Newton's method for body velocities, with contacts as stiff springs inside their cones.
 
 The semi-analytic primal method (Castro, Permenter & Han, IEEE Transactions on Robotics 39(2), 2023) minimises over
-velocities the energy that the convex model minimises over impulses. In the units of ``cone``, Λ = d x, with
-W̃ = Sᵀ W d of the factors and ξ = W̃ᵀ w + d c,
+velocities the energy that the convex model minimises over impulses. In the units of ``cone``, with Λ = d x, W̃ = Sᵀ W d
+and ξ = W̃ᵀ w + d c, it minimises
 
     ℓ(w) = ½‖w‖² + ½ R Σ ‖x_i(w)‖²,      x_i(w) = P_K(x̄_i − ξ_i / R),      ∇ℓ = w − W̃ x,      ∇²ℓ = I + W̃ (D/R) W̃ᵀ
 
 with D the derivatives of the projections. ℓ is convex, twice differentiable almost everywhere, and unconstrained. A
-step needs one factorisation over bodies, for any number of redundant contacts. With x̄ = 0 contacts penetrate by R x:
-this is the published method, a relaxed model. Here each minimum updates x̄ (multipliers of Hestenes and Powell), and R
-decreases, so that the relaxation vanishes.
+step needs one factorisation over bodies, for any number of redundant contacts. With x̄ = 0, contacts penetrate with the
+velocity R x. This is the published method, which solves a relaxed model. Here each minimisation updates x̄ (multipliers
+of Hestenes and Powell), and R decreases, so that the relaxation vanishes.
 """
 
 from collections.abc import Iterator
@@ -28,16 +28,16 @@ from ..sweeps.cone import ConeProblem
 from .linear_solver import factorise
 
 FIRST_COMPLIANCE, MIN_COMPLIANCE, COMPLIANCE_FACTOR = 0.1, 1e-6, 0.1
-"""First and smallest R, for a Delassus matrix of unit diagonal, and its factor after each minimum."""
+"""First and smallest R, for a Delassus matrix of unit diagonal, and the factor of R after each minimisation."""
 
 GRADIENT_TOLERANCE = 1e-3
-"""ℓ is minimal where ‖∇ℓ‖ is below this fraction of R ‖x − x̄‖, the change of ξ by the next multipliers."""
+"""A minimisation ends when ‖∇ℓ‖ is below this fraction of R ‖x − x̄‖, the change of ξ by the next x̄."""
 
 ROUNDING = 1e-14
-"""Gradients below this fraction of ‖w‖ are rounding."""
+"""Gradients below this fraction of ‖w‖ are rounding errors."""
 
 SUFFICIENT_DECREASE, MIN_STEP = 1e-4, 2.0**-30
-"""Share of the linear decrease that a step has to reach, and the shortest fraction of a step."""
+"""Share of the linear decrease that a step has to reach, and the smallest fraction of a step."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class SAP(Method):
         return unsupported_laws(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Scale W̃; the units of contacts need G."""
+        """Scale W̃, and assemble G for the units of contacts."""
         self.check_supports(problem)
         assert problem.factors is not None
         cone = ConeProblem.of(problem)
@@ -124,7 +124,7 @@ def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
 
 
 def _length(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatArray) -> float:
-    """Return the first of 1, ½, ¼, … of a step that decreases ℓ sufficiently; 0 if there is none."""
+    """Return the first fraction 1, ½, ¼, … of a step that decreases ℓ sufficiently, or 0 if there is none."""
     slope, before, part = float(gradient @ step), springs.value(w), 1.0
     while part >= MIN_STEP:
         if springs.value(w + part * step) <= before + SUFFICIENT_DECREASE * part * slope:
@@ -136,12 +136,12 @@ def _length(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatA
 def _derivatives(cone: ConeProblem, argument: FloatArray) -> FloatArray:
     """Return the derivative of the projection onto each K at ``argument``, shape (n, width), as (n, width, width).
 
-    Inside the cone it is the identity. For a projection onto its surface at N > 0, with t the direction of T and
-    b = a + μN the bound, it is
+    Inside the cone, the derivative is the identity. Where the projection lies on the surface of the cone at N > 0, it
+    is, with the direction t of T and the bound b = a + μN,
 
         [1, μ tᵀ; μ t, μ² t tᵀ] / (1 + μ²) + (b/‖T‖) [0, 0; 0, I − t tᵀ];
 
-    For N = 0 only the second part remains, with b = a, or the identity of T inside the disc.
+    At N = 0, only the second part remains, with b = a, or, inside the disc, the identity over T.
     """
     friction, fixed = cone.layout.friction_coefficient, cone.fixed_bound
     n, width = argument.shape

@@ -2,8 +2,8 @@
 
 The steps are those of the module ``steps`` with a line search, in three phases with the dampings 10⁻¹², 10⁻⁶ and 10⁻³.
 Each phase begins at the best iterate so far, and ends when its steps no longer improve it. The last phase continues to
-the limits, unless its iterates repeat or diverge. Newton's method converges only near a solution. Far from a solution
-it may cycle through contact states indefinitely, so it is most useful as a part of a ``Fallback``.
+the limits of the solve, unless its iterates repeat or diverge. Newton's method converges only near a solution. Far from
+a solution it may cycle through contact states indefinitely, so it is most useful as a part of a ``Fallback``.
 """
 
 from dataclasses import dataclass, field, replace

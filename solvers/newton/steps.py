@@ -1,4 +1,4 @@
-"""Newton steps on the projection equations, as long as they reduce the residual.
+"""Newton steps on the projection equations, taken as long as they reduce the residual.
 
 Each step solves the linearised equations, scaled and damped (``linear_solver``).
 
@@ -12,9 +12,9 @@ t = 1, ½, …, 1/64 with
 
     ρ(Λ + tδ) < (1 − 10⁻⁴ t) ρ(Λ),      ρ the judge's residual,
 
-breaks the cycle (De Luca, Facchinei & Kanzow 1996). At a kink of ρ, no t may satisfy this; the shortest step is then
-taken. The best Λ of all is returned. Neither full nor shortened steps are always better, so solvers alternate between
-them.
+breaks the cycle (De Luca, Facchinei & Kanzow 1996). At a kink of ρ, possibly no t satisfies this condition; the
+shortest step is then taken. The best Λ of all steps is returned. Neither full nor shortened steps are always better.
+Solvers therefore alternate between them.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ SUFFICIENT_DECREASE = 1e-4
 """Share of the linear decrease that a shortened step has to reach."""
 
 MIN_STEP = 1.0 / 64.0
-"""The shortest fraction of a step in a line search."""
+"""The smallest fraction of a step in a line search."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class NewtonSettings:
     Attributes:
         damping: weight of δ in the equations, relative to α.
         max_steps: largest number of steps.
-        min_step: shortest fraction of a step in the line search; 1 means full steps.
+        min_step: smallest fraction of a step in the line search; 1 means full steps.
         gain: the run ends when a new best residual exceeds this fraction of the previous residual.
         patience: the run ends after this many steps without a new best residual.
     """
@@ -60,10 +60,10 @@ class NewtonSettings:
 
 
 SHARP = NewtonSettings(damping=1e-12, max_steps=8)
-"""Full steps with almost no damping, which may at first increase the residual while contact states change."""
+"""Full steps with almost no damping; they may at first increase the residual while contact states change."""
 
 DAMPED = NewtonSettings(damping=1e-3, max_steps=10)
-"""Full steps for undetermined impulses that would grow without bound."""
+"""Full steps with enough damping to bound undetermined impulses."""
 
 THOROUGH = tuple(
     NewtonSettings(damping, max_steps=30, min_step=min_step, gain=1.0, patience=10)
@@ -91,14 +91,14 @@ def full_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, 
 def search_line(
     residual: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, min_step: float
 ) -> tuple[FloatArray, float]:
-    """Return the first point back from ``goal`` that reduces the residual enough, or the last one, and its residual.
+    """Return the first point back from ``goal`` that reduces the residual enough, or the last point; and its residual.
 
     Args:
         residual: Λ ↦ its residual.
         origin: Λ before the step [N s], shape (n_rows,).
         before: the residual of ``origin``.
         goal: Λ after the full step, shape (n_rows,).
-        min_step: shortest fraction of the step; 1 accepts the full step.
+        min_step: smallest fraction of the step; 1 accepts the full step.
     """
     fraction, point, present = 1.0, goal, residual(goal)
     while fraction > min_step and not present < (1.0 - SUFFICIENT_DECREASE * fraction) * before:
@@ -151,11 +151,11 @@ class NewtonMethod:
 
 
 class NewtonRunner:
-    """Newton's method from any iterate of one solve; the driver of the solve counts and shows each step.
+    """Newton's method from any iterate of one solve; the driver counts each step and shows it to the observer.
 
     Attributes:
         driver: runs the sweeps of the solve.
-        work: work of sweeps and Newton steps; the caller must add its sweeps.
+        work: work of sweeps and Newton steps; callers must add the sweeps that they do.
     """
 
     def __init__(self, equations: Equations, driver: IterationDriver) -> None:

@@ -1,14 +1,14 @@
 """The work of a solve, counted instead of timed, so that decisions based on it are the same on every machine.
 
-The unit is a nominal second: the approximate time of sweeps and Newton steps on one core of 2020. Each sweep and each
-step has a constant part, which dominates on a few contacts. The triangular factors of a step with n rows and f entries
-take about f²/n multiplications if their columns have equal lengths.
+The unit is a nominal second, calibrated by the times of sweeps and Newton steps on one processor core of the year 2020.
+Each sweep and each step has a constant part, which dominates on a few contacts. The triangular factors of a step with n
+rows and f entries take about f²/n multiplications if their columns have equal lengths.
 """
 
 from dataclasses import dataclass
 
 SWEEP = 2e-6
-"""Constant part of a sweep, with its share of a check of the residual [s]."""
+"""Constant part of a sweep, including its share of a residual check [s]."""
 
 SWEEP_ENTRY = 1e-9
 """Time per entry of G in a sweep [s]."""

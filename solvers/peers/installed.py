@@ -13,7 +13,7 @@ def check_installed(solver: str, library: str, extra: str, tested_version: str =
         solver: the solver that needs it.
         library: its module, and its distribution if ``tested_version`` is given.
         extra: the extra of Proxbench that installs it.
-        tested_version: beginning of the tested versions; any version if empty.
+        tested_version: prefix of the tested versions; if empty, any version is accepted.
     """
     remedy = f'run pip install ".[{extra}]" in a clone of proxbench'
     if find_spec(library) is None:

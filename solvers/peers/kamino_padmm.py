@@ -13,11 +13,11 @@ from .rounds import Call, PreparedRounds, Round
 
 @dataclass(frozen=True)
 class KaminoPADMM(Method):
-    """Proximal ADMM on Coulomb friction in De Saxcé's form, of Kamino in Newton (Tsounis, Grandia & Bächer 2025).
+    """Kamino's proximal ADMM for Coulomb friction in De Saxcé's form (Newton; Tsounis, Grandia & Bächer 2025).
 
-    It runs on the processor, in single precision, so the smallest residuals are about 1e-6. It factorises dense G with
-    a penalty on the diagonal. Its own criterion is the largest primal, dual and complementarity residual. The options
-    have Kamino's defaults.
+    It runs on the processor in single precision. The smallest residuals are therefore about 1e-6. It factorises dense G
+    with a penalty on the diagonal. Its own criterion is the largest of its primal, dual and complementarity residuals.
+    The options have Kamino's defaults.
 
     Attributes:
         acceleration: whether steps are accelerated as in fast ADMM (Goldstein et al. 2014).
@@ -57,7 +57,7 @@ class PreparedPADMM(PreparedRounds):
         self._solver = DualSolver(problem, options.acceleration, options.penalty) if problem.n_rows else None
 
     def begin(self, max_seconds: float) -> Call:
-        """Return the solver; a round starts from the impulses of the last one and their velocities."""
+        """Return the solver; a round starts from the impulses of the previous round and their velocities."""
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
             assert self._solver is not None  # without rows, the first impulses are the solution

@@ -1,12 +1,12 @@
 """Contact problems as dual problems of Kamino, and the import of Kamino.
 
 Kamino (in Newton, Tsounis et al.) builds its dual problem from a model of bodies. Here its arrays are filled with the
-numbers of a contact problem: one world, a dense D = G in single precision, v_f = c and no preconditioner. Its rows are
-bilateral, with fixed bounds, unilateral, and T1, T2, N of contacts, in this order. The data are scaled by units of the
-problem (``Scaling``). G then has a diagonal of about 1 and c is at most 1, so that Kamino's absolute tolerances have
-the same meaning for every problem.
+numbers of a contact problem: one world, a dense D = G in single precision, v_f = c and no preconditioner. Its rows are,
+in this order, bilateral rows, rows with fixed bounds, unilateral rows, and rows T1, T2, N of contacts. The data are
+scaled by units of the problem (``Scaling``). G then has a diagonal of about 1 and c is at most 1, so that Kamino's
+absolute tolerances have the same meaning for every problem.
 
-These parts of Kamino are private interfaces, so only the tested version is supported.
+This module uses private interfaces of Kamino. Only the tested version is therefore supported.
 """
 
 import sys
@@ -24,10 +24,10 @@ from ...problems.contact.problem import ContactProblem
 from ..conic.programs import Scaling
 
 TESTED_VERSION = "1.8"
-"""Beginning of the tested versions of Newton."""
+"""Prefix of the tested versions of Newton."""
 
 MAX_ROWS = 3000
-"""Largest number of rows; with more, a factorisation, which cannot be interrupted, takes many seconds."""
+"""Largest number of rows; with more, a factorisation takes many seconds, and it cannot be interrupted."""
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:

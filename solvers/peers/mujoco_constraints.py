@@ -21,25 +21,26 @@ from .rounds import TIME_SHARE
 Algorithm = Literal["Newton", "CG", "PGS"]
 
 OWN_TOLERANCES = (*(10.0**-digits for digits in range(2, 17)), 1e-30)
-"""MuJoCo's tolerances of the cost, in the order of the calls; only rounding ends a call with the last one."""
+"""MuJoCo's tolerances of the cost, in the order of the calls; with the last one, only rounding ends a call."""
 
 FIRST_ITERATIONS, GROWTH = 100, 10
-"""Largest number of iterations of the first call, and its factor after a call that does not meet its own tolerance."""
+"""Iteration limit of the first call, and its factor after a call that does not meet its own tolerance."""
 
 
 @dataclass(frozen=True)
 class MuJoCo(Method):
-    """The solvers of MuJoCo for its constraints, called separately: ``mj_fwdConstraint`` (Todorov 2014).
+    """MuJoCo's constraint solvers, called alone by ``mj_fwdConstraint`` (Todorov 2014).
 
     They minimise ½ Λᵀ (G + R) Λ + Λᵀ c over the friction cones, with R = (1 − d)/d α for the largest diagonal entry α
-    of a contact. MuJoCo's default d is 0.9 to 0.95, and 0.99 and more in models with hard contacts. This
-    is the convex model with compliance: the smaller R, the harder the contacts, and the slower the solvers.
+    of a contact. MuJoCo's default d is 0.9 to 0.95; models with hard contacts use 0.99 or more. This is the convex
+    model with compliance: the smaller R is, the harder the contacts are, and the slower the solvers converge.
 
     In a captured step they solve the program of the engine, with the A, R, b and cones that the problem holds, and
     ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there refers to this program.
 
     A solve calls ``mj_fwdConstraint`` from the same start with ever smaller tolerances of MuJoCo, until the judge's
-    residual reaches the tolerance of the solve. ``proxbench run`` counts only the time of the call that reaches it.
+    residual reaches the tolerance of the solve. ``proxbench run`` counts only the time of the call that reaches this
+    tolerance.
 
     Attributes:
         algorithm: ``"Newton"``, ``"CG"`` or ``"PGS"``.
@@ -82,7 +83,7 @@ class _Answer:
     Attributes:
         impulses: Λ [N s], shape (n_rows,).
         residual: the judge's residual in the model of the solver.
-        iterations: iterations of the call, for a start of the last call.
+        iterations: iterations of the call; for the start of a solve, those of the last call.
         seconds: wall time of ``mj_fwdConstraint`` [s]; None for a start.
     """
 
@@ -109,9 +110,9 @@ class PreparedMuJoCo:
         self._stage.run(OWN_TOLERANCES[0], iterations=1)  # the first call maps the memory of the stage
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve to the judge's residual; the observer is ignored.
+        """Solve until the judge's residual reaches the tolerance; the observer is ignored.
 
-        Newton and CG start from the accelerations that the impulses of ``start`` cause, PGS from zero.
+        Newton and CG start from the accelerations that the impulses ``start`` cause; PGS starts from zero.
         """
         self.library_seconds = None
         if self.residual.infeasible:
@@ -125,7 +126,7 @@ class PreparedMuJoCo:
         return Solution(best.impulses, status, best.iterations, reason)
 
     def _search(self, stop: Stop, start: _Answer) -> tuple[_Answer, Status]:
-        """Return the best answer of calls with ever smaller tolerances of MuJoCo, and how they end."""
+        """Return the best answer of calls with ever smaller tolerances of MuJoCo, and the status of the solve."""
         clock, best, level, planned, pace = Clock(stop.max_seconds), start, 0, FIRST_ITERATIONS, 0.0
         while best.residual > stop.tolerance:
             if level == len(OWN_TOLERANCES):

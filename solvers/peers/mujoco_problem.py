@@ -32,7 +32,7 @@ class ConstraintStage:
         self._data = self._mujoco.MjData(self._model)
         self._model.opt.solver = getattr(self._mujoco.mjtSolver, f"mjSOL_{algorithm.upper()}")
         if algorithm == "PGS":
-            # it would start from forces computed from accelerations, whose errors stiffness amplifies
+            # PGS would start from forces computed from accelerations, and stiffness amplifies their errors
             self._model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_WARMSTART
         self._fill()
 
@@ -63,7 +63,7 @@ class ConstraintStage:
         self._jacobian = jacobian
 
     def start(self, impulses: FloatArray) -> None:
-        """Let the next solve start from the accelerations that impulses [N s] cause."""
+        """Make the next solve start from the accelerations that ``impulses`` [N s] cause."""
         self._data.qacc_warmstart[:] = self._jacobian.T @ self._program.forces(impulses)
 
     def run(self, tolerance: float, iterations: int) -> float:

@@ -1,9 +1,10 @@
 """Convex programs for MuJoCo's constraint stage, from contact problems and from captured steps.
 
 A problem gives the program ½ Λᵀ (G + R) Λ + Λᵀ c with a chosen R. In the coordinates S⁻¹ u, with M⁻¹ = S Sᵀ, the mass
-matrix is the identity, so that J = (Sᵀ W)ᵀ makes J Jᵀ = G. With accelerations instead of velocities, q̈_smooth = 0 and
-a_ref = −c, the forces of MuJoCo are the impulses. A captured step gives the program of its engine: its A, R, b and
-sets, with a_ref = −b. The data are scaled: the matrix has a diagonal of about 1, and c or b is at most 1.
+matrix is the identity, and J = (Sᵀ W)ᵀ gives J Jᵀ = G. If velocities take the place of accelerations, with
+q̈_smooth = 0 and a_ref = −c, the forces of MuJoCo are the impulses. A captured step gives the program of its engine:
+its A, R, b and sets, with a_ref = −b. The data are scaled: the matrix has a diagonal of about 1, and c or b is at most
+1.
 """
 
 from collections.abc import Callable
@@ -25,7 +26,7 @@ MIN_FRICTION = 1e-5
 """MuJoCo's smallest friction coefficient."""
 
 SAME_MATRIX = 1e-12
-"""Largest difference of J Jᵀ and A at which J consists of the problem's factors, relative to the largest entry of A."""
+"""J is taken from the problem's factors if J Jᵀ differs from A by at most this, relative to the largest entry of A."""
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:
@@ -168,7 +169,7 @@ def _of_engine(problem: ContactProblem, engine: EngineModel) -> ConeProgram:
 
 
 def _engine_jacobian(problem: ContactProblem, engine: EngineModel) -> FloatArray:
-    """Return J with J Jᵀ = A, from the problem's factors if they give A; damping in the mass matrix prevents that."""
+    """Return J with J Jᵀ = A, from the problem's factors unless damping in the mass matrix prevents that."""
     scale = float(abs(engine.matrix).max()) if engine.matrix.nnz else 0.0
     if problem.factors is not None and engine.back is None:
         found: FloatArray = engine.combination.T @ _directions(problem).T / engine.time_step

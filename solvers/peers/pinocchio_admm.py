@@ -11,10 +11,10 @@ from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_r
 from .rounds import Call, PreparedRounds, Round
 
 TOLERANCE_RATIO = 0.5
-"""Its first tolerance relative to that of the solve; in scaled units both are nearly the same measure."""
+"""Pinocchio's first tolerance, relative to that of the solve; in scaled units, both measure nearly the same."""
 
 STEP_SECONDS = 1e-9
-"""Time of a Lanczos step per row of G and per earlier step, against which it is orthogonalised [s]."""
+"""Time of a Lanczos step per row of G and per earlier step [s]; it is orthogonalised against all earlier steps."""
 
 LANCZOS_SHARE = 0.5
 """Largest share of the time limit for Lanczos steps, which cannot be interrupted."""
@@ -24,15 +24,15 @@ Update = Literal["constant", "linear", "osqp", "spectral"]
 
 @dataclass(frozen=True)
 class PinocchioADMM(Method):
-    """ADMM on Coulomb friction in De Saxcé's form, of Pinocchio (Carpentier, Le Lidec & Montaut 2024).
+    """Pinocchio's ADMM for Coulomb friction in De Saxcé's form (Carpentier, Le Lidec & Montaut 2024).
 
     It factorises sparse G with a penalty on the diagonal and projects onto the friction cones. Its own criterion is the
-    largest primal and dual infeasibility and complementarity. The options have Pinocchio's defaults.
+    largest of primal infeasibility, dual infeasibility and complementarity. The options have Pinocchio's defaults.
 
     Attributes:
         anderson: number of iterates that Anderson acceleration keeps, 0 for no acceleration.
-        lanczos: number of steps of the Lanczos decomposition that estimates the spectrum of G; 0 means one per row. It
-            is reduced to fit into half the time limit, as on thousands of contacts.
+        lanczos: number of steps of the Lanczos decomposition that estimates the spectrum of G; 0 means one per row. The
+            number is reduced if the steps would take more than half the time limit, as on thousands of contacts.
         update: rule for changes of the penalty.
 
     Raises:
@@ -64,7 +64,7 @@ class PinocchioADMM(Method):
 def lanczos_steps(wanted: int, n_rows: int, max_seconds: float) -> int:
     """Return the number of Lanczos steps: the option, or one per row for 0, at least two, reduced to the time limit.
 
-    The time is estimated, not measured, so that solves with equal limits are equal.
+    The time is estimated, not measured, so that solves with equal limits have equal results.
 
     Args:
         wanted: the option.

@@ -12,7 +12,7 @@ from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_r
 from .rounds import Call, PreparedRounds, Round
 
 UNREACHABLE = 1e-300
-"""A tolerance that its own criterion never meets; on spheres it reports convergence after the first sweep."""
+"""A tolerance that Pinocchio's criterion never meets; on spheres, one sweep would meet any other tolerance."""
 
 MAX_CONTACTS = 2500
 """Largest number of contacts; beyond it the dense matrix and its factor take more than a gigabyte."""
@@ -20,10 +20,10 @@ MAX_CONTACTS = 2500
 
 @dataclass(frozen=True)
 class PinocchioPGS(Method):
-    """Projected Gauss–Seidel sweeps over contacts in De Saxcé's form, of Pinocchio.
+    """Pinocchio's projected Gauss–Seidel sweeps over contacts in De Saxcé's form.
 
-    They need a dense G. On contacts of spheres one sweep meets their own criterion for any tolerance, so only the
-    judge's residual stops them.
+    They need a dense G. On contacts of spheres, one sweep meets Pinocchio's own criterion for any tolerance. Only the
+    judge's residual therefore stops the sweeps.
 
     Attributes:
         relaxation: factor of each step, between 0 and 2.
@@ -65,7 +65,7 @@ class PreparedPGS(PreparedRounds):
         self._operator = on_deep_stack(lambda: pin.DelassusOperatorDense(dense), problem.n_contacts)
 
     def begin(self, max_seconds: float) -> Call:
-        """Return the sweeps, whose only state is Λ."""
+        """Return the call of the sweeps, whose only state is Λ."""
         pin, contacts = pinocchio(), self._contacts
         solver, settings, result = pin.PGSConstraintSolver(), pin.PGSSolverSettings(), pin.PGSSolverResult()
         settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0

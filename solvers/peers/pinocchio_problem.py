@@ -4,10 +4,10 @@ Pinocchio (Carpentier et al.) solves for σ over contacts
 
     K_μ ∋ σ  ⊥  Gσ + g + s(σ) ∈ K_μ*      s = μ‖(Gσ + g)_T‖ e_N
 
-which is Coulomb's law in De Saxcé's form. Its contacts have the rows T1, T2, N. The data are scaled by units of the
-problem (``Scaling``): G has a diagonal of about 1 and g is at most 1. Absolute tolerances then mean the same on every
-problem and, for ADMM, are nearly equal to the judge's residual. In SI units, any impulses of small bodies would satisfy
-Pinocchio's default tolerances, which are absolute.
+which is Coulomb's law in De Saxcé's form. Pinocchio's contacts have the rows T1, T2, N. The data are scaled by units of
+the problem (``Scaling``): G has a diagonal of about 1 and g is at most 1. Absolute tolerances then have the same
+meaning for every problem. For ADMM, they nearly equal tolerances of the judge's residual. In SI units, any impulses of
+small bodies would satisfy Pinocchio's default tolerances, which are absolute.
 """
 
 import importlib
@@ -25,13 +25,14 @@ from ...problems.contact.problem import ContactProblem
 from ..conic.programs import Scaling
 
 STACK_BYTES, STACK_BYTES_OF_CONTACT = 64 * 2**20, 128 * 2**10
-"""Stack size of a call [bytes], constant and per contact; the usual 8 MiB cause a segmentation fault above 341."""
+"""Stack size of a call [bytes]: a constant, and an addition per contact. The usual 8 MiB cause a segmentation fault
+with more than 341 contacts."""
 
 Answer = TypeVar("Answer")
 
 
 def pinocchio() -> Any:
-    """Import Pinocchio on first use; external solvers run in child processes only."""
+    """Return the module pinocchio, imported at first use; external solvers run in child processes only."""
     return importlib.import_module("pinocchio")
 
 
@@ -105,7 +106,7 @@ class Contacts:
 
 
 def on_deep_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
-    """Return the result of ``call`` in a thread whose stack is large enough for ``n_contacts``.
+    """Return the result of ``call``, run in a thread whose stack is large enough for ``n_contacts``.
 
     Raises:
         BaseException: any exception that ``call`` raises.

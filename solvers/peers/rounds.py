@@ -1,8 +1,8 @@
-"""Solving in rounds: an external solver continues where it stopped, and the judge's residual is checked in between.
+"""Rounds of an external solver: it continues where it stopped, and the judge's residual is checked after each one.
 
-External solvers have neither a time limit nor the judge's residual. They are called for a number of iterations that
-fits into the time left, as measured in earlier rounds. If a solver claims convergence and the judge's residual is too
-large, the next round has a tighter tolerance.
+External solvers know neither a time limit nor the judge's residual. Each call is limited to the iterations that fit
+into the remaining time at the speed of earlier rounds. If a solver reports convergence although the judge's residual is
+too large, the next round has a smaller tolerance.
 """
 
 import time
@@ -24,7 +24,7 @@ MIN_TOLERANCE = 1e-15
 """Smaller tolerances are meaningless in double precision."""
 
 TIGHTENING = 0.1
-"""Factor of a tolerance that was met although the residual is too large."""
+"""Factor by which a tolerance is reduced if it was met although the residual is too large."""
 
 TIME_SHARE = 0.9
 """Largest expected time of a round, relative to the time left."""
@@ -52,10 +52,10 @@ class PreparedRounds(ABC):
     """
 
     first_iterations: ClassVar[int] = 20
-    """Iterations of the first round."""
+    """Number of iterations of the first round."""
 
     growth: ClassVar[float] = 2.0
-    """Factor of the iterations from one round to the next."""
+    """Factor of the number of iterations from one round to the next."""
 
     def __init__(self, problem: ContactProblem) -> None:
         self.problem, self.residual = problem, Residual(problem)
@@ -65,7 +65,7 @@ class PreparedRounds(ABC):
         """Return the call of the solver for one solve with this time limit [s]."""
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Solve to the judge's residual; the observer is ignored."""
+        """Solve until the judge's residual reaches the tolerance; the observer is ignored."""
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         clock, best = Clock(stop.max_seconds), initial_impulses(self.problem, self.residual, start)

@@ -3,7 +3,7 @@
     NesterovSORprox     momentum by Nesterov's sequence, with restarts      (``iteration.momentum``)
     AndersonSORprox     Anderson acceleration every three sweeps            (``iteration.anderson``)
 
-``AndersonSORprox`` has the safeguard of ``sweeps.safeguarded``: contacts that oscillate take smaller steps, one by one.
+``AndersonSORprox`` has the safeguard of ``sweeps.safeguarded``: the step of each contact that oscillates is reduced.
 """
 
 from abc import ABC, abstractmethod
@@ -56,7 +56,7 @@ class AndersonSORprox(_AcceleratedSORprox):
         memory: number of differences between windows to keep, 0 for no acceleration.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     memory: int = 5

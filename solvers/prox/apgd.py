@@ -1,11 +1,11 @@
 """APGD: accelerated projected gradients on the convex model (Mazhar, Heyn, Negrut & Tasora, ACM ToG 34, 2015).
 
-Nesterov's method for ½ΛᵀGΛ + cᵀΛ over the product K of friction cones,
+Nesterov's method minimises ½ΛᵀGΛ + cᵀΛ over the product K of friction cones,
 
     Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k).
 
-The step t is halved while the function lies above its quadratic bound, and grows by a tenth after each iteration. The
-method restarts with β = 0 if the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).
+The step t is halved while the function lies above its quadratic upper bound, and grows by a tenth after each iteration.
+The method restarts with β = 0 if the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).
 """
 
 from collections.abc import Iterator
@@ -22,10 +22,10 @@ from ..iteration.method import Method, unsupported_laws
 from ..sweeps.cone import ConeProblem
 
 SHRINK, GROW = 0.5, 1.1
-"""Factor of t if the bound fails, and after each iteration."""
+"""Factor of t when the bound is violated, and after each iteration."""
 
 MAX_STEP = 100.0
-"""Largest t relative to 1/λ_max(G): impulses that move nothing must not grow until rounding dominates."""
+"""Largest t relative to 1/λ_max(G). Without it, impulses that cause no velocity could grow until rounding dominates."""
 
 MAX_HALVINGS = 60
 """Largest number of halvings of t in one iteration."""
@@ -62,7 +62,7 @@ def _steps(cone: ConeProblem, step: float, start: FloatArray) -> Iterator[FloatA
         for _ in range(MAX_HALVINGS):
             newest = cone.projected(ahead - step * gradient)
             change = newest - ahead
-            # only the quadratic part of the bound; the linear parts cancel
+            # compare only the quadratic parts, because the linear parts cancel
             if step * float(change @ (cone.matrix @ change)) <= float(change @ change):
                 break
             step *= SHRINK

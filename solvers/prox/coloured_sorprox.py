@@ -49,11 +49,11 @@ class ColouredSORprox(Method):
     Attributes:
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
-        threads: number of threads, at most the number of cores that the process may use. Fewer are used, and the
-            message says so, if the colours have fewer than 250 contacts per thread on average, or 2000 of balls.
+        threads: number of threads, at most the number of cores that the process may use. If the colours have fewer than
+            250 contacts per thread on average (2000 for balls), fewer threads are used, and the message says so.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     relaxation: float = 1.0

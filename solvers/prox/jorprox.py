@@ -1,7 +1,7 @@
 """JORprox and Jprox: projected Jacobi (over-)relaxation (Studer & Glocker 2005, [46], [51–53]); see ``sweeps.jacobi``.
 
-With r_i = 1/α_i and G_ii = α_i I + B_i the argument of the prox is −1/α_i ( Σ_{j≠i} G_ij Λ_j + c_i + B_i Λ_i ), the
-form [46] of Jprox.
+With r_i = 1/α_i and G_ii = α_i I + B_i, the argument of the prox is −1/α_i ( Σ_{j≠i} G_ij Λ_j + c_i + B_i Λ_i ), which
+is the form [46] of Jprox.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class JORprox(Method):
         relaxation: ω; problems with many contacts need values well below 1.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     step_size: StepSize = "diagonal"

@@ -2,8 +2,8 @@
 
 Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177 (1999).
 
-Normal and tangential impulses of a contact are always consistent. Methods that visit single laws lack this, and may
-cycle at high friction.
+The normal and tangential impulses of a contact are always consistent. In methods that visit single laws they are not,
+and these methods may cycle at high friction.
 """
 
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ from ..sweeps.step_size import check_relaxation
 
 @dataclass(frozen=True)
 class NSGS(Method):
-    """Nonsmooth (block) Gauss–Seidel: each contact is solved to rounding with all other impulses fixed.
+    """Nonsmooth (block) Gauss–Seidel: each contact is solved up to rounding with all other impulses fixed.
 
-    Contacts of high friction may still oscillate against each other; ω is reduced at these (``sweeps.safeguarded``).
+    Contacts of high friction may still oscillate against each other; their ω is then reduced (``sweeps.safeguarded``).
 
     Attributes:
-        relaxation: ω > 0; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* solves it.
+        relaxation: ω > 0; a contact moves to Λ + ω(Λ* − Λ), projected onto its cone, where Λ* is its solution.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     relaxation: float = 1.0

@@ -1,13 +1,14 @@
-"""ProximalADMM: multipliers enforce that impulses of the equations and impulses of the laws agree.
+"""ProximalADMM: multipliers z make the impulses x of the equations and the impulses y of the laws agree.
 
     x ← −(G + (ρ+η) I)⁻¹ (c + s e_N − η x − ρ y + z),      y ← P_K(x + z/ρ),      z ← z + ρ (x − y)
 
 De Saxcé's shift s = μ‖z_T‖ is updated in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
-& Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2 with L the largest eigenvalue and m the proximal η; it changes by
-(L/m)^±0.05 if primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ tenfold. Each ρ costs a factorisation.
+& Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2, where L is the largest eigenvalue and m = η. ρ changes by
+(L/m)^±0.05 if the primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ more than tenfold. Each new ρ needs a
+factorisation.
 
-Anderson acceleration acts on w = x + z/ρ, on which one iteration is a map; it restarts if ρ changes or w moves
-further than before.
+Anderson acceleration acts on w = x + z/ρ, because one iteration is a map of w. It restarts if ρ changes, or if w moves
+more than twice as far as before.
 """
 
 from collections.abc import Callable, Iterator
@@ -33,13 +34,13 @@ EXPONENT, UPDATE, TENFOLD = 0.2, 0.05, 10.0
 """Exponents of the first ρ and of its changes, and the ratio of residuals that triggers a change."""
 
 INTERVAL = 10
-"""Iterations between comparisons of the residuals: a change of ρ costs as much as several dozen iterations."""
+"""Iterations between comparisons of the residuals; a change of ρ takes as long as several dozen iterations."""
 
 MAX_PENALTY = 1e3
 """Largest ρ relative to L."""
 
 GROWTH = 2.0
-"""The acceleration restarts if w moves this many times as far as before."""
+"""The acceleration restarts if w moves more than this many times as far as before."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class ProximalADMM(Method):
         memory: number of differences that Anderson acceleration keeps, 0 for no acceleration.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     memory: int = 5

@@ -19,7 +19,7 @@ class SafeguardedSORprox(Method):
         relaxation: initial ω of every contact.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     relaxation: float = 1.5

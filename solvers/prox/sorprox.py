@@ -29,16 +29,16 @@ class SORprox(Method):
         step_size: r from the "diagonal" [52] or from the "row_sum" [53] of G.
         relaxation: ω; values between 1 and 2 accelerate systems with many contacts, values below 1 stabilise friction.
         form: sweep over the assembled "delassus" matrix, or over the "factors" W and M⁻¹, which update the generalised
-            velocity and never assemble G. Both give the same iterates to rounding.
+            velocity and never assemble G. Both give the same iterates up to rounding.
         momentum: β, the fraction of the last change that is added before each sweep (see ``iteration.momentum``); 0 is
             the method of the paper. On a thousand flowing balls ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5
             without momentum. With "measured" and ω = 1.1, β follows the rate of convergence (see
             ``iteration.measured_momentum``).
-        momentum_delay: d; after k sweeps, β is at most k/(k + d). With d = 4, β = 0.8 and ω = 1.1, loose tolerances
-            take fewer sweeps, and tight ones as many.
+        momentum_delay: d; after k sweeps, β is at most k/(k + d). With d = 4, β = 0.8 and ω = 1.1, fewer sweeps reach
+            loose tolerances, and as many reach tight ones.
 
     Raises:
-        SolverError: for an option out of range.
+        SolverError: if an option is out of range.
     """
 
     step_size: StepSize = "diagonal"

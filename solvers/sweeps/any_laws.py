@@ -80,7 +80,7 @@ def velocity_of_block(i, first, n_lanes, starts, lanes, values, free, impulses, 
 
 @njit(cache=True)
 def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-def]
-    """Move ``held``, lanes from ``begin`` on, along −size ξ into a ball around 0; write the change of these lanes."""
+    """Move ``held``, the lanes from ``begin`` on, along −size ξ, and project onto a ball around 0; write the change."""
     squared = 0.0
     for k in range(len(held)):
         change[begin + k] = held[k] - size * xi[begin + k]
@@ -112,7 +112,7 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
     impulses,
 ):
     """Do ``count`` Gauss–Seidel sweeps over G in block rows; ``axes`` is a tuple with one entry for each lane."""
-    width = len(axes)  # which the compiler knows, unlike the argument, so that it unrolls loops over lanes
+    width = len(axes)  # known to the compiler, unlike the argument, so that it unrolls loops over lanes
     xi, change = np.empty(width), np.empty(width)
     first_rolling = 1 + sliding
     for _ in range(count):

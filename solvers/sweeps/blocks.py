@@ -1,7 +1,7 @@
-"""Block Gauss–Seidel sweeps over the assembled Delassus matrix, which solve one contact after the other exactly.
+"""Block Gauss–Seidel sweeps over the assembled Delassus matrix, which solve contacts exactly, one after the other.
 
-One sweep visits the contacts in order. For each it computes the solution Λ* with the newest impulses of the other
-contacts fixed (``one_contact``), and moves Λ to Λ + ω(Λ* − Λ), projected onto the cone; ω is the relaxation.
+One sweep visits the contacts in order. For each contact, it computes the solution Λ* with the newest impulses of the
+other contacts fixed (``one_contact``), and moves Λ to Λ + ω(Λ* − Λ), projected onto the cone, with relaxation ω.
 """
 
 from collections.abc import Callable
@@ -71,7 +71,7 @@ class BlockIterates(DelassusState):
         return self._sweep.step_sizes
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps; the exact kernel ends each sweep in which a contact is not in a usual state."""
+        """Do ``count`` sweeps; ``solve_other_spatial_blocks`` completes a sweep from the first unusual contact on."""
         if self._kernel is not solve_usual_spatial_blocks:
             self._kernel(count, *self._arguments)
             return
@@ -101,7 +101,7 @@ def _kernel_of(layout: BlockLayout) -> Callable[..., Any]:
 
 @njit(cache=True, inline="always")
 def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no-untyped-def]
-    """Return μ of the own Λ_N of block i, in lane ``own``, and the part of its bound that does not depend on it."""
+    """Return the friction bound b + μ Λ_N of block i as (μ, b); μ is 0 unless Λ_N is its own, in lane ``own``."""
     mu, bound = friction[i], fixed[i]
     if partner[i] != own:
         mu, bound = 0.0, bound + mu * impulses[partner[i]]
@@ -148,7 +148,7 @@ def solve_planar_blocks(  # type: ignore[no-untyped-def]
 def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Sweep until a contact is not in a usual state; return the number of contacts visited before it."""
+    """Sweep until a contact is in an unusual state; return the number of contacts visited before it."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     for done in range(count):
         for i in range(uint64(len(friction))):
@@ -183,7 +183,7 @@ def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[no-untyped-def]
-    """Move the impulse in lanes k, k + 1, k + 2 by the part ``relaxation`` towards (n, t, s), back onto its cone."""
+    """Move the impulse in lanes k to k + 2 by the part ``relaxation`` towards (n, t, s), and project onto its cone."""
     one, two = uint64(1), uint64(2)
     if relaxation != 1.0:
         old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
@@ -241,7 +241,7 @@ def _solve_without_rolling(block, xi, sliding, friction, bound, held, work):  # 
 
 @njit(cache=True, error_model="numpy")
 def _relax(relaxation, sliding, friction, fixed, rolling, rolling_fixed, old, held):  # type: ignore[no-untyped-def]
-    """Move Λ from ``old`` by the part ``relaxation`` towards ``held``, back onto its bounds."""
+    """Move Λ from ``old`` by the part ``relaxation`` towards ``held``, and project onto its bounds."""
     for k in range(len(held)):
         held[k] = old[k] + relaxation * (held[k] - old[k])
     held[0] = max(held[0], 0.0)

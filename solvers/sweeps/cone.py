@@ -1,7 +1,7 @@
 """The contact problem over whole friction cones, in units of its contacts.
 
-With Λ = d x, d_i = 1/√α_i for all rows of contact i and α_i its largest diagonal entry, the matrix d G d has unit
-diagonal for any masses, and the cones keep their form,
+Λ = d x with d_i = 1/√α_i for all rows of contact i, where α_i is its largest diagonal entry of G. The largest diagonal
+entry of each contact in d G d is then one for any masses, and the cones keep their form,
 
     K = {x_N ≥ 0, ‖x_T‖ ≤ a/d + μ x_N}.
 
@@ -19,7 +19,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.projections import onto_cone
 
 POWER_STEPS = 20
-"""Steps of the power method for the largest eigenvalue."""
+"""Number of steps of the power method for the largest eigenvalue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class ConeProblem:
 
     @staticmethod
     def of(problem: ContactProblem) -> "ConeProblem":
-        """Return ``problem`` in x."""
+        """Return ``problem`` in the variables x."""
         layout = problem.layout
         largest = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
         of_block = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))

@@ -1,11 +1,11 @@
 """Gauss–Seidel sweeps over the assembled Delassus matrix, one kernel for each block width.
 
-For each block i a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the latest
-impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of SORprox, law by law; it reads G
-once.
+For each block i, a sweep computes the relative velocity ξ_i = Σ_j G_ij Λ_j + c_i of the lanes N, T1, T2 from the latest
+impulses, updates Λ_N, corrects ξ_T by G_TN ΔΛ_N, and updates Λ_T. This is the sweep of SORprox, law by law, and it
+reads G only once.
 
-The kernels index flat arrays with unsigned numbers: numba then needs neither strides nor tests for negative indices,
-which makes a sweep about a third faster than the same loops over three-dimensional blocks.
+The kernels index flat arrays with unsigned numbers. numba then needs neither strides nor tests for negative indices,
+and a sweep is about a third faster than the same loops over three-dimensional blocks.
 """
 
 from collections.abc import Callable

@@ -1,12 +1,12 @@
 """Gauss–Seidel sweeps over the factors: G = W̃ᵀ W̃ is never assembled.
 
-With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep updates the scaled velocity v = W̃ Λ, so that the cost of a contact depends
-only on the degrees of freedom that it touches:
+With M⁻¹ = S Sᵀ and W̃ = Sᵀ W, the sweep updates the scaled velocity v = W̃ Λ. The work for a contact then depends only
+on the degrees of freedom that it touches:
 
     ξ_i = W̃_iᵀ v + c_i,      Λ_i ← prox_{C_i}(Λ_i − r_i ξ_i),      v ← v + W̃_i ΔΛ_i.
 
-W̃ serves both to compute ξ and to update v, which needs half the memory of W and M⁻¹ W. Contacts between two bodies
-have a specialised kernel without a loop over pieces of W̃; many such contacts are swept in batches.
+The sweep uses W̃ both to compute ξ and to update v, and needs half the memory of W and M⁻¹ W. A specialised kernel for
+contacts between two bodies has no loop over pieces of W̃; many such contacts are swept in batches.
 """
 
 from collections.abc import Callable
@@ -58,7 +58,8 @@ class FactorSweep:
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
         """Return the sweep of ``problem``, which holds factors, with step sizes as in ``step_size``.
 
-        Spatial contacts of two bodies, or of a body and the ground, have specialised kernels, in batches if these fill.
+        Specialised kernels sweep over spatial contacts of two bodies, or of a body and the ground, in batches if these
+        fill.
         """
         layout, pieces = problem.layout, problem.factor_pieces()
         free = layout.pad(problem.free_velocity).reshape(-1)
@@ -104,7 +105,7 @@ class FactorIterates:
         layout, pieces = sweep.layout, sweep.pieces
         padded = layout.pad(start).reshape(-1)
         self._relative = np.empty_like(padded)
-        idle = pieces.length  # where the idle chunk reads and writes
+        idle = pieces.length  # length of the idle chunk
         self._both = np.zeros(sweep.n_held + pieces.n_chunks * pieces.length + idle)
         self._held, self._scaled = self._both[: sweep.n_held], self._both[sweep.n_held :]
         self._held[slice(None) if sweep.slots is None else sweep.slots] = padded
@@ -134,7 +135,7 @@ class AnyLawIterates(FactorIterates):
     """``FactorIterates`` with joints or rolling friction: v is recomputed whenever ξ is read.
 
     Nothing bounds the impulses of joints. With momentum, those of redundant joints grow and shrink by many orders of
-    magnitude, and the rounding of their largest values would remain in v.
+    magnitude, and rounding errors of their largest values would remain in v.
     """
 
     def relative_velocity(self) -> FloatArray:
@@ -162,7 +163,7 @@ class BatchIterates(FactorIterates, MomentumState):
 
 
 def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
-    """Return axes of a chunk, first coordinate of each piece, and the flat pieces, two per block.
+    """Return the axes of a chunk, the first coordinate of each piece, and the flat pieces, two per block.
 
     The axes are a tuple of known length, so that the compiler unrolls loops over it.
     """

@@ -5,15 +5,15 @@ A contact with block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and velocity q from all
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,      −ξ_T ∈ N_D(Λ_T),  D = {‖x‖ ≤ a + μΛ_N},      ξ = GΛ + q.
 
 Its states are tried one after the other: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
-Λ_T opposed to ξ_T). A contact with an impulse tries stick, slip, open; a contact without one stays open if possible.
-Only where several solutions exist (Painlevé) does the result depend on the present impulse. A rank-deficient block
-leaves part of Λ_T undetermined; that part stays unchanged, or moves as little as the cone allows.
+Λ_T opposed to ξ_T). For a contact with an impulse, the order is stick, slip, open; a contact without one stays open if
+possible. The result depends on the current impulse only if several solutions exist (Painlevé). A rank-deficient block
+leaves part of Λ_T undetermined. This part stays unchanged, or changes as little as the cone allows.
 
-If no state is consistent (a singular block may have no solution, and rounding may exclude two neighbouring states), the
+A singular block may have no solution, and rounding may exclude two neighbouring states. If no state is consistent, the
 result is the candidate with the smallest violation, as the judge measures it.
 
-``solve_usual_spatial`` finds the state of a regular block near the present impulse, which almost always suffices, and
-reports whether it succeeded. ``solve_spatial`` finds all states of any block, but takes seconds to compile.
+``solve_usual_spatial`` finds the state of a regular block near the current impulse, and reports whether it succeeded,
+which it almost always does. ``solve_spatial`` finds all states of any block, but takes seconds to compile.
 """
 
 import numpy as np
@@ -22,16 +22,16 @@ from numba import njit
 from .slip_angle import initial_direction, refine_direction, slip_directions, slip_polynomial
 
 SINGULAR = 1e-12
-"""A curvature below this fraction of the largest one of its block is rounding, and counts as zero."""
+"""A curvature below this fraction of the largest one of its block counts as zero."""
 
 REFINEMENTS = 8
-"""Largest number of Newton steps on an inconsistent slip."""
+"""Largest number of Newton steps that refine an inconsistent slip."""
 
 NO_JAM = 0.99
-"""(μ‖g_NT‖/G_NN)² below which friction cannot press a contact that separates without it."""
+"""Value of (μ‖g_NT‖/G_NN)² below which friction cannot close a contact that opens without friction."""
 
 STRAY = 1e-13
-"""Relative velocity in the wrong direction, and excess over a bound, that counts as rounding."""
+"""Velocity in the wrong direction and excess over a bound, relative to their terms, that count as rounding errors."""
 
 
 @njit(cache=True, inline="always")
@@ -46,7 +46,7 @@ def disc_scale(x, y, bound):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always", error_model="numpy")
 def solve_frictionless(g, q):  # type: ignore[no-untyped-def]
-    """Return Λ_N ≥ 0 with ξ_N = g Λ_N + q ≥ 0 and one of them zero; 0 where nothing moves (g = 0)."""
+    """Return Λ_N ≥ 0 with ξ_N = g Λ_N + q ≥ 0 and one of them zero; 0 if impulses cause no velocity (g = 0)."""
     return max(-q / g, 0.0) if g > 0.0 else 0.0
 
 
@@ -80,7 +80,7 @@ def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[n
         t, fits = _free_tangent(n0, h, mu, a, old_t)
         if fits:
             return n0 - h * t, t
-    # slip at either bound, the present one first
+    # slip at either bound, the current one first
     best_n, best_t = 0.0, open_t
     least = planar_violation(nn, nt, tn, tt, qn, qt, mu, a, 0.0, open_t)
     side = 1.0 if old_t >= 0.0 else -1.0
@@ -139,7 +139,8 @@ def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyp
 def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ignore[no-untyped-def]
     """Return what ``solve_spatial`` does and True, or False as the last value if the state is not a usual one.
 
-    A usual state is open, stick of a regular block, or the slip to which Newton's method leads from the present one.
+    A usual state is open, stick of a regular block, or the slip to which Newton's method leads from the current
+    impulse.
     """
     nn, n0, h1, h2 = g[0], 0.0, 0.0, 0.0
     if nn > 0.0:
@@ -171,8 +172,8 @@ def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ign
 def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ignore[no-untyped-def]
     """Return (Λ_N, Λ_T1, Λ_T2) of a spatial contact, or of a friction law alone (first row and column zero).
 
-    ``g`` is the block, flat; ``qn``, ``q1``, ``q2`` the velocity without the contact's own impulse, ``old_n``,
-    ``old_1``, ``old_2`` the present impulse; the friction bound is a + μΛ_N; ``work`` has
+    ``g`` is the block, flat; ``qn``, ``q1``, ``q2`` are the velocity without the contact's own impulse; ``old_n``,
+    ``old_1``, ``old_2`` are the current impulse; the friction bound is a + μΛ_N; ``work`` has
     ``slip_angle.WORKSPACE_SIZE`` entries.
     """
     nn, scale = g[0], max(g[4], g[8])
@@ -197,7 +198,7 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
             open_1, open_2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
         if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
             return 0.0, open_1, open_2
-    # nothing fits: the least violation among what was found, open, and the present friction
+    # no state is consistent: choose the smallest violation among slip, open, and the current friction
     least = spatial_violation(g, qn, q1, q2, mu, a, 0.0, open_1, open_2)
     held_n = max(n0 - h1 * old_1 - h2 * old_2, 0.0)
     bound, length = a + mu * held_n, np.sqrt(old_1 * old_1 + old_2 * old_2)
@@ -216,7 +217,7 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
 def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-def]
     """Refine a slip by Newton steps in Λ_N and its direction; return the impulse and its violation.
 
-    Where 1 + μhᵀt nearly vanishes a contact jams: its impulses are large, and the rounding of Λ_N = n0 − hᵀΛ_T makes
+    Where 1 + μhᵀt nearly vanishes, a contact jams: its impulses are large, and rounding errors of Λ_N = n0 − hᵀΛ_T make
     them inconsistent.
     """
     least = spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2)
@@ -245,7 +246,7 @@ def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-d
 
 @njit(cache=True, error_model="numpy")
 def _alone(g, q1, q2, a, scale, old_1, old_2, work):  # type: ignore[no-untyped-def]
-    """Return Λ_T within the bound a where Λ_N = 0."""
+    """Return Λ_T within the bound a for Λ_N = 0."""
     own = (g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0)
     _, t1, t2, _ = _on_disc(*own, old_1, old_2, work)
     return t1, t2
@@ -255,7 +256,7 @@ def _alone(g, q1, q2, a, scale, old_1, old_2, work):  # type: ignore[no-untyped-
 def _on_disc(  # type: ignore[no-untyped-def]
     s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2, work
 ):
-    """Return stick or slip of ξ_T = S Λ_T + r with Λ_N = n0 − hᵀΛ_T, and whether it fits; see ``slip_angle``."""
+    """Return Λ in stick or slip, for ξ_T = S Λ_T + r and Λ_N = n0 − hᵀΛ_T, and whether it is consistent."""
     t1, t2, fits = _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2)
     if fits:
         return n0 - h1 * t1 - h2 * t2, t1, t2, True
@@ -282,7 +283,7 @@ def _on_disc(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v):  # type: ignore[no-untyped-def]
-    """Return Λ of slip with Λ_T along (u, v), and its velocity along or across the impulse [m/s], inf if Λ_N < 0."""
+    """Return Λ of slip with Λ_T along (u, v), and its violation [m/s]: ≤ 0 if it is consistent, inf if Λ_N < 0."""
     denominator = 1.0 + mu * (h1 * u + h2 * v)
     if denominator == 0.0:
         return -1.0, 0.0, 0.0, np.inf
@@ -304,12 +305,12 @@ def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, o
     size = max(max(abs(s11), abs(s12)), max(abs(s21), abs(s22)))
     determinant = s11 * s22 - s12 * s21
     t1, t2 = old_1, old_2
-    if size <= SINGULAR * scale:  # no friction impulse moves anything
+    if size <= SINGULAR * scale:  # friction impulses cause no velocity
         if max(abs(r1), abs(r2)) > noise:
             return 0.0, 0.0, False
         if n0 < 0.0:
             return 0.0, 0.0, False
-        shrink, along = 1.0, h1 * t1 + h2 * t2  # towards zero, until Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N
+        shrink, along = 1.0, h1 * t1 + h2 * t2  # shrink until Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N
         growth = np.sqrt(t1 * t1 + t2 * t2) + mu * along
         if growth > a + mu * n0:
             shrink = (a + mu * n0) / growth
@@ -328,8 +329,8 @@ def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, o
 def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
     """Return x with S x + r = 0 by elimination with the largest entry as pivot.
 
-    The error of the equations is the rounding of their terms for any S; with Cramer's rule it would grow with the
-    condition of S.
+    For any S, the error of the equations is as small as the rounding of their terms. With Cramer's rule, it would grow
+    with the condition number of S.
     """
     if max(abs(s21), abs(s22)) > max(abs(s11), abs(s12)):
         s11, s12, r1, s21, s22, r2 = s21, s22, r2, s11, s12, r1
@@ -356,7 +357,7 @@ def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_
     x = -(w1 * r1 + w2 * r2) / (w1 * w1 + w2 * w2)
     if max(abs(r1 + w1 * x), abs(r2 + w2 * x)) > SINGULAR * max(abs(r1), abs(r2)):
         return 0.0, 0.0, False
-    slope = -mu * (h1 * v1 + h2 * v2)  # of the bound along v
+    slope = -mu * (h1 * v1 + h2 * v2)  # derivative of the bound along v
     y, step = old_1 * v1 + old_2 * v2, 0.0
     for attempt in range(64):
         t1, t2 = x * u1 + y * v1, x * u2 + y * v2
@@ -364,11 +365,11 @@ def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_
         bound = a + mu * n
         if n >= 0.0 and bound >= 0.0 and x * x + y * y <= bound * bound * (1.0 + STRAY):
             return t1, t2, True
-        if abs(slope) < 1.0:  # the bound exceeds ‖Λ_T‖ most here, if anywhere
+        if abs(slope) < 1.0:  # here the bound exceeds ‖Λ_T‖ most, if it does so anywhere
             if attempt > 0:
                 break
             y = abs(x) * slope / np.sqrt(1.0 - slope * slope)
-        else:  # it grows faster than ‖Λ_T‖: far enough out every impulse fits
+        else:  # the bound grows faster than ‖Λ_T‖, so it holds for large enough impulses along v
             step = max(2.0 * step, abs(x) + abs(n0) + a)
             y = step if slope > 0.0 else -step
     return 0.0, 0.0, False

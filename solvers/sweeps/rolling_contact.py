@@ -4,11 +4,11 @@ A contact with block G and velocity q from all other impulses has the laws
 
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,   −ξ_T ∈ N(Λ_T) of the disc ‖Λ_T‖ ≤ a + μΛ_N,   −ξ_R ∈ N(Λ_R) of the ball ‖Λ_R‖ ≤ a_r + μ_rΛ_N
 
-with ξ = GΛ + q. Two laws may slip simultaneously in independent directions, so the states cannot be enumerated as
-without rolling (``one_contact``). Newton's method with a line search on the projection equations
-Λ_i = prox(Λ_i − ξ_i/α_i) almost always finds the solution from the present impulse. Otherwise projected sweeps over the
-three laws follow, and Newton's method restarts. The result is the admissible impulse with the smallest violation, as
-the judge measures it, which may be the present impulse.
+with ξ = GΛ + q. Two laws may slip simultaneously in independent directions. The states can therefore not be enumerated
+as for contacts without rolling friction (``one_contact``). Newton's method with a line search on the projection
+equations Λ_i = prox(Λ_i − ξ_i/α_i) almost always finds the solution from the current impulse. Otherwise projected
+sweeps over the three laws follow, and Newton's method restarts. The result is the admissible impulse with the smallest
+violation, as the judge measures it; it may be the current impulse.
 
 Rolling rows are scaled by the length √(α_N/α_R), so that all rows are velocities and all impulses have one unit.
 """
@@ -25,7 +25,7 @@ MAX_NEWTON_STEPS = 25
 """Largest number of Newton steps per start."""
 
 SWEEPS = 40
-"""Projected sweeps between two starts."""
+"""Number of projected sweeps between two starts."""
 
 ROUNDING = 1e-14
 """Violations below this fraction of the free velocity count as zero."""
@@ -187,8 +187,8 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
 def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-untyped-def]
     """Write the linear system of a Newton step, with its right-hand side as the last column, from ξ of ``_violation``.
 
-    If x_i = Λ_i − ξ_i/α_i lies in the set of law i, its equation is ξ_i = 0. Otherwise it is Λ_N = 0, or for a disc or
-    ball of radius b, with t = x_i/‖x_i‖, κ = b/‖x_i‖ and P = κ(I − t tᵀ),
+    If x_i = Λ_i − ξ_i/α_i lies in the set of law i, its equation is ξ_i = 0. Otherwise it is Λ_N = 0 for the normal
+    law; for a disc or ball of radius b, with t = x_i/‖x_i‖, κ = b/‖x_i‖ and P = κ(I − t tᵀ), it is
 
         P(Gδ)_i + α(I − P)δ_i − αμ t δ_N = α(b t − Λ_i).
     """
@@ -231,7 +231,7 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def _solve_linear_system(system):  # type: ignore[no-untyped-def]
-    """Solve a linear system by Gaussian elimination, into its last column; return whether a solution was found.
+    """Write the solution of a linear system, by Gaussian elimination, to its last column; return whether it was found.
 
     An unknown without a pivot is damped, so that it hardly changes.
     """

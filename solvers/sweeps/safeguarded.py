@@ -1,4 +1,4 @@
-"""A safeguard for sweeps: the steps of contacts that oscillate are reduced, one by one.
+"""A safeguard for sweeps: the step of each contact that oscillates is reduced.
 
 A slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1. Contacts of high friction can cycle
 even if each is solved exactly, and it is unknown beforehand which contacts will slip. All contacts therefore begin with
@@ -22,23 +22,23 @@ from ...problems.contact.blocks import BlockLayout
 from ..iteration.loop import Iterates, WrappedIterates
 
 INTERVALS = (19, 37, 73)
-"""Sweeps between comparisons, starting after a reduction: enough for it to take effect. The numbers are prime, so that
+"""Numbers of sweeps between comparisons, from a reduction on: enough for it to take effect. They are prime, so that
 comparisons meet a cycle of several iterates in different phases."""
 
 OPPOSED = 0.5
 """Increments are opposed if the cosine of their angle is below minus this value."""
 
 SHRINKS = 0.9
-"""Increments that shrink by more than this factor per sweep are accepted."""
+"""Increments that shrink to this fraction or less per sweep are accepted."""
 
 CUT = 0.6
-"""Factor of a step that is reduced."""
+"""Factor by which a step is reduced."""
 
 MIN_FRACTION = 1e-3
 """Smallest step, relative to the initial one."""
 
 ROUNDING = 1e-14
-"""Increments below this fraction of the impulse are rounding, whatever their direction."""
+"""Increments below this fraction of the impulse count as rounding errors, whatever their direction."""
 
 
 class ScalableIterates(Iterates, Protocol):
@@ -71,7 +71,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 
     def __init__(self, iterates: ScalableIterates) -> None:
         self._iterates, self.padded = iterates, iterates.padded
-        self._fraction = np.empty(iterates.layout.n_blocks)  # what is left of each contact's step
+        self._fraction = np.empty(iterates.layout.n_blocks)  # step of each contact, relative to its initial one
         self._fraction.fill(1.0)
         self._before, self._previous = np.empty((2, len(iterates.padded)))
         self._since_check, self._checks_since_cut, self._interval = 0, 0, INTERVALS[0]
@@ -103,7 +103,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         self._since_check = min(self._since_check, self._interval - 2)
 
     def move_to(self, impulses: FloatArray) -> None:
-        """Continue from ``impulses``, shape (n_rows,), with the present step sizes."""
+        """Continue from ``impulses``, shape (n_rows,), with the current step sizes."""
         self.padded[:] = self._iterates.layout.pad(impulses).reshape(-1)
         self._since_check = 0  # no increment spans the jump
 
@@ -111,7 +111,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 @interpretable
 @njit(cache=True)
 def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
-    """Reduce the step of each contact whose increments are opposed and do not shrink; return whether one was."""
+    """Reduce the step of each contact whose increments are opposed and do not shrink; return whether any was."""
     lanes, groups = uint64(width), uint64(groups)
     was_cut = False
     for i in range(uint64(len(fraction))):

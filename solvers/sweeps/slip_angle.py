@@ -8,7 +8,7 @@ b_0 = a + μn_0. Slip requires a ξ_T parallel to t, so that the scalar cross pr
 
 This is a quartic equation in tan(θ/2) with at most four solutions (Bonnefon & Daviet, Quartic formulation of Coulomb 3D
 frictional contact, 2011). Newton's method from the current direction almost always finds the required solution.
-Otherwise all zeros of the quartic are bracketed between the zeros of its derivatives. For a friction law with the fixed
+Otherwise all zeros of the quartic are bracketed between the zeros of its derivatives. For a friction law with a fixed
 bound a, such as that of an open contact, μ, n_0 and h are zero.
 """
 
@@ -22,7 +22,7 @@ N_POLE_CANDIDATES = 8
 """Number of candidates for the pole of tan(θ/2); the best has the largest |f|, which is the leading coefficient."""
 
 MAX_BRACKET_STEPS = 120
-"""Largest number of steps of one bracketed search; even bisection needs fewer to converge to rounding."""
+"""Largest number of steps of one bracketed search; even bisection needs fewer to converge up to rounding."""
 
 WORKSPACE_SIZE = 16
 """Number of entries of the workspace of ``slip_directions``."""

@@ -1,7 +1,7 @@
 """The step sizes r of the projected iterations, one for each law.
 
-They are an array with one row per block: r of the N lane, of the T lanes, and, for problems with joints or rolling
-friction, of the R lanes, shape (n_blocks, 2) or (n_blocks, 3). The rules are
+An array with one row per block holds r of the N lane, of the T lanes and, for problems with joints or rolling friction,
+of the R lanes. Its shape is (n_blocks, 2) or (n_blocks, 3). The rules are
 
     diagonal [52]:   r_i = ω / α_i,      α_i = largest diagonal entry of the law's block of G
     row sum [53]:    r_i = ω / max_h Σ_k |G_hk|,      h over the rows of law i
@@ -71,7 +71,7 @@ def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
 
 
 def lane_weights(layout: BlockLayout, sizes: FloatArray) -> FloatArray:
-    """Return 1/√r of each lane, padded and flat, 0 where r is 0: √α up to a factor, for norms of impulses."""
+    """Return 1/√r of each lane, padded and flat, or 0 if r is 0. It is √α up to a factor, for norms of impulses."""
     of_group = np.sqrt(inverse(sizes, 1.0))
     widths = (1, layout.sliding, layout.rolling)[: sizes.shape[1]]
     weights: FloatArray = np.repeat(of_group, widths, axis=1).reshape(-1)
@@ -108,7 +108,7 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 @interpretable
 @njit(cache=True)
 def write_step_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
-    """Write ω divided by the largest of the numbers of each law's rows, or 0 if that is 0."""
+    """Write ω over the largest number in ``of_row`` of each law's rows, or 0 if that is 0."""
     for row in range(len(slot)):
         block, lane = slot[row] // width, min(slot[row] % width, 1)
         sizes[block, lane] = max(sizes[block, lane], of_row[row])

@@ -1,1 +1,1 @@
-"""Robust on small problems of contacts alone: one kernel prepares, one kernel solves."""
+"""Robust on small problems of contacts alone: one kernel prepares the sweeps, and one does them."""

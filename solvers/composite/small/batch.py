@@ -1,8 +1,8 @@
 """Many small problems in one kernel: each is prepared, swept and judged.
 
-The arrays of all problems are joined. Problem k has the rows r_k … r_{k+1} and the entries e_k … e_{k+1} of the matrix
-that gives it; the starts of its matrix begin at r_k + k, since each has one more than the matrix has rows (or columns).
-Laws that problems share are joined once.
+The arrays of all problems are joined. Problem k has the rows r_k to r_{k+1} − 1, and its sparse matrix has the entries
+e_k to e_{k+1} − 1. The starts of the matrix begin at r_k + k, because each matrix has one more start than rows (or
+columns). Shared laws are stored once.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_ov
 from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
 
 NOT_SOLVED = 0
-"""Outcome of a problem that sweeps alone do not solve; for the others it is the kind of their coupling."""
+"""Outcome of a problem that sweeps alone do not solve. The outcome of other problems is the kind of their coupling."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -80,7 +80,7 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
 ):
     """Solve the problems ``first`` to ``last`` − 1, given by W in CSC and a diagonal M⁻¹; write the results of each.
 
-    The root of M⁻¹ has the entries d_k … d_{k+1}.
+    The root of M⁻¹ of problem k has the entries d_k to d_{k+1} − 1, with d = ``dofs``.
     """
     for k in range(first, last):
         begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
@@ -145,7 +145,7 @@ def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: 
 
 @njit(cache=True, error_model="numpy")
 def _judge(prepared, laws, impulses, velocity, rounding):  # type: ignore[no-untyped-def]
-    """Return the judge's residual from ξ in twice the working precision and the error bound of its rows."""
+    """Return the judge's residual from ξ, computed in twice the working precision, and the error bound of its rows."""
     _, _, scale, _, lanes, store = prepared
     friction, _, _, sets, row_count, first_row, mu, bounds, partner_law = laws
     width = len(impulses) // len(friction)

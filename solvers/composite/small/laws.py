@@ -1,4 +1,4 @@
-"""Those arguments of the kernels for small problems that depend only on the laws, computed once per ``Laws`` object."""
+"""The arguments of kernels for small problems that depend only on the laws, computed once per ``Laws`` object."""
 
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -44,7 +44,7 @@ _ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
 
 
 def law_arguments(laws: Laws) -> LawArguments | None:
-    """Return the arguments for ``laws``, the same object at each call."""
+    """Return the arguments for ``laws``; repeated calls return the same object."""
     found = _ARGUMENTS.get(laws)
     if found is None and laws not in _ARGUMENTS:
         found = _ARGUMENTS[laws] = LawArguments.of(laws)
@@ -56,8 +56,8 @@ def law_arguments(laws: Laws) -> LawArguments | None:
 def _lay_out_contacts(kind, partner_law, mu, fixed):  # type: ignore[no-untyped-def]
     """Return whether the laws are contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
 
-    These are the set and the number of rows of each law, whether it rolls, the slot and the contact of each row, and
-    for each contact its partner, μ, a and the normal lane of its partner.
+    The arrays hold the set and number of rows of each law, and whether it is rolling friction; the slot and contact of
+    each row; and the partner, μ, a and normal lane of the partner of each contact.
     """
     n_laws, n_rows = len(kind), 0
     sets, row_count = np.empty(n_laws, dtype=np.int8), np.empty(n_laws, dtype=np.int64)

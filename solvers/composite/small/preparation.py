@@ -1,7 +1,7 @@
 """Data of a small problem for sweeps, computed from its arrays by one kernel.
 
-Each function calls the kernels that prepare large problems, so that the numbers are the same. The problem must contain
-only contacts, with or without sliding friction, and all with the same number of rows.
+Each function calls the kernels that prepare large problems, so the results are the same. The problem must contain only
+contacts, with or without sliding friction, all with the same number of rows.
 """
 
 import numpy as np
@@ -14,13 +14,13 @@ from ...sweeps.step_size import write_step_sizes
 from ..sweep_selection import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
-"""Kinds of coupling: coupled such that other sweeps are faster, uncoupled contacts, and coupled contacts."""
+"""Kinds of coupling: contacts coupled so that other sweeps are faster, uncoupled contacts, other coupled contacts."""
 
 ROWS_OF_NUMBERS = 5
-"""Rows of the numbers of the residual, as in ``Residual``."""
+"""Number of rows of the array from which the residual is computed, as in ``Residual``."""
 
 N_WORK = 6
-"""Rows of the memory that the sweeps need."""
+"""Number of vectors of n_rows entries that the sweeps need as work space."""
 
 
 @njit(cache=True)
@@ -119,7 +119,7 @@ def _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot):  
     Returns:
         The kind of coupling, the index of a law that no impulse satisfies or −1, the scale of the residual [m/s], the
         first stored block of each block row, the first lane of each stored block, and all numbers in one array: the
-        blocks, the step sizes, the diagonal of G, the numbers of the residual, and memory for the sweeps.
+        blocks, the step sizes, the diagonal of G, the numbers of the residual, and work space for the sweeps.
     """
     starts, columns, values = blocks
     sets, row_count, is_rolling, first_row, partner_law = laws

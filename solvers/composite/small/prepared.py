@@ -1,9 +1,9 @@
-"""Robust on a small problem: one call prepares the sweeps, and one call does them.
+"""Robust on a small problem: one kernel call prepares the sweeps, and one does them.
 
-In ``Robust``, Python code runs between the kernels. On ten contacts it takes ten times as long as the kernels. Here one
-kernel does an entire ordinary solve. Its operations and their order are the same, and therefore impulses, iterations
-and message. If the kernel stops early, for example because the residual grows, ``Robust`` solves the problem from the
-start; the attempt costs less than a tenth of its time.
+In ``Robust``, Python code runs between the kernels. On ten contacts, this code takes ten times as long as the kernels.
+Here one kernel does an entire ordinary solve. Its operations and their order are those of ``Robust``. Impulses,
+iterations and message are therefore the same. If the kernel stops early, for example because the residual grows,
+``Robust`` solves the problem from the start; the attempt costs less than a tenth of its time.
 """
 
 from collections.abc import Callable
@@ -24,10 +24,11 @@ from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_ov
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
-"""Bound of the time of a sweep, per entry of G and per each of 20 numbers of a row [s]; a slow core takes half."""
+"""Upper bound of the time of a sweep [s] per entry of G and per each of 20 numbers of a row: twice that of a slow
+core."""
 
 MAX_SWEEPS = 10**9
-"""Iteration limit of a call of the kernel, as a number of 64 bits."""
+"""Largest iteration limit that the kernel receives, a 64-bit integer."""
 
 COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
     f"{sweeps.name}: {Status.SOLVED}" for sweeps in (SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS)
@@ -42,15 +43,15 @@ _KERNELS = DeferredKernels(
 
 
 def longest_seconds(n_rows: int) -> float:
-    """Return the time that the kernel, which does not read the clock, takes at most [s]: with dense G, and all sweeps.
+    """Return an upper bound of the kernel's time [s], for dense G and the largest number of sweeps.
 
-    If a time limit is shorter, the kernel is not used.
+    The kernel does not read the clock. It is not used if the time limit is shorter than this bound.
     """
     return MIN_PLATEAU_SWEEPS * SWEEP_SECONDS_PER_NUMBER * n_rows * (n_rows + 20)
 
 
 class PreparedSmall:
-    """The sweeps of one small problem, prepared."""
+    """The prepared sweeps of one small problem."""
 
     __slots__ = ("_arguments", "_by_parts", "_kernel", "_message", "_min_sweeps", "_prepare_by_parts", "problem")
 

@@ -1,4 +1,4 @@
-"""Many small problems in one call, over several threads.
+"""Many small problems in one call, on several threads.
 
 The arrays of all small problems are joined, and each thread runs one kernel over a range of them, without Python. No
 problem affects another, so solutions are bitwise identical for any number of threads.
@@ -27,7 +27,7 @@ from .preparation import COUPLED
 from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, UNCOUPLED_MESSAGE, longest_seconds
 
 PARTS_PER_THREAD = 4
-"""Number of ranges of problems per thread, because some ranges take longer than others."""
+"""Number of ranges of problems per thread; several, because some ranges take longer than others."""
 
 
 class SolvedProblems(NamedTuple):
@@ -45,16 +45,16 @@ class SolvedProblems(NamedTuple):
 def solve_many(
     problems: Iterable[ContactProblem | str | Path], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
 ) -> SolvedProblems:
-    """Solve many problems by ``Robust``, with the same results as one by one, and judge each answer.
+    """Solve many problems by ``Robust``, with the same results as one by one, and judge each solution.
 
     Problems of up to 150 rows, given by G or by the columns of W with a diagonal M⁻¹, are solved in batches. Other
-    problems, and those that need more than sweeps, are solved one by one in one thread.
+    problems, and those that sweeps alone do not solve, are solved one by one in one thread.
 
     Args:
         problems: the contact problems, their names, or the paths of their files.
         tolerance: the judge's residual to reach.
         threads: number of threads; solutions are bitwise identical for any number.
-        limits: max_iterations, max_seconds of each problem.
+        limits: ``max_iterations`` and ``max_seconds`` of each problem.
 
     Returns:
         The solutions in the order of the problems, and the judge's residuals, shape (n_problems,).
@@ -103,7 +103,7 @@ class Batch(NamedTuple):
     Attributes:
         kernel: the function of ``batch`` for this form.
         indices: the index of each problem among all.
-        rows: the first row of each problem, and the number of all rows.
+        rows: the first row of each problem, then the total number of rows.
         arguments: the arguments of the kernel between the range of problems and the tolerance.
     """
 
@@ -180,7 +180,7 @@ class _Members:
         self._numbers: dict[int, int] = {}
 
     def add(self, index: int, problem: ContactProblem, laws: LawArguments) -> None:
-        """Add the problem with this index among all."""
+        """Add a problem with its index among all problems, and its laws."""
         number = self._numbers.setdefault(id(laws), len(self._numbers))
         self._laws[number] = laws
         self.indices.append(index)
@@ -196,7 +196,7 @@ class _Members:
         return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free))
 
     def _joined_laws(self) -> tuple[Any, ...]:
-        """Return the laws as kernels of ``batch`` take them."""
+        """Return the laws in the form that the kernels of ``batch`` take."""
         laws = list(self._laws.values())
         preparation = list(zip(*(each.preparation for each in laws), strict=True))
         sets, _, _, _, _, slot, _, partner = preparation  # arrays over laws, rows and contacts

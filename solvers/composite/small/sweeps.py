@@ -1,9 +1,8 @@
 """Sweeps of a small problem from the first impulses to the outcome, in one kernel.
 
 Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same intervals, and end
-when it reaches the tolerance. They stop without an outcome if ``Robust`` would continue with another method: if a
-window of sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the
-residual.
+when it reaches the tolerance. They stop without an outcome if ``Robust`` might act otherwise: if a window of sweeps
+gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the residual.
 """
 
 import numpy as np
@@ -38,7 +37,7 @@ SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 
 @njit(cache=True)
 def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
-    """Return the parts of the numbers that ``preparation`` packs: blocks, step sizes, diagonal, residual, memory."""
+    """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
     a = n_values + 2 * n_blocks
     b = a + n_rows
     c = b + ROWS_OF_NUMBERS * n_laws
@@ -143,7 +142,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
-        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments, which this kernel does not
+        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments, unlike this kernel
             return False, iteration
         if not _solve_blocks(width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses):
             return False, iteration
@@ -152,7 +151,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _begin_progress():  # type: ignore[no-untyped-def]
     """Return the best residual, the first one, checks without progress, and start and residual of the window."""
-    none = np.int64(0)  # for a literal, numba compiles ``_check`` once more
+    none = np.int64(0)  # a literal would make numba compile ``_check`` once more
     return np.inf, np.inf, none, none, np.inf
 
 

@@ -1,13 +1,13 @@
 """Triangular factors of sparse block matrices that share one symmetric pattern.
 
-A front of a supernode with pivot columns 1 and rows below 2 is eliminated densely,
+The front of a supernode, with index 1 for its pivot columns and 2 for the rows below, is eliminated as a dense matrix,
 
     ( F₁₁ F₁₂ )      kept: F₁₁⁻¹, F₂₁, X = F₁₁⁻¹ F₁₂,      passed to the parent: F₂₂ − F₂₁ X.
     ( F₂₁ F₂₂ )
 
-Rows are exchanged only within F₁₁. That is enough for Ĝ + D, whose symmetric part is positive definite or nearly so;
-refinement removes the additional rounding. Dense products use BLAS: a factorisation of 734 contacts takes 3 ms, two to
-three times less than column by column in the same order, and a fifth of the time of SuperLU in its own order.
+Rows are exchanged only within F₁₁. This suffices for Ĝ + D, whose symmetric part is positive definite or nearly so;
+refinement removes the additional rounding errors. Dense products use BLAS. A factorisation of 734 contacts takes 3 ms:
+a third to a half of the time of column-wise elimination in the same order, a fifth of that of SuperLU in its own order.
 """
 
 import numpy as np
@@ -24,8 +24,8 @@ REMEDY = "use a solver without factorisations, such as SORprox(form='factors')"
 class BlockLU:
     """Factors of matrices of square blocks with one pattern.
 
-    A product with F₁₁⁻¹ has an error of cond(F₁₁) roundings. Each correction by F₁₁ multiplies it by the same factor
-    again, until only the error of an elimination remains.
+    A product with F₁₁⁻¹ has a relative error of cond(F₁₁) times the unit roundoff. Each correction by F₁₁ multiplies
+    the error by this factor again, until only the error of an elimination remains.
 
     Attributes:
         flops: multiplications and additions of one factorisation.
@@ -91,7 +91,7 @@ def _determinant_sign(b, nodes, factor_starts, factors):  # type: ignore[no-unty
 
 @njit(cache=True)
 def _add_entry(f11, f12, f21, i, j, block):  # type: ignore[no-untyped-def]
-    """Add a block of the matrix to the quarter of the front that contains (i, j), never the last one."""
+    """Add a block of the matrix at (i, j) of the front to F₁₁, F₁₂ or F₂₁."""
     pivots, b = f11.shape[0], block.shape[0]
     for k in range(b):
         for m in range(b):
@@ -135,7 +135,7 @@ def _factorise(  # type: ignore[no-untyped-def]
     heads,
 ):
     top = 0
-    none = np.int64(0)  # for a literal, numba compiles ``_add_update`` once more
+    none = np.int64(0)  # a literal would make numba compile ``_add_update`` once more
     for s in range(len(nodes) - 1):
         p, q = b * (nodes[s + 1] - nodes[s]), b * (row_starts[s + 1] - row_starts[s])
         f11, f12, f21, f22 = np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, p)), np.zeros((q, q))

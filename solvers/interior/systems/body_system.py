@@ -4,7 +4,7 @@ V and S are the scales of ``scaled_problem``. With M⁻¹ = T Tᵀ, L = TᵀW S 
 
     (I + L D⁻¹ Rᵀ) v = L D⁻¹ b,      dr = D⁻¹ (b − Rᵀ v)      (Woodbury).
 
-The size of the system is the number of degrees of freedom, for any number of contacts, and a contact between two bodies
+The size of the system is the number of degrees of freedom, for any number of contacts. A contact between two bodies
 adds one dense block. Each solution is refined with Ĝ and D.
 """
 
@@ -19,7 +19,7 @@ from .delassus_system import REFINEMENTS
 from .small_blocks import invert, times
 
 CORRECTIONS = 1
-"""Corrections of products with inverses: D⁻¹ of sticking contacts and of joints makes blocks ill-conditioned."""
+"""Number of corrections of products with inverses, because D⁻¹ of sticking contacts and joints is ill-conditioned."""
 
 
 class BodySystem:
@@ -49,7 +49,7 @@ class BodySystem:
         return self._lanes.split_from_block(self._pull(self._push(self._lanes.to_block(r))))
 
     def factorise(self, coupled: FloatArray) -> bool:
-        """Factorise for D of shape (m, w, w); return False if D or the sum is singular."""
+        """Factorise for D of shape (m, w, w); return False if D or I + L D⁻¹ Rᵀ is singular."""
         self._coupled = self._lanes.matrices_to_block(coupled)
         self._inverse = np.empty_like(self._coupled)
         self._sign = invert(self._coupled, self._inverse)
@@ -86,7 +86,7 @@ class BodySystem:
 
 @njit(cache=True)
 def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
-    """Return the block rows over chunks, the diagonal first, and where each pair of a contact's pieces adds to them."""
+    """Return the block rows over chunks, diagonal first, and the block that each pair of a contact's pieces adds to."""
     n = len(starts) - 1
     heads = np.zeros(n_chunks + 2, dtype=np.int64)
     for p in range(len(chunks)):

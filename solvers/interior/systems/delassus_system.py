@@ -1,7 +1,7 @@
 """The reduced Newton system over contacts, (Ĝ + D) dr = b, with Ĝ assembled.
 
-If contacts over-determine the motion of bodies, Ĝ is rank-deficient, and D makes the sum regular. Inaccurate
-components along self-stress do not affect the iterates. Each solution is refined with Ĝ and D.
+If contacts over-determine the motion of bodies, Ĝ is rank-deficient, and D makes the sum regular. Errors along
+self-stresses, which cause no velocity, do not affect the iterates. Each solution is refined with Ĝ and D.
 """
 
 import numpy as np

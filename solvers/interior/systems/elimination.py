@@ -1,9 +1,9 @@
 """The elimination order of a sparse block matrix and its fill, computed once per pattern.
 
-Columns are ordered by multiple minimum degree (Liu 1985) on the graph of the blocks, then so that each subtree of the
-elimination tree is contiguous (Liu 1990). Neighbouring columns of nearly the same structure become one supernode,
-which is eliminated as a dense matrix. The multifrontal method (Duff & Reid 1983) visits supernodes in this order: the
-front of a supernode gathers entries of the matrix and the updates that its children left on a stack.
+Columns are ordered by multiple minimum degree (Liu 1985) on the graph of the blocks, and then reordered so that each
+subtree of the elimination tree is contiguous (Liu 1990). Neighbouring columns of nearly the same structure become one
+supernode, which is eliminated as a dense matrix. The multifrontal method (Duff & Reid 1983) visits supernodes in this
+order. The front of a supernode gathers entries of the matrix and the updates that its children have put on a stack.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ MAX_ZERO_SHARE = 0.2
 """Largest share of zeros in a supernode after it has merged with its neighbour."""
 
 MAX_COLUMNS = 40
-"""Largest number of block columns of a supernode; inverting larger ones takes longer than passing updates on."""
+"""Largest number of block columns of a supernode; inverting larger ones takes longer than updating their parents."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,8 @@ def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLU
 
 
 def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
-    """Return an order with little fill, that of SuperLU for a diagonally dominant matrix of the pattern."""
-    from scipy.sparse.linalg import splu  # import takes 0.1 s
+    """Return the order with little fill that SuperLU finds for a diagonally dominant matrix of the pattern."""
+    from scipy.sparse.linalg import splu  # imported here because import takes 0.1 s
 
     n = len(starts) - 1
     if n < 3:

@@ -35,7 +35,8 @@ def _reduce(work):  # type: ignore[no-untyped-def]
 def invert(blocks, inverses):  # type: ignore[no-untyped-def]
     """Write the inverses of blocks, shape (n, w, w); return the sign of the product of their determinants.
 
-    Gauss–Jordan elimination with partial pivoting. It ends with 0 at the first block that is singular or not finite.
+    The method is Gauss–Jordan elimination with partial pivoting. It returns 0 at the first singular or non-finite
+    block.
     """
     width, product = blocks.shape[1], 1.0
     work = np.empty((width, 2 * width))

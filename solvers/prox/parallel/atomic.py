@@ -1,7 +1,7 @@
-"""Atomic operations on arrays of 64-bit integers, with which threads of compiled kernels share work.
+"""Atomic operations on arrays of 64-bit integers, by which threads of compiled kernels share work.
 
-numba has no atomic operations for processors. Each function here is one instruction of LLVM. Memory is ordered such
-that a thread that reads a sum with ``read`` sees everything that another thread wrote before ``add``.
+numba has atomic operations for graphics processors only. Each function here is one instruction of LLVM. Memory is
+ordered such that a thread that reads a sum with ``read`` sees everything that another thread wrote before ``add``.
 """
 
 from typing import Any
@@ -13,7 +13,8 @@ from numba.extending import intrinsic
 SPINS_BEFORE_YIELD = 20_000
 """Number of readings, about 50 µs, after which a waiting thread yields its core, possibly to the thread it waits for.
 
-A colour of a thousand contacts takes about as long. After a yield, another program may use the core for milliseconds.
+A sweep over a colour of a thousand contacts takes about as long. After a yield, another program may use the core for
+milliseconds.
 """
 
 _yield_core = types.ExternalFunction("sched_yield", types.intc())
@@ -36,7 +37,7 @@ def _swap_if_equal(typing_context, array, index, expected, new):  # type: ignore
 
 
 swap_if_equal: Any = intrinsic(_swap_if_equal)
-"""Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was; (array, index, expected, new)."""
+"""Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was. (array, index, expected, new)"""
 
 
 def _add(typing_context, array, index, number):  # type: ignore[no-untyped-def]

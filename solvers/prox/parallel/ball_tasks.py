@@ -16,7 +16,7 @@ def update_ball_batch(balls, batch, moved, held, change, present, turn, own, oth
     record = uint64(NUMBERS) * at
     update_balls(records, record, share, held, change, uint64(3) * at, present, turn, own, others)
     six, idle, pair = uint64(6), uint64(len(moved)) - uint64(6), uint64(2) * at
-    for lane in range(lanes):  # not to the idle ball: it is last and stays zero, and all threads read it
+    for lane in range(lanes):  # the idle ball, which is last, remains zero, because all threads read it
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
         if a != idle:
             for k in range(six):

@@ -6,8 +6,8 @@ colour. The tasks of a stage (pieces of v, or batches) write different numbers a
 stage writes. A stage begins when the previous one is complete.
 
 The thread that claims a task first does it. The arithmetic of a task does not depend on the thread, and sums over tasks
-are taken in the order of the tasks, so that the result is identical for any number of threads. Each thread begins with
-its own share of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late thread.
+are in their order. The result is therefore identical for any number of threads. Each thread begins with its own share
+of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late thread.
 """
 
 from collections.abc import Callable
@@ -34,14 +34,15 @@ from .piece_tasks import update_pieces, write_piece_velocities
 from .team import Team
 
 BALL_LENGTH = 6
-"""Numbers of a ball in v."""
+"""Number of entries of a ball in v."""
 
 PIECE_LENGTH = 512
-"""Length of the pieces of v that tasks extrapolate, 4 kB."""
+"""Number of entries of v, 4 kB, that one task extrapolates."""
 
 MIN_CONTACTS_PER_THREAD, MIN_CONTACTS_OF_BALLS_PER_THREAD = 250, 2000
-"""Minimum numbers of contacts per colour and thread. With fewer, waking and waiting take longer than another thread
-saves: about half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of balls ten times.
+"""Minimum numbers of contacts per colour and thread. With fewer, waking another thread and waiting for it take more
+time than it saves: half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of balls ten
+times.
 """
 
 
@@ -176,10 +177,10 @@ def _run_window(  # type: ignore[no-untyped-def]
     """Do the share of one thread in ``count`` sweeps and ξ; return β of the sweep after these.
 
     One of ``pieces`` and ``balls`` is None. Λ, v, the last change of Λ, v before the last sweep and ξ are in
-    ``arrays``. There were ``past`` sweeps and windows before. ``momenta`` are bound and delay of ``MomentumState``, and
-    β of the coming sweep. ``turns`` holds the part of each batch in the product that is positive if the iterates turn
-    back (``iteration.momentum``), for even and odd sweeps. ``claims`` counts how often each task was claimed, and
-    ``done`` the completed tasks of the window.
+    ``arrays``. ``past`` holds the numbers of earlier sweeps and windows, and ``momenta`` the bound and delay of
+    ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each batch in the product that is positive if
+    the iterates turn back (``iteration.momentum``), for even and odd sweeps. ``claims`` counts how often each task was
+    claimed, and ``done`` the completed tasks of the window.
     """
     sweeps, windows = past
     held, scaled, change, before, velocity = arrays

@@ -1,8 +1,8 @@
 """Colours of contacts: two contacts of one colour share no movable body, so that their updates commute.
 
-Each contact in turn gets the smallest colour that none of its bodies has yet (first fit). A body of d contacts needs d
-colours, so that most colours of a packing of balls hold many contacts. Contacts of a body that has used up
-``MAX_FIRST_FIT`` colours follow one another in further colours.
+Each contact in turn gets the smallest colour that none of its bodies has yet (first fit). A body with d contacts needs
+at least d colours. In a packing of balls d is small, so that most colours hold many contacts. Once a body has used
+``MAX_FIRST_FIT`` colours, its other contacts get further colours, one after the other.
 """
 
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from ....problems.arrays import IntArray
 from ....problems.contact.matrices.pieces import Pieces
 
 MAX_FIRST_FIT = 63
-"""Number of colours that are assigned by first fit: one bit each of a signed number."""
+"""Number of colours that are assigned by first fit: one for each bit of a signed integer but its sign."""
 
 
 class Colouring(NamedTuple):
@@ -31,7 +31,7 @@ def colour_contacts(pieces: Pieces) -> Colouring:
 
 
 def order_by_colour(colouring: Colouring, lanes: int) -> tuple[Any, IntArray]:
-    """Return the place of each block in batches of ``lanes`` that hold one colour each, and first batches of colours.
+    """Return the place of each block in batches of ``lanes`` blocks of one colour, and the first batch of each colour.
 
     Within a colour the blocks keep their order. Shapes are (n_blocks,) and (n_colours + 1,).
     """

@@ -11,7 +11,7 @@ MAX_BODIES = 2
 
 
 def unsupported_reason(problem: ContactProblem) -> str | None:
-    """Return why a problem does not have this form, or None."""
+    """Return why a problem cannot be converted to this form, or None."""
     if problem.factors is None:
         return "the problem holds G only, and sweeps over pairs of bodies need the factors W and M⁻¹"
     declined = unsupported_laws(problem)

@@ -42,7 +42,7 @@ def _gather(axes, bodies, batch, scaled, own):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-def]
-    """Copy v back, except for the idle chunk, the last one: it remains zero, because all threads read it."""
+    """Copy v back, except for the idle chunk, which is last: it remains zero, because all threads read it."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length
     for lane in range(lanes):

@@ -1,7 +1,7 @@
 """Run one compiled kernel in several threads, including the calling one.
 
-The kernels release the interpreter's lock. The other threads start when they are first needed, wait without using a
-core, and end with the team. No thread outlives a solve, and no threading library is required. The threads claim tasks
+The kernels release the global interpreter lock. The other threads start when they are first needed, wait without using
+a core, and end with the team. No thread outlives a solve, and no threading library is required. The threads claim tasks
 one by one (``atomic``), so a thread that is late or preempted delays the others by at most one task.
 """
 
@@ -33,7 +33,7 @@ class _Member:
         _thread.start_new_thread(self._run, ())
 
     def begin(self, call: Callable[[], Any] | None) -> None:
-        """Let the thread run ``call``, or end it with None."""
+        """Run ``call`` in the thread, or end the thread if it is None."""
         self.call = call
         self._begin.release()
 

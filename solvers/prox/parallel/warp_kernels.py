@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Kernels of Warp for sweeps over the factors, for contacts of at most two bodies; a thread for each contact.
+"""Kernels of Warp for sweeps over the factors of contacts of at most two bodies, with one thread per contact.
 
 They do in double precision what the kernels of ``sweeps.factors`` do. Every number has one writer, and a body adds the
 changes of its contacts in their order, so results on a device are bitwise reproducible.
@@ -21,10 +21,10 @@ class Contacts:
 
     Attributes:
         length: degrees of freedom of a body.
-        idle: the body that stands for none, after all others.
+        idle: index of the idle body, which takes the place of a missing one and follows all others.
         bodies: two bodies of each contact.
         pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
-        free: c, three for each contact.
+        free: c, three entries for each contact.
         sizes: r of N and T.
         friction: μ.
         fixed: a.
@@ -109,7 +109,7 @@ def update_all(contacts: Contacts, impulses: Numbers, velocity: Numbers, changes
 
 @wp.kernel
 def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
-    """Add the changes of the contacts of a body to its v; ``touching`` lists twice the contact plus its side."""
+    """Add the changes of the contacts of a body to its v; ``touching`` lists 2 · contact + side for each body."""
     body = wp.tid()
     length = contacts.length
     for p in range(starts[body], starts[body + 1]):

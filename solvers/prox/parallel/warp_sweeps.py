@@ -1,10 +1,10 @@
 """Sweeps on a device of Warp: a graphics processor (CUDA), or the processor itself.
 
-The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels, which a graphics
-processor records once for each length and then starts at once (a CUDA graph). Before each check of the residual, Λ and
-ξ are copied back. The copy waits for the device, so the time of a solve includes all kernels. ``upload_seconds`` and
-``transfer_seconds`` count copies to and from the device and the allocation of its memory, once for each start. They
-count neither kernels, nor the recording of graphs, nor computations on the host.
+The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels. For a graphics
+processor, it is recorded once for each length, and then started by one call (a CUDA graph). Before each check of the
+residual, Λ and ξ are copied back. The copy waits for the device, so the time of a solve includes all kernels.
+``upload_seconds`` and ``transfer_seconds`` count copies to and from the device and the allocation of its memory. They
+include neither kernels, nor the recording of graphs, nor computations on the host.
 """
 
 import time
@@ -53,7 +53,7 @@ class DeviceSweep(ABC):
         layout: the padded blocks.
         pieces: W̃ in pairs of pieces, of width 3.
         device: the device.
-        kernels: the module of the kernels, imported late.
+        kernels: the module of the kernels, imported at first use.
         contacts: the constant data of all contacts, see ``warp_kernels.Contacts``.
         upload_seconds: wall time of copying the data to the device, with the allocation of its memory [s].
         transfer_seconds: wall time of copying Λ, ξ and v to and from the device, with the allocation of their memory,
@@ -68,13 +68,13 @@ class DeviceSweep(ABC):
 
         from . import warp_kernels
 
-        wp.load_module(warp_kernels, device=device)  # compiled here: a recorded graph cannot load it
+        wp.load_module(warp_kernels, device=device)  # compiled here, because recording a graph cannot load it
         self.kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
         self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
         pieces, layout = self.pieces, self.layout
         free = np.zeros((layout.n_blocks, 3))
         free[:, : layout.width] = layout.pad(problem.free_velocity)
-        values, coupling = pieces.values, self.coupling()  # values may be computed here
+        values, coupling = pieces.values, self.coupling()  # deferred values are computed here, before timing
         friction, fixed = layout.friction_coefficient, layout.fixed_bound
         self.find_order()
         contacts = warp_kernels.Contacts()
@@ -179,7 +179,7 @@ class JacobiDeviceSweep(DeviceSweep):
     """Jacobi sweeps: one kernel for all contacts, and one for all bodies."""
 
     def coupling(self) -> FloatArray:
-        """Return zeros, since ξ is that of the last sweep."""
+        """Return zeros, because ξ is that of the previous sweep."""
         return np.zeros((self.layout.n_blocks, 2))
 
     def find_order(self) -> None:
@@ -202,7 +202,7 @@ class JacobiDeviceSweep(DeviceSweep):
 
 
 class DeviceIterates:
-    """Λ, three for each contact, and v of an iteration from ``start``, shape (n_rows,), on a device."""
+    """Λ, three entries for each contact, and v of an iteration from ``start``, shape (n_rows,), on a device."""
 
     def __init__(self, sweep: DeviceSweep, start: FloatArray) -> None:
         layout, pieces = sweep.layout, sweep.pieces

@@ -1,13 +1,14 @@
 """Sweeps over contacts of balls in batches, from records of a normal.
 
 The iterates are those of ``pieces``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
-its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). A sweep updates v and τ with
-σ = κτ,
+its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). With the impulse P of a
+contact, a sweep updates v and τ, where κτ = rω,
 
     ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
     v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
 
-A record takes 88 bytes, and the indices of both balls take 8; two pieces with the other data take 360 and 16.
+A record takes 88 bytes, and the indices of both balls take 8. Two pieces with the other data would take 360, and their
+indices 16.
 """
 
 from dataclasses import dataclass
@@ -28,10 +29,10 @@ from ...iteration.momentum import MomentumState, momentum_after
 from .pieces import LANES, MIN_FILL, assign_batches
 
 NUMBERS = 11
-"""Numbers of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
+"""Number of entries of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
 
 EQUALITY_TOLERANCE = 1e-12
-"""Relative difference up to which the κ of two balls, or two entries of M⁻¹, are equal."""
+"""Relative difference up to which the κ of two balls, or two entries of M⁻¹, count as equal."""
 
 
 class Balls(NamedTuple):
@@ -50,7 +51,7 @@ class Balls(NamedTuple):
     spin_share: float
 
     def pack(self, problem: ContactProblem, sizes: FloatArray, places: IntArray, n_batches: int) -> tuple[Any, ...]:
-        """Return bodies, records and slots of ``BallSweep`` for contacts at given places (batch · LANES + lane)."""
+        """Return bodies, records and slots of ``BallSweep`` for contacts at ``places`` (batch · LANES + lane)."""
         given = self.contacts.chunks, self.contacts.normals, problem.free_velocity, sizes
         packed: tuple[Any, ...] = _pack(
             *given, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
@@ -105,7 +106,7 @@ class BallSweep:
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
-        """Return the sweep with step sizes as in ``step_size``; None for few contacts or other bodies."""
+        """Return the sweep with step sizes as in ``step_size``; None if there are few contacts, or other bodies."""
         balls = balls_of(problem)
         if balls is None:
             return None
@@ -166,7 +167,7 @@ class BallIterates(MomentumState, SinglePassIterates):
 
 @njit(cache=True)
 def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-untyped-def]
-    """Write 1/m of each ball and return κ = r²m/J; 0 if balls differ in it, or have principal axes."""
+    """Write 1/m of each ball and return κ = r²m/J, or 0 if balls differ in κ or have several moments of inertia."""
     share = 0.0
     for ball in range(len(radii)):
         linear, angular = inverse[6 * ball], inverse[6 * ball + 3]
@@ -186,7 +187,7 @@ def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-un
 
 @njit(cache=True)
 def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batches):  # type: ignore[no-untyped-def]
-    """Return first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
+    """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
     slots = np.empty(3 * len(places), dtype=np.int64)
     idle = len(inverse_masses) - 1
     bodies = np.full(n_batches * 2 * LANES, 6 * idle, dtype=np.uint32)
@@ -323,7 +324,7 @@ def gather_balls(bodies, pair, moved, own, others):  # type: ignore[no-untyped-d
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def update_balls(records, record, share, held, change, at, present, turn, own, others):  # type: ignore[no-untyped-def]
-    """Update a batch: its records from ``record`` on, its Λ from ``at`` on, v and τ of its first and second balls.
+    """Update a batch with records from ``record`` on: its Λ from ``at`` on, and v and τ of its first and second balls.
 
     Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and Λ̂ = Λ + β ``change``.
     """

@@ -2,11 +2,11 @@
 
 Contacts without a common body do not affect each other's updates. The contacts of a sweep are assigned to batches of
 ``LANES`` contacts. No two contacts of a batch share a body. If two contacts share a body, the earlier one is in the
-earlier batch. Each contact then reads exactly the velocities of a sequential sweep: the iterates are the same.
+earlier batch. Each contact then reads exactly the velocities of a sequential sweep, and the iterates are the same.
 
 A batch is stored as a record. The values of one quantity for all its contacts are adjacent; the quantities are two
 pieces of W̃, c, the step sizes, a, μ and the coupling. The loop over a batch has no branches, so that the compiler
-vectorises it; indexed data are copied before and after. Empty lanes hold zeros and use the idle chunk.
+vectorises it; indexed data are copied before and after it. Empty lanes hold zeros and use the idle chunk.
 """
 
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from ....problems.contact.matrices.pieces import Pieces
 from ...iteration.momentum import momentum_after
 
 LANES = 16
-"""Contacts in a batch: the smallest number for which compilers vectorise a loop of known length."""
+"""Number of contacts in a batch, the smallest one for which compilers vectorise a loop of known length."""
 
 MIN_FILL = 0.75
 """Smallest share of used lanes for which batches save time."""
@@ -68,7 +68,7 @@ def slots_in_batches(places: Any) -> IntArray:
 def _deal(chunks, idle):  # type: ignore[no-untyped-def]
     n_blocks = len(chunks) // 2
     places = np.empty(n_blocks, dtype=np.int64)
-    next_batch = np.zeros(idle + 1, dtype=np.int64)  # first batch behind the last one that touches each chunk
+    next_batch = np.zeros(idle + 1, dtype=np.int64)  # first batch after the last one that touches each chunk
     used = np.zeros(n_blocks + 1, dtype=np.int64)  # lanes in use
     first_open, n_batches = 0, 0
     for block in range(n_blocks):
