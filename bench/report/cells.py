@@ -67,8 +67,8 @@ def shown_results(
 ) -> pd.DataFrame:
     """Return results as text: times that may be the fastest have a mark, and the fastest are ``bold``.
 
-    The column *threads* is shown if a solver declares several; it has both numbers if fewer are used. The column
-    *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
+    The column *threads* is shown if a solver declares several; it shows both numbers if the solver uses fewer. The
+    column *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
     """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}

@@ -39,7 +39,7 @@ class StepClocks:
     """Wall and processor time of the steps of a simulation.
 
     Attributes:
-        solver: the solver, whose program counts if it is an executable.
+        solver: the solver; if it is an executable, the time of its process counts.
         wall: wall time [s].
         processor: processor time [s].
     """
