@@ -1,4 +1,4 @@
-"""The listing reads well whatever the number of contacts, rows and laws, and fits a narrow terminal."""
+"""The listing is readable for any number of contacts, rows and laws, and fits a narrow terminal."""
 
 import re
 import sys

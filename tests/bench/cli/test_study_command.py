@@ -1,4 +1,4 @@
-"""``proxbench simulate --study``: mistakes get one sentence, and a study is begun, resumed and reported as a run."""
+"""``proxbench simulate --study``: mistakes get one sentence; a study is started, resumed and reported like a run."""
 
 import io
 import json

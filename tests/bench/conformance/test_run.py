@@ -1,4 +1,4 @@
-"""``proxbench check`` names what fails, survives what it checks, and has an exit code for scripts."""
+"""``proxbench check`` names the failed checks, survives faults of the checked solver, and returns an exit code."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ SOLVERS = [Wrapped]
 
 
 def plugin(folder: Path, fault: str, when: str = "stop.max_iterations == 10**9") -> str:
-    """A file with a solver that does something, as a rule only in the check of the time limit."""
+    """A file with a solver that has a fault, by default only in the check of the time limit."""
     path = folder / "wrapped.py"
     path.write_text(WRAPPED.replace("CONDITION", when).replace("FAULT", fault))
     return str(path)
@@ -43,7 +43,7 @@ def plugin(folder: Path, fault: str, when: str = "stop.max_iterations == 10**9")
 
 @pytest.fixture
 def brief(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check solvers on small problems alone."""
+    """Check solvers only on small problems."""
     monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
 
 

@@ -1,4 +1,4 @@
-"""The record of a machine has the version of every library whose solvers, captures or contacts may be measured."""
+"""The record of a machine contains the version of every library whose solvers, captures or contacts may be measured."""
 
 import os
 import re
@@ -33,13 +33,13 @@ def test_only_installed_libraries_have_a_version() -> None:
 def test_reading_the_state_of_a_checkout_writes_nothing_into_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A run that is killed meanwhile would leave a locked index."""
+    """A run killed during such a write would leave a locked index."""
     source, index = tmp_path / "machine.py", tmp_path / ".git" / "index"
     source.write_text("")
     identity = ("-c", "user.name=a", "-c", "user.email=a@b.c")
     for words in (("init", "--quiet"), ("add", "."), (*identity, "commit", "--quiet", "--message", "one")):
         subprocess.run(["git", *words], cwd=tmp_path, check=True)
-    os.utime(source, (1, 1))  # git would note its new time in the index
+    os.utime(source, (1, 1))  # git would write its new time to the index
     before = index.read_bytes()
     monkeypatch.setattr(machine, "__file__", str(source))
     assert len(machine._git("rev-parse", "HEAD")) == 40

@@ -1,4 +1,4 @@
-"""Each pass has an order of its own, and a point has a round in each."""
+"""Each pass has its own order, and each point has a round in each pass."""
 
 import pytest
 from crashing_solver import CrashingBelow
@@ -20,7 +20,7 @@ PLAN = PlanRecord(problems=["p"], solvers=["fast", "slow", "noisy"], tolerances=
 
 
 def case(solver: str, *levels: list[float]) -> CaseRecord:
-    """Return a case whose points took so long in their rounds."""
+    """Return a case whose points have these times of rounds."""
     points = []
     for tolerance, seconds in zip(PLAN.tolerances, levels, strict=True):
         rounds = [timed_round(number, value) for number, value in enumerate(seconds)]

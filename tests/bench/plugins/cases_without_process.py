@@ -1,4 +1,4 @@
-"""Cases without a process: their problem, their points, and the answers of solves."""
+"""Cases without a process, with their problem, points and answers."""
 
 from typing import Any
 
@@ -35,7 +35,7 @@ def made_case(*points: Point, number: int = 0, limits: Limits | None = None, sol
 
 
 def timed(seconds: float = 1e-3, count: int = 1, **changes: Any) -> TimedRound:
-    """Return solves of which each takes so long, a tenth of it for preparing."""
+    """Return solves that take ``seconds`` each, a tenth of which to prepare."""
     plain = {
         "status": Status.SOLVED,
         "iterations": 5,

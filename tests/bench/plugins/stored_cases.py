@@ -1,4 +1,4 @@
-"""Records of cases for tests, with what matters given and the rest as simple as it can be."""
+"""Records of cases for tests, with given fields and simple defaults."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""``proxbench record``: a recording, or one sentence."""
+"""``proxbench record`` writes a recording, or prints one sentence."""
 
 import json
 import subprocess
@@ -61,7 +61,7 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Pa
     began = time.monotonic()
     done = subprocess.run([*program, *line.split()], capture_output=True, encoding="utf-8")
     assert done.returncode == 1
-    assert time.monotonic() - began < 40.0  # the limit, the grace, and the processes that start
+    assert time.monotonic() - began < 40.0  # the limit, the grace period, and the start of processes
     assert "It did not end at its time limit of 1 s." in done.stdout
 
 

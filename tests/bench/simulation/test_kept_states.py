@@ -1,4 +1,4 @@
-"""States that are kept: few, the first and the last, even over time, and the same whenever one stops in between."""
+"""Kept states: few, with the first and the last, evenly spaced in time, and independent of interruptions."""
 
 from collections.abc import Sequence
 

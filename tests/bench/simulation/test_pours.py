@@ -1,4 +1,4 @@
-"""A pour ends when the funnel is empty or jammed, every step is solved, and energy never grows where it must not."""
+"""A pour ends when the funnel is empty or jammed, every step is solved, and energy never grows against the laws."""
 
 import io
 from pathlib import Path
@@ -54,7 +54,7 @@ def test_a_narrow_outlet_jams_and_says_so(jam: Simulation) -> None:
 
 
 def test_a_jam_is_no_false_alarm_the_pile_stays_as_it_is(jam: Simulation) -> None:
-    """Half a second more from the same state: nothing passes, and no ball moves by a hundredth of its radius."""
+    """For another half second from the same state, nothing passes, and no ball moves by a hundredth of its radius."""
     plan, state = jam.plan, jam.state
     assert isinstance(plan.stepper, Moreau)
     rule = MidpointRule(

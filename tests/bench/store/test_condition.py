@@ -1,4 +1,4 @@
-"""A run that lacks cases, or whose machine was not steady, says so above its numbers."""
+"""A run that lacks cases, or whose machine was not steady, reports this above its numbers."""
 
 import dataclasses
 import io
@@ -30,7 +30,7 @@ def stored(finished_run: Path) -> Run:
 
 
 def timed(run: Run, probes: tuple[float, float] = (1.0, 1.0), busy: float = 0.0, excluded: str = "") -> Run:
-    """Return the run with rounds whose probes took one of two times, and as many cores busy."""
+    """Return the run with rounds whose probes took one of two times, while ``busy`` cores were busy."""
     at = (run.rounds.index % 2).map(lambda odd: probes[odd])
     rounds = run.rounds.assign(probe_seconds=at, excluded=excluded)
     points = run.points.assign(is_excluded=bool(excluded))

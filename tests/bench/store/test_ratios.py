@@ -1,4 +1,4 @@
-"""Ratios of times are paired by rounds, and their intervals hold the true ratio as often as they say."""
+"""Ratios of times are paired by rounds, and their intervals have the stated coverage."""
 
 import os
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What is charged to a solver is its preparing and its solving, exactly, and nothing of the harness."""
+"""A solver is charged exactly its time to prepare and to solve, and no time of the harness."""
 
 import _thread
 import builtins
@@ -29,7 +29,7 @@ SORTED, ERRORS = sorted, np.geterr()
 
 @dataclass
 class Clock:
-    """A clock that stands still, but for what moves it; each reading of it takes ``reading`` seconds."""
+    """A clock that advances only when it is moved; each reading of it takes ``reading`` seconds."""
 
     now: float = 100.0
     reading: float = 0.0
@@ -126,7 +126,7 @@ TAMPERING: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
     ),
     "builtins.sorted": (lambda: setattr(builtins, "sorted", list), lambda: setattr(builtins, "sorted", SORTED)),
 }
-"""What a solver may change in its process, and how the test puts it back."""
+"""Changes that a solver may make in its process, and how the test reverts each."""
 
 
 def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
@@ -155,7 +155,7 @@ def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clo
 def test_solves_of_the_known_problem_warm_the_caches_before_first_solves(
     clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are repeated for 20 s and are not counted; each takes 7 s, including the copy of the problem."""
+    """Warm-up solves are repeated for 20 s and not counted; each takes 7 s, including the copy of the problem."""
     monkeypatch.setattr(measure, "WARM_SECONDS", 20.0)
     solver, new = Timed(clock, solve_seconds=1.0), load("hard-groove")
     measurement = measured(solver)

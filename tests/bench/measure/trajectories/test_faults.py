@@ -1,4 +1,4 @@
-"""What a solver or scene of others does in a study costs its own curve; a killed study goes on from its points."""
+"""A fault of a plugin in a study affects only its own curve; a killed study resumes from its points."""
 
 import os
 import signal

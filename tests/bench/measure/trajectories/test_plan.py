@@ -1,4 +1,4 @@
-"""A study has methods that suit its scene, and what is wrong with it is said before anything starts."""
+"""A study has methods that suit its scene, and errors in its plan are reported before it starts."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A recording of balls shows where they are, how they turn, and what pushes them."""
+"""A recording of balls shows their positions, rotations and the impulses on them."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A bundle is loaded, reported and compared like the folder that it was packed from."""
+"""A bundle is loaded, reported and compared like the folder from which it was packed."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Engines build the scenes that are described, and the problems of their steps hold what they computed."""
+"""Engines build the described scenes, and the problems of their steps contain the computed impulses."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Errors of motions are 0 for the exact motion of a scene, and as large as a closed form says for a wrong one."""
+"""Errors of motions are 0 for the exact motion of a scene, and match a closed form for a wrong one."""
 
 from collections.abc import Callable
 
