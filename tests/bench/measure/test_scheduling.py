@@ -109,7 +109,7 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
 @pytest.mark.parametrize("last", ["solved", "time limit"])
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_point_that_only_the_last_pass_reaches_needs_no_other_pass(number: int, last: str) -> None:
-    """The first pass ended at a coarser point, which was late under load; a point of that pass alone needs another."""
+    """The first pass ended at a coarser point, late under load. A point of the first pass alone needs another pass."""
     plan = replace(PLAN, passes=2)
     coarse, fine = case("slow", STEADY[:2], STEADY[:1]).points
     reached = [timed_round(number, 9.0, excluded="preempted")]

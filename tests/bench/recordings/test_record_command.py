@@ -57,7 +57,7 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Pa
     plugin = tmp_path / "hanging.py"
     plugin.write_text(HANGING)
     line = f"record hard-groove --solver Hanging --solve-seconds 1 --plugin {plugin} --output {tmp_path}/a.rrd"
-    program = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")  # plugins stay in a process
+    program = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")  # plugins stay registered
     began = time.monotonic()
     done = subprocess.run([*program, *line.split()], capture_output=True, encoding="utf-8")
     assert done.returncode == 1

@@ -74,7 +74,7 @@ def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> Non
 
 @pytest.mark.slow
 def test_what_an_interrupted_run_has_left_counts_among_no_failures(finished_run: Path) -> None:
-    """A case without the last point of its ladder, and one without any, are neither tried nor failed."""
+    """Cases without the last point of their ladder, or without any, count neither as attempts nor as failures."""
     whole = load(finished_run)
     of_case = {
         name: (whole.points["problem"] == "funnel-30") & (whole.points["solver"] == name)
@@ -207,7 +207,7 @@ def test_tables_by_the_local_residual_hold_those_reached_by_it(finished_run: Pat
     }
     pd.testing.assert_frame_equal(made.results, results_table(local))
     assert "residuals are local" in (finished_run / "local" / "tables" / "summary.md").read_text()
-    assert not (finished_run / "local" / "tables" / "matrix.md").exists()  # of claims, which are judged
+    assert not (finished_run / "local" / "tables" / "matrix.md").exists()  # it shows claims about judged residuals
     chart = (finished_run / "local" / "charts" / "funnel-30.svg").read_text()
     assert "local residual (velocity error" in chart
 

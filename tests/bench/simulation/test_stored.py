@@ -18,7 +18,7 @@ from proxbench.solvers import Solution, Status, Stop, create
 FIXED = "simulate pile(balls=20) --duration 0.16 --stepper Moreau(step=1e-3) --no-progress --states 20"
 VARIABLE = "simulate woodpecker(start='cycle') --duration 0.02 --no-progress"
 SOLVERS = {FIXED: "MomentumFallback", VARIABLE: "SORprox"}
-"""The default solver for the steps of each scene."""
+"""The default solver of each command."""
 
 both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variable"])
 

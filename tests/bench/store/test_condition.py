@@ -94,7 +94,7 @@ def test_every_report_states_how_steady_the_machine_was_and_warns_above_a_limit(
 ) -> None:
     run = timed(stored, probes, busy, excluded)
     for page in shown(run, tmp_path):
-        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)  # of the rounds that count
+        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)  # of rounds in use
         assert f"other programs used {busy:.1f} cores" in page
         assert warning in page
         assert any(word in page for word in ("UNSTEADY", "BUSY", "EXCLUDED")) == bool(warning)

@@ -122,7 +122,7 @@ def test_times_of_a_call_of_a_library_are_noted() -> None:
 
 
 def test_the_machine_explains_a_ratio_and_an_allowance() -> None:
-    """The ratio explains a long time, and the allowance a short one; longer times are not explained."""
+    """The longest explained time is a multiple of the repeated one plus an allowance."""
     for repeated in (0.0, 1e-3, 10.0):
         longest = EXPLAINED_RATIO * repeated + ALLOWANCE_SECONDS
         assert is_explained(repeated, 0.999 * longest)

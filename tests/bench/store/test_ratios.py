@@ -205,7 +205,7 @@ def test_there_are_no_standings_where_nothing_is_reached() -> None:
 
 
 def test_without_pairs_the_smaller_sample_decides_how_wide_an_interval_is() -> None:
-    """Rounds that do not scatter add nothing to it, however many they are."""
+    """Rounds that do not scatter do not widen the interval, however many they are."""
     mine = rounds(np.exp(disturbed(default_rng(1), 20)))
     few, many = (ratio(mine, rounds(np.ones(n), session=1)) for n in (20, 400))
     assert many == pytest.approx(few, rel=1e-12)
@@ -216,6 +216,6 @@ def test_without_pairs_the_smaller_sample_decides_how_wide_an_interval_is() -> N
 
 
 def test_the_interval_of_six_pairs_is_the_range_of_all() -> None:
-    """Few pairs widen it: the plain percentile interval of their median would leave out both ends."""
+    """Few pairs widen the interval: the plain percentile interval of their median would leave out both ends."""
     found = ratio(rounds(2.0 ** np.arange(6.0)), rounds(np.ones(6)))
     assert (found.low, found.high) == pytest.approx((1.0, 32.0))

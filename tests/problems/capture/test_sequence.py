@@ -1,4 +1,4 @@
-"""A capture is a suite of steps with lasting names; a failure keeps the steps before it."""
+"""A capture is a suite of steps with persistent names; a failure keeps the steps before it."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -11,7 +11,7 @@ NAMES = ["hard-mixed-laws", "hard-sticking-box", "hard-tower-3", "hard-tresca-jo
 
 
 def moved(problem: ContactProblem) -> np.ndarray:
-    """Impulses that nothing is special about."""
+    """Return generic impulses."""
     return np.random.default_rng(3).normal(size=problem.n_rows)
 
 

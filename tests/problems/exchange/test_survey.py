@@ -1,4 +1,4 @@
-"""What a survey says of a file is what dense linear algebra says of its problem."""
+"""The survey of a file agrees with dense linear algebra on its problem."""
 
 from pathlib import Path
 

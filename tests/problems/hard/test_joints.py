@@ -1,4 +1,4 @@
-"""Linked bodies move as the closed forms say, however many joints hold them, and by every solver that takes joints."""
+"""Linked bodies move according to closed forms, with any number of joints and any solver that supports joints."""
 
 import numpy as np
 import pytest

@@ -18,7 +18,7 @@ from simulated_runs import MACHINE, PROBLEMS, SOLVERS, simulated_cases, solved_p
 from stored_cases import case_record, timed_round
 
 PAIRS = 20
-"""Seeds of simulated runs."""
+"""Number of pairs of simulated runs."""
 
 OTHER_SOURCE = msgspec.structs.replace(MACHINE, source="1" * 64)
 
@@ -178,7 +178,7 @@ def test_what_all_solvers_of_another_program_gain_or_lose_is_theirs(tmp_path: Pa
 def test_the_interval_of_a_case_follows_from_the_scatter_of_its_passes(
     passes: int, efficiency: float, tmp_path: Path
 ) -> None:
-    """Medians of three passes and more scatter by π/2 times as much as means; of two, they are the mean."""
+    """The variance of a median of three or more passes is π/2 times that of a mean; of two, both are equal."""
     offsets = np.linspace(-0.1, 0.1, passes)
     rounds = [timed_round(number, 0.01 * float(np.exp(offset))) for number, offset in enumerate(offsets)]
     cases = [case_record(points=[solved_point(1e-2, rounds)])]

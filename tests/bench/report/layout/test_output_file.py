@@ -1,4 +1,4 @@
-"""Files are refused before any work, written with the permissions of any new file, and no picture costs a result."""
+"""Invalid files are refused before any work, files get default permissions, and a failed picture loses no result."""
 
 import os
 import stat

@@ -1,4 +1,4 @@
-"""A matrix with a negative eigenvalue is refused from the tolerance on, and one within it passes, at any size."""
+"""A matrix is refused if it has a negative eigenvalue beyond the tolerance, at any size."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def test_entries_that_differ_across_the_diagonal_are_refused_at_any_size(n: int,
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_quick_look_at_a_sparse_matrix_finds_what_the_detailed_checks_find(seed: int) -> None:
-    """Symmetric ones pass, and one entry that is changed, or has no mirror, makes the answer false."""
+    """Symmetric matrices pass; one changed entry, or one without its mirror image, makes the answer false."""
     rng = np.random.default_rng(seed)
     root = sp.random_array((80, 80), density=0.05, rng=rng, format="csr")
     matrix = sp.csr_array(root @ root.T + sp.eye_array(80))

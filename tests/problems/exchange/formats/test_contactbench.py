@@ -1,7 +1,7 @@
 """A file of ContactBench is the same problem with its normal row last.
 
 All arrays here are synthetic, with the names, shapes and row order of ContactBench's sources. Its own samples are
-binary ``.npz`` files (``tests/python/data`` of its repository); one test reads those in the folder that the variable
+binary ``.npz`` files (``tests/python/data`` of its repository). One test reads them from the folder that the variable
 PROXBENCH_CONTACTBENCH names.
 """
 

@@ -1,4 +1,4 @@
-"""Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects ask for."""
+"""Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects require."""
 
 import numpy as np
 import pytest

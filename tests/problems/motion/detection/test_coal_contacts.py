@@ -1,4 +1,4 @@
-"""coal as oracle for boxes, and exact gaps and lasting features of cylinders at every pose."""
+"""coal as a reference for boxes; exact gaps and persistent features of cylinders in every pose."""
 
 from math import sqrt
 
@@ -26,7 +26,7 @@ PAIR = np.array([[0, 1]])
 
 @pytest.mark.parametrize("is_general", [False, True], ids=["boxes", "polyhedra"])
 def test_depth_and_normal_of_boxes_are_those_of_coal(is_general: bool) -> None:
-    """On 300 random poses; the way out is not unique where two ways are nearly as short."""
+    """In 300 random poses; the normal is not unique if two directions are nearly equally short."""
     rng, compared = np.random.default_rng(0), 0
     request = coal.CollisionRequest()
     request.gjk_tolerance = request.epa_tolerance = 1e-10

@@ -1,4 +1,4 @@
-"""Contacts of polyhedra are those of boxes where they are boxes, do not depend on the order, and last."""
+"""Contacts of polyhedra agree with those of equal boxes, do not depend on the order, and persist."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_a_prism_on_a_plane_touches_with_the_corners_of_its_face() -> None:
 
 
 def stacked(shift: Vector, turn: float = 0.0) -> tuple[tuple[Shape, ...], Vector]:
-    """Return a wedge upon the equal face of another one, turned about the vertical and shifted."""
+    """Return a wedge on the equal face of another one, turned about the vertical and shifted."""
     lower, below = convex_polyhedron(WEDGE * [1.0, 1.0, -1.0])
     cos, sin = np.cos(turn), np.sin(turn)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

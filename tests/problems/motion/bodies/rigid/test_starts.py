@@ -1,4 +1,4 @@
-"""A motion of rigid bodies that cannot start so is refused with one sentence and its remedy."""
+"""A motion of rigid bodies with an invalid start is refused with one sentence and its remedy."""
 
 import sys
 from contextlib import nullcontext

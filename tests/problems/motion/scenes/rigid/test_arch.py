@@ -1,4 +1,4 @@
-"""A semicircular arch stands iff it is as thick as its equilibrium requires, and collapses by the known mechanisms."""
+"""A semicircular arch stands if and only if it is thick enough, and collapses by the known mechanisms."""
 
 from collections.abc import Callable
 from math import cos, pi, sin
@@ -40,7 +40,7 @@ def round_stone(arch: Arch) -> tuple[float, float]:
 
 
 def straight_stone(arch: Arch) -> tuple[float, float]:
-    """Return the same for a stone cut straight from joint to joint."""
+    """Return the same values for a stone with straight faces between its joints."""
     inner, outer = (arch.radius * (1.0 + sign * 0.5 * arch.thickness) for sign in (-1.0, 1.0))
     half, thickness = 0.5 * pi / arch.stones, arch.radius * arch.thickness
     area = (inner + outer) * sin(half) * thickness * cos(half)
@@ -90,7 +90,7 @@ def test_straight_stones_have_a_slightly_lower_limit(stones: int, limit: float) 
 @pytest.mark.slow
 @pytest.mark.parametrize(("thickness", "friction"), [(0.107426, 0.395832), (0.200637, 0.309215), (0.3, 0.309215)])
 def test_the_least_friction_of_many_stones_is_that_of_the_continuous_arch(thickness: float, friction: float) -> None:
-    """A tenth of a per cent above the least thickness the limits are within 0.3 % of those of Cocchetti and Rizzi."""
+    """At 0.1 % above the least thickness, the limits are within 0.3 % of those of Cocchetti and Rizzi."""
     found = least_friction(at_rest(Arch(151, 1.001 * thickness)))
     assert found == pytest.approx(friction, rel=3e-3)
 
