@@ -1,4 +1,4 @@
-"""What the package reads from files cannot run code."""
+"""Files that the package reads cannot run code."""
 
 import ast
 import json

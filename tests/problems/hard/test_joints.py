@@ -21,7 +21,7 @@ BOTH_LAWS = [
     "SORprox(form='factors')",
     "Refined(ClarabelCoulomb)",
 ]
-"""All but Jacobi's iterations with full steps, which oscillate, and the cone program of Clarabel by another way."""
+"""All solvers except Jacobi's iteration with full steps, which oscillates, and a second form of Clarabel's program."""
 
 
 def motion(problem: ContactProblem, impulses: np.ndarray) -> np.ndarray:

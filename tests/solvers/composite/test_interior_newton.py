@@ -54,7 +54,7 @@ def test_the_best_impulses_of_all_methods_are_returned() -> None:
 
 
 def boxes_on_a_slope(per_pair: int, n_boxes: int) -> ContactProblem:
-    """Boxes that stand on each other, at ``per_pair`` points each, as a problem over bodies."""
+    """Return a problem of stacked boxes with ``per_pair`` contact points per pair, with factors."""
     rng = np.random.default_rng(2)
     columns = []
     for box in range(n_boxes):
@@ -82,7 +82,7 @@ def test_it_factorises_over_bodies_if_contacts_of_a_pair_are_redundant(per_pair:
 
 
 def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
-    """Balls that resist rolling: five rows a contact."""
+    """Balls with rolling resistance have five rows per contact."""
     problem = load("pile-100-rolling")
     assert problem.factors is not None
     assert problem.n_rows > 2 * problem.factors.n_dofs
@@ -91,7 +91,7 @@ def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
 
 @pytest.mark.parametrize(("name", "is_cheap"), [("bodies-stack-10", True), ("pile-400-mixed-1", False)])
 def test_cone_programs_are_tried_where_one_takes_the_work_of_a_few_steps(name: str, is_cheap: bool) -> None:
-    """20 f / 3 GHz against 20 steps: on a stack m decides, on a pile of balls f, which grows faster."""
+    """20 f / 3 GHz is compared with 20 steps: on a stack m decides; on a pile of balls, f, which grows faster."""
     problem = load(name)
     operations = first_method(problem).prepare(problem).system.flops
     assert (cone_programs(problem, operations) is not None) is is_cheap

@@ -15,7 +15,7 @@ from proxbench.solvers.iteration.stopping import Clock
 
 
 def sequence_on(name: str) -> SolverSequence:
-    """A sequence that has not run anything."""
+    """Return a sequence before its first solver."""
     problem = load(name)
     return SolverSequence(problem, Residual(problem), {}, Stop(1e-8), None, Clock(math.inf))
 

@@ -88,7 +88,7 @@ def test_proximal_iterations_solve_problems_without_a_first_cone_program(form: F
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 def test_a_regularised_program_solves_the_problem_with_that_much_more_on_the_diagonal(form: Form) -> None:
-    """A block pulled along the ground, G = 1 + w: Λ_N = 1/(1 + w), Λ_T at most μΛ_N where the cone says so."""
+    """A block is pulled along the ground, G = 1 + w: Λ_N = 1/(1 + w), and Λ_T is at most μΛ_N."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 0.1, 0.0), 0.3)
     program = ClarabelProgram(problem, form).regularised(np.full(3, 0.25))
     impulses = program.run(problem.free_velocity, 1e-12, 1000, 10.0).impulses

@@ -1,4 +1,4 @@
-"""The manifold r∘û = τ e: every vector is on it in exactly one way, and its limit is the projection."""
+"""The manifold r∘û = τ e: every vector is a unique combination of its points, and its limit is the projection."""
 
 import numpy as np
 from hypothesis import given

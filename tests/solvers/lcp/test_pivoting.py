@@ -1,4 +1,4 @@
-"""Lemke's pivoting against what theory says of linear complementarity problems."""
+"""Lemke's pivoting against the theory of linear complementarity problems."""
 
 import itertools
 
@@ -24,7 +24,7 @@ def violation(matrix: np.ndarray, vector: np.ndarray, unknowns: np.ndarray) -> f
 @settings(max_examples=80, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 12), rank=st.integers(0, 12))
 def test_a_feasible_semidefinite_problem_of_any_rank_is_solved(seed: int, n: int, rank: int) -> None:
-    """Copositive-plus: a solution is found whenever one exists, and here one is built in."""
+    """The matrix is copositive-plus: a solution is found if one exists, and here one exists by construction."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(min(rank, n), n))
     matrix = root.T @ root

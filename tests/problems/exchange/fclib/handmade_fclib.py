@@ -109,7 +109,7 @@ def rolling_data(kind: str = "triplets") -> Data:
 
 
 def write_data(path: Path, data: Data, **changes: Any) -> Path:
-    """Write data sets into a new HDF5 file; a value of None leaves one out, ``symmetric_packed`` is an attribute."""
+    """Write data sets into a new HDF5 file; a value of None omits one, ``symmetric_packed`` is an attribute."""
     with h5py.File(path, "w") as file:
         for name, value in {**data, **changes}.items():
             folder, _, last = name.rpartition("/")

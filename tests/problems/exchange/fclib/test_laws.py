@@ -1,4 +1,4 @@
-"""Joints and rolling friction in FCLIB files: known answers, FCLIB's equations, every bit, one sentence each."""
+"""Joints and rolling friction in FCLIB files: known answers, FCLIB's equations, unchanged bits, clear errors."""
 
 from pathlib import Path
 

@@ -90,7 +90,7 @@ def test_known_distances() -> None:
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), pair=st.sampled_from(ROUND_PAIRS))
 def test_the_smallest_gap_is_the_distance_of_the_bodies(seed: int, pair: tuple[Shape, Shape]) -> None:
-    """Between hulls of cores, less the radii, by a least-squares problem with weights that add up to 1."""
+    """The distance of the hulls of the cores minus the radii, by a least-squares problem for convex weights."""
     poses = poses_with_gap(*pair, 0.05, seed)
     hulls = []
     for shape, pose in zip(pair, poses, strict=True):

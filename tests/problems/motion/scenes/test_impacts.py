@@ -1,4 +1,4 @@
-"""Impacts: velocities are exact at any time step, positions late by less than a step."""
+"""Impacts: velocities are exact for any time step, and positions are late by less than a step."""
 
 from collections.abc import Callable
 
@@ -51,7 +51,7 @@ def test_positions_are_of_first_order_because_the_impact_is_late(
 @pytest.mark.parametrize("n_balls", [2, 3, 5, 8])
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
 def test_newtons_cradle_is_one_coupled_solve(n_balls: int, restitution: float) -> None:
-    """Others (1 + e)/n, first (1 + e)/n − e, in a single step with all contacts in its problem."""
+    """Velocities are (1 + e)/n, that of the first ball (1 + e)/n − e, in one step with all contacts in its problem."""
     scene = NewtonsCradle(n_balls, restitution)
     moreau = MidpointRule(scene.system(), create("SORprox"), Stop(1e-13, 100_000), scene.impact_time / 4.25)
     struck = [step for step in moreau.steps(scene.start(), 6) if np.abs(step.impulses).max(initial=0.0) > 1e-9]

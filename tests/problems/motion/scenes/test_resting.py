@@ -1,4 +1,4 @@
-"""Balls held by several contacts stay where they are, or move as one."""
+"""Balls held by several contacts stay at rest, or move as one body."""
 
 from collections.abc import Callable
 from math import atan, sin
@@ -69,7 +69,7 @@ def test_the_walls_of_a_groove_without_friction_share_the_weight() -> None:
 def test_a_ball_in_an_inclined_groove_is_exact_at_any_time_step(
     step_errors: StepErrors, friction: float | None, time_step: float
 ) -> None:
-    """Rolling, sliding with spin, and sliding: the accelerations are constant, for which the midpoint rule is exact."""
+    """Rolling, sliding with spin, and sliding: the accelerations are constant, so the midpoint rule is exact."""
     scene = VGroove(friction=friction, slope=0.5)
     assert scene.rolls is (friction == 0.3)
     positions, velocities = step_errors(scene, time_step, round(0.4 / time_step))
@@ -86,7 +86,7 @@ def test_a_flat_groove_is_an_incline() -> None:
 
 
 def test_rolling_in_a_groove_uses_all_friction_at_its_limit() -> None:
-    """Just below the limit the friction of rolling is μ times the wall forces: both accelerations meet."""
+    """Just below the limit, the friction of rolling is μ times the wall forces, and both accelerations are equal."""
     lever = sin(0.6)
     limit = atan(0.3 * (5.0 * lever**2 + 2.0) / (2.0 * lever))
     below, above = VGroove(slope=limit - 1e-9), VGroove(slope=limit + 1e-9)

@@ -61,7 +61,7 @@ def test_other_numbers_of_one_pattern_need_no_other_order() -> None:
 
 
 def test_a_correction_solves_stiff_blocks_as_an_elimination_would() -> None:
-    """I + 10⁷ VVᵀ on the diagonal: what is left of the equations is rounding of their terms."""
+    """With I + 10⁷ VVᵀ on the diagonal, the residual of the equations is the rounding of their terms."""
     pattern, width = grid(4), 6
     random = np.random.default_rng(0)
     blocks = np.zeros((pattern.nnz, width, width))

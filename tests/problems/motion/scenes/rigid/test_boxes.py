@@ -37,7 +37,7 @@ def largest_errors(scene: SlidingBox, time_step: float, count: int) -> tuple[flo
     ("slope", "friction", "speed"), [(0.5, 0.4, 0.0), (0.5, 0.4, 1.0), (0.3, 0.31, 0.0), (0.0, 0.3, 0.0)]
 )
 def test_a_box_on_an_incline_follows_its_closed_form(slope: float, friction: float, speed: float, turn: float) -> None:
-    """Accelerations are constant, so the midpoint rule makes no error but that of the solver."""
+    """Accelerations are constant, so the only error of the midpoint rule is that of the solver."""
     scene = BoxOnIncline(slope=slope, friction=friction, speed=speed, turn=turn)
     position, velocity = largest_errors(scene, 1e-3, 200)
     assert position <= 1e-9
