@@ -93,7 +93,7 @@ EDGES = np.array([[1.0, 1.0, 1.0, 1.0], [MU, -MU, 0.0, 0.0], [0.0, 0.0, MU, -MU]
 
 
 def pyramid_problem(n_contacts: int = 2) -> ContactProblem:
-    """Contacts of unit masses with four edges each; b is the sum of c and a position correction."""
+    """Contacts of unit masses with four edges each; b combines c and a correction of the position."""
     matrix = np.kron(np.eye(n_contacts), EDGES.T @ EDGES)
     c = np.array([-1.0, 0.3, 0.2, -0.5, -2.0, 0.1])[: 3 * n_contacts]
     offset = np.kron(np.eye(n_contacts), EDGES.T) @ c / STEP - 7.0

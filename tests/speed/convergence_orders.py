@@ -1,7 +1,7 @@
 """Measure the order of convergence of the midpoint rule in the scenes of rigid bodies that have a closed form.
 
 Each scene is simulated to the same time with steps that are halved, and its end is compared with the closed form. A
-scene is *exact* where only the error of the solver is left. ``costs_of_accuracy.py --tables orders free`` prints the
+scene is *exact* if only the error of the solver remains. ``costs_of_accuracy.py --tables orders free`` prints the
 orders as a table, and the energy and momentum of free bodies over 10⁵ steps.
 """
 
@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 
 STOP = Stop(1e-10, 100_000)
 EXACT = 1e-9
-"""Error [SI units] that is left by a solver with a tolerance of 1e-10."""
+"""Remaining error [SI units] of a solver with a tolerance of 1e-10."""
 
 AMPLITUDE = 1e-5
 """Largest angle [rad] of a normal mode. The error of the linear theory is 2e5 times its square where a heavy ball hangs

@@ -1,4 +1,4 @@
-"""Keep the figures of the page on engines, and draw its pictures.
+"""Update the figures of the page on engines, and draw its pictures.
 
 ``python tests/speed/engine_charts.py`` draws both pictures of docs/results-engines.md from docs/reference/engines.csv
 and docs/reference/thrown-cube.csv. ``--results engines.json`` first replaces the runs of engines.csv that this result

@@ -1,4 +1,4 @@
-"""Count contacts of bodies at rest that vanish from one step to the next, because they open or change their keys.
+"""Count contacts of bodies at rest that vanish from one step to the next because they open or change their keys.
 
 ``costs_of_accuracy.py --tables vanishing`` prints the table.
 """

@@ -67,7 +67,7 @@ START_TIMES = tuple(np.arange(0.3, 0.6, 0.01))
 """Times [s] at which starts are compared."""
 
 POUR_SOLVER, POUR_STOP = "SORprox(relaxation=1.1, form='factors', momentum=0.65)", Stop(1e-2, 1000)
-"""Solver and limits of the steps that lead there."""
+"""Solver and limits of the steps before these times."""
 
 Sweeps = list[int | None]
 """Sweeps to each tolerance; None where it is not reached."""

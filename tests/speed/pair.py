@@ -56,12 +56,12 @@ STEADY = {"PYTHONHASHSEED": "0", "MALLOC_TRIM_THRESHOLD_": "1000000000", "MALLOC
 
 
 class UnknownCommitError(BenchError):
-    """The clone does not hold a commit."""
+    """The clone does not contain a commit."""
 
 
 @dataclass
 class Comparison:
-    """One figure and what is known of its ratio.
+    """One figure and the measurements of its ratio.
 
     Attributes:
         figure: its name.
@@ -89,13 +89,13 @@ class Comparison:
 
     @property
     def is_decided(self) -> bool:
-        """Whether the figure is not measured again; that it is slower must show in two pairs of processes."""
+        """Whether the figure needs no further measurement; a slower one must be slower in two pairs of processes."""
         is_confirmed = self.is_slower and len(self.logarithms) > ROUNDS
         return bool(self.missing) or self.ratio.high < SLOWER or is_confirmed
 
     @property
     def verdict(self) -> str:
-        """What the ratio says; empty if the figure is neither slower nor faster than ``SLOWER`` times."""
+        """One of "slower", "faster" and "undecided"; empty if the ratio is within ``SLOWER``."""
         if self.is_slower:
             return "slower"
         if not self.is_decided:
@@ -128,7 +128,7 @@ class PackageProcess:
         self._process.communicate()
 
     def send(self, cores: Iterable[int], *command: object) -> None:
-        """Send a command, which is carried out on one of ``cores``."""
+        """Send a command, to run on one of ``cores``."""
         assert self._process.stdin is not None
         with suppress(BrokenPipeError, ProcessLookupError):
             os.sched_setaffinity(self._process.pid, cores)
@@ -168,10 +168,10 @@ def names() -> str:
 
 
 def commit_hash(name: str) -> str:
-    """Return the full hash of a commit that is named as git names it, such as a branch.
+    """Return the full hash of a commit, given by any name that git accepts, such as a branch.
 
     Raises:
-        UnknownCommitError: if the clone does not hold it.
+        UnknownCommitError: if the clone does not contain it.
     """
     words = ["git", "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"]
     found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
@@ -186,7 +186,7 @@ def archived(commit: str) -> bytes:
 
 
 def install(commit: str) -> Path:
-    """Return the folder with the package as it was at a commit, given by its hash; install it if it is not there yet.
+    """Return the folder with the package at a commit, given by its hash; install it there if it is missing.
 
     Raises:
         BenchError: if the package cannot be installed.

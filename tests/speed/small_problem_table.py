@@ -28,7 +28,7 @@ PROBLEMS = ("woodpecker-lower-impact", "hard-sliding-block", "hard-sticking-box"
 """One planar contact, four planar and four spatial ones, and ten without friction."""
 
 FORMS = ("G", "G, own laws", "W, M⁻¹")
-"""What gives a problem; its laws are those of all problems, or equal to them and its own."""
+"""Forms of a problem; its laws are shared by all problems, or an equal copy."""
 
 SOLVERS = ("ClarabelCoulomb", "Lemke", "PinocchioADMM", "PinocchioPGS")
 
@@ -47,7 +47,7 @@ Call = Callable[[ContactProblem], Solution]
 
 
 def calls(folder: Path) -> dict[str, Call]:
-    """Return what is compared, by name; solvers whose libraries are missing are left out."""
+    """Return the compared solvers by name; solvers whose libraries are missing are omitted."""
     stop, found = Stop(TOLERANCE, max_seconds=1.0), {}
     robust = create("Robust")
     found["Robust"] = lambda problem: robust.prepare(problem).solve(stop)
@@ -68,7 +68,7 @@ def _call(solver: Solver, stop: Stop) -> Call:
 
 
 def maker(name: str, form: str) -> Callable[[], ContactProblem]:
-    """Return what makes a new problem in one of ``FORMS``."""
+    """Return a function that makes a new problem in one of ``FORMS``."""
     problem = load(name)
     c, laws, factors = problem.free_velocity, problem.laws, problem.factors
     if form == "G":

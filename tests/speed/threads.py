@@ -61,7 +61,7 @@ def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
 
 
 def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
-    """Return a function that streams the bytes of so many sweeps."""
+    """Return a function that streams the bytes of a number of sweeps."""
     bodies, records, _ = sweep.ball_batches or (*sweep.piece_batches[1:], None)
     held, change = np.zeros((2, 3 * len(bodies) // 2))
 

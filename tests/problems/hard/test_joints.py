@@ -21,7 +21,7 @@ BOTH_LAWS = [
     "SORprox(form='factors')",
     "Refined(ClarabelCoulomb)",
 ]
-"""All solvers except Jacobi's iteration with full steps, which oscillates, and a second form of Clarabel's program."""
+"""All solvers but Jacobi's iterations, which oscillate, and CvxpyCoulomb, which solves ClarabelCoulomb's programs."""
 
 
 def motion(problem: ContactProblem, impulses: np.ndarray) -> np.ndarray:

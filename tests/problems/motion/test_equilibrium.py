@@ -1,4 +1,4 @@
-"""Bodies can stand iff forces within the laws balance the loads, and a mechanism proves that they cannot."""
+"""Bodies can stand if and only if forces within the laws balance the loads; a mechanism proves that they cannot."""
 
 from dataclasses import replace
 from math import atan, cos, inf, radians, sin, tan

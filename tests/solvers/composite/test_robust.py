@@ -139,7 +139,7 @@ def test_a_tighter_tolerance_begins_with_the_same_iterates() -> None:
 
 
 def test_the_best_impulses_of_all_parts_are_returned() -> None:
-    """At a limit in the middle of the path, whose iterates are far from the cones, the swept impulses are the best."""
+    """At a limit in the middle of the path, iterates are far from the cones, so the impulses of the sweeps are best."""
     problem = load("pile-100")
     sweeps = select_sweeps(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
     solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2430, math.inf))

@@ -61,7 +61,7 @@ def test_a_plateau_is_crossed_at_once_and_from_the_impulses_that_a_limit_returne
     "solver", ["SORprox", "SafeguardedSORprox", "NSGS", "PyramidPGS", "SemismoothNewton", "HybridNewton"]
 )
 def test_a_residual_at_the_rounding_limit_is_a_stall(solver: str, masses: list[float]) -> None:
-    """Ten blocks of mass ratio 10⁸, from the known impulses: sums of 10⁹ leave 10⁻¹¹ of c and more to rounding."""
+    """Ten blocks of mass ratio 10⁸, from the known impulses: the rounding of sums of 10⁹ is 10⁻¹¹ of c or more."""
     problem = stack(np.array(masses))
     assert problem.answer is not None
     noise = 1e-12 * np.random.default_rng(1).uniform(-1.0, 1.0, problem.n_rows)

@@ -67,7 +67,7 @@ def test_a_nonnegative_vector_needs_no_pivot() -> None:
 
 @pytest.mark.parametrize("n", [4, 30, 100])
 def test_complete_degeneracy_does_not_make_it_cycle(n: int) -> None:
-    """Equal rows throughout, and all ratios tied: n identical contacts under one weight."""
+    """All rows are equal and all ratios are tied: n identical contacts under one weight."""
     tableau = pivoted(np.ones((n, n)), -np.ones(n), most=3 * n)
     assert tableau.ending is Ending.SOLUTION
     assert tableau.solution().sum() == pytest.approx(1.0, abs=1e-14)

@@ -35,7 +35,7 @@ def test_the_closed_form_is_free_flight_between_impacts_that_obey_newtons_law() 
 def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
     step_errors: StepErrors, order: Order, finest: int, error: float
 ) -> None:
-    """The mean error of the height, of which single runs are erratic: an impact falls anywhere into its step.
+    """The mean error of the height is erratic in single runs, because an impact occurs anywhere in its step.
 
     Medians are therefore taken over nine neighbouring Δt. The order is one, because each impact is late by a part of a
     step.

@@ -34,7 +34,7 @@ def test_an_oblique_impact_sticks_up_to_its_limit(step_errors: StepErrors, ratio
 def test_positions_are_of_first_order_because_the_impact_is_late(
     step_errors: StepErrors, order: Order, scene: ObliqueImpact | NewtonsCradle
 ) -> None:
-    """The impact lies a quarter into a step, whose midpoint finds it: late by Δt/4 times the jump of the velocity."""
+    """The impact occurs at a quarter of a step and acts at its midpoint: the error is Δt/4 times the velocity jump."""
     jump = scene.exact(scene.impact_time).velocity - scene.exact(0.0).velocity
     spins = isinstance(scene, ObliqueImpact)
     largest, time_steps, errors = float(np.abs(jump[:3] if spins else jump).max()), [], []

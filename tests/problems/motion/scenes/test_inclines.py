@@ -58,7 +58,7 @@ def test_a_sliding_block_is_exact_until_it_stops(step_errors: StepErrors, time_s
 
 
 def test_a_stop_costs_second_order_and_the_velocity_is_exact(step_errors: StepErrors, order: Order) -> None:
-    """A block pushed up stops a fraction s into a step; the trapezoid over the kink errs by a s (1 − s) Δt²/2."""
+    """The block stops at a fraction s of a step; the trapezoid over the kink has the error a s (1 − s) Δt²/2."""
     scene, fraction = BlockOnIncline(0.3, 0.5, -1.0), 0.25
     deceleration, time_steps, errors = 9.81 * (0.5 * cos(0.3) + sin(0.3)), [], []
     for steps in (10, 30, 90, 270):

@@ -51,7 +51,7 @@ def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Stat
 
 
 def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is the shortest one already. An attempt of it has found the switch, and it is taken again to be accepted."""
+    """Such a step cannot be shortened. One attempt has found the switch; a second one is made to accept the step."""
     taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
 
     def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:

@@ -1,4 +1,4 @@
-"""Orientations: quaternions agree with rotations of scipy, and the free rotation keeps what Euler's equations keep."""
+"""Orientations: quaternions agree with scipy's rotations, and free rotation keeps Euler's invariants."""
 
 import numpy as np
 import pytest

@@ -69,7 +69,7 @@ def test_a_thrown_box_slides_to_a_stop_and_does_not_lift(turn: float) -> None:
 
 @pytest.mark.parametrize("name", ["box_on_incline", "box_on_incline(slope=0.3, speed=-1.0)", "thrown_box(turn=0.4)"])
 def test_a_variable_step_follows_the_exact_motion_and_locates_the_stop(name: str) -> None:
-    """Positions are longer than velocities, and extrapolated quaternions are of unit length only to its error."""
+    """Positions have more entries than velocities; extrapolated quaternions have unit length only up to their error."""
     scene = make_scene(name)
     taken = list(Extrapolated().steps(scene, create("SORprox"), Stop(1e-12, 100_000), scene.start, scene.duration))
     assert scene.exact is not None
