@@ -3,10 +3,11 @@
 Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
 console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
 Commands run in this process, because imports and preparations for measurements take longer than most commands; the
-plugins that they register are removed. A text block shows lines that the last command above it prints, in their order;
-times in µs, ms or seconds of wall time, and residuals below 1e-14 (rounding) may differ; ``...`` replaces measured
-times without a unit. ``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next
-"REASON" -->`` leaves a block out.
+plugins that they register are removed.
+A text block shows lines that the last command above it prints, in their order. Times in µs, ms or seconds of wall time,
+and residuals below 1e-14 (rounding) may differ; ``...`` replaces measured times without a unit.
+``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` skips a
+block.
 """
 
 import doctest

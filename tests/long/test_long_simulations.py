@@ -1,4 +1,4 @@
-"""Long simulations neither drift, gain energy, nor leak memory.
+"""Long simulations do not drift, gain energy or leak memory.
 
 With PROXBENCH_PROFILE=full, they have their full length; otherwise, they are short enough for daily tests.
 """

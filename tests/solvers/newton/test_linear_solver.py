@@ -18,8 +18,7 @@ from proxbench.solvers.newton.work import Work
 class Machine:
     """A machine whose time passes only by reading the clock [s] and by factorising.
 
-    The machine is slow: a part of 50 rows takes as long as 500 rows elsewhere, so that small problems replace large
-    ones.
+    The machine is slow: a part of 50 rows takes as long as 500 rows elsewhere, so small problems replace large ones.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, seconds_per_entry_squared: float) -> None:

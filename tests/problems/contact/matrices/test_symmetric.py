@@ -45,7 +45,7 @@ def test_a_matrix_of_few_eigenvalues_is_read_to_the_end() -> None:
 @pytest.mark.parametrize("change", ["none", "mirrored", "alone", "minor", "diagonal"])
 @pytest.mark.parametrize("part", [0.5, 2.0])
 def test_a_matrix_is_as_sound_in_entries_as_it_is_in_one_array(change: str, part: float) -> None:
-    """An entry differs from its mirror image, has none or exceeds √g_ii √g_jj, or g_ii < 0, by some tolerances."""
+    """One change violates symmetry, a 2 × 2 minor or the sign of a diagonal entry, within or beyond a tolerance."""
     rng, tolerance = np.random.default_rng(7), 1e-3
     for _ in range(20):
         n = int(rng.integers(2, 8))

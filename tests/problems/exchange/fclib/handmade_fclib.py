@@ -4,8 +4,8 @@ Two point masses with three degrees of freedom each rest on each other and on th
 ground and the lower mass, contact 2 between the masses. All numbers are sums of few powers of two, so that every form
 gives the same bits. At rest, M v = 0 = H r + f gives r.
 
-With joints, a wall holds the lower mass along T1, and a bar connects the masses along T2: M v = 0 = H r + G λ + f gives
-f. With rolling friction, two separate bodies with M = H = 1 are on the ground: the first slides along (3, 4) and rolls
+With joints, a wall holds the lower mass along T1, and a bar ties both masses along T2: M v = 0 = H r + G λ + f gives f.
+With rolling friction, two separate bodies with M = H = 1 are on the ground: the first slides along (3, 4) and rolls
 about (−4, 3), the second sticks. A joint moves the last degree of freedom at −b, and w subtracts this from its row.
 """
 
