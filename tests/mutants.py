@@ -6,9 +6,9 @@ annotations, decorators and numbers outside functions are skipped: no test can d
 mostly tuned limits. A change is detected if a daily test fails or times out. Tests of the same name run first, then
 those of the same folder, then those in ``WIDER``.
 
-Tests run in copies of a process that has imported the libraries, so that a change costs little more than its tests.
-Kernels run without numba's compiler, whose cache does not notice changes in the functions that a kernel calls. The
-tests run once without a change, and those that fail or are slow in pure Python are skipped.
+Tests run in copies of a process that has imported the libraries, so that a change takes little more time than its
+tests. Kernels run without numba's compiler, whose cache does not notice changes in the functions that a kernel calls.
+The tests run once without a change, and those that fail or are slow in pure Python are skipped.
 
     python tests/mutants.py --sample 20 --seed 1 problems/contact bench/store
 """
@@ -71,7 +71,7 @@ LEFT_OUT = re.compile(
 """Operators without an effect, such as unions of types, and implausible mistakes with numbers."""
 
 TEST_SECONDS = 20
-"""Time limit of one test without its fixtures [s]; slower ones are left out."""
+"""Time limit of one test without its fixtures [s]; slower ones are skipped."""
 
 MAX_SLOWDOWN = 5.0
 """Time of all tests with a change, relative to the time without it, from which they time out."""

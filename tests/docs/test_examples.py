@@ -1,7 +1,7 @@
 """Run the examples of the documentation: the blocks of each page run in order, in one namespace.
 
 Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
-console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
+console block is run in the page's own folder and must end with exit code 0; lines below a command are its output.
 Commands run in this process, because imports and preparations for measurements take longer than most commands; the
 plugins that they register are removed.
 A text block shows lines that the last command above it prints, in their order. Times in µs, ms or seconds of wall time,

@@ -46,14 +46,14 @@ class Case:
     """A scene with a closed form.
 
     Attributes:
-        name: of the scene, and of what is compared.
-        system: what moves.
+        name: name of the scene and of the compared quantity.
+        system: the mechanical system.
         start: its first state.
         seconds: simulated time [s].
         count: number of the longest steps.
-        error: of the last state.
+        error: function that returns the error of the last state.
         order: the expected order; infinite where the rule is exact.
-        depth: of the projection [m]; None for none.
+        depth: depth that the projection allows [m]; None without projection.
     """
 
     name: str
@@ -88,7 +88,7 @@ def _case(name: str, scene: Any, seconds: float, count: int, order: float) -> Ca
 
 
 def _stopping(name: str, scene: Any, stop_time: float) -> Case:
-    """Return a case of a body that stops after 2/3 of the time, at 1/3 or 2/3 of a step whatever their number."""
+    """Return a case of a body that stops after 2/3 of the time, at 1/3 or 2/3 of a step for any number of steps."""
     return _case(name, scene, 1.5 * stop_time, 25, 2.0)
 
 

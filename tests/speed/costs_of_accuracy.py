@@ -21,7 +21,7 @@
 ``cards``, ``dominoes``, ``containers``, ``walls`` motions with a known result; see ``known_motions.py``
 
 ``python tests/speed/costs_of_accuracy.py --tables arch stack`` prints these tables in Markdown. ``--output costs.csv``
-keeps them in a file, and ``--charts FOLDER`` draws what it holds. Seconds are processor time of the steps; run
+stores them in a file, and ``--charts FOLDER`` draws them. Seconds are processor time of the steps; run
 ``proxbench warm`` before, so that kernels are compiled. All tables take three quarters of an hour.
 """
 
@@ -95,10 +95,10 @@ class Motion:
     """A simulated motion.
 
     Attributes:
-        largest: largest value of what was observed.
+        largest: largest observed value.
         time: simulated time [s].
         unsolved: number of steps that were not solved to the tolerance.
-        iterations: mean number of iterations a step.
+        iterations: mean number of iterations per step.
         seconds: processor time [s].
     """
 
@@ -144,7 +144,7 @@ def to_tolerance(tolerance: float) -> Stop:
 
 @cache
 def least_thickness(stones: int, friction: float = FRICTION) -> float:
-    """Return the least t/R at which the equilibrium program says that the arch can stand."""
+    """Return the least t/R at which the arch can stand by the equilibrium program."""
 
     def stands(thickness: float) -> bool:
         return can_stand(Arch(stones, thickness, friction))

@@ -167,7 +167,7 @@ def seconds(repeat: Repeat, count: int) -> float:
 
 
 def answers(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield the answer to each command; a figure that this state of the package does not have says why."""
+    """Yield the answer to each command; it is an error text for a figure that this state of the package lacks."""
     prepared: dict[str, Repeat] = {}
     for line in sys.stdin:
         command, figure, *count = json.loads(line)

@@ -15,8 +15,8 @@ class Known:
     """Returns zeros after computing for a known time; the message contains the seconds of both parts.
 
     Attributes:
-        prepare_seconds: busy time of preparing [s]; 0 returns at once.
-        solve_seconds: busy time of solving [s]; 0 returns at once.
+        prepare_seconds: busy time of ``prepare`` [s]; 0 returns immediately.
+        solve_seconds: busy time of ``solve`` [s]; 0 returns immediately.
     """
 
     prepare_seconds: float = 0.0

@@ -47,8 +47,8 @@ SAMPLE_SECONDS = 0.02
 """Processor time of one sample [s]."""
 
 ROUNDS, GENERATIONS = 20, 5
-"""Pairs of samples from one pair of processes, and most pairs of processes, of which later ones measure what is
-undecided."""
+"""Number of pairs of samples per pair of processes, and largest number of pairs of processes; the later ones measure
+undecided figures."""
 
 
 STEADY = {"PYTHONHASHSEED": "0", "MALLOC_TRIM_THRESHOLD_": "1000000000", "MALLOC_MMAP_THRESHOLD_": "1000000000"}

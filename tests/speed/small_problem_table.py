@@ -2,8 +2,8 @@
 
 ``python tests/speed/small_problem_table.py`` prints a table in Markdown: median microseconds of processor time to
 prepare and solve to 1e-8, from a problem that was made before, and the judged residual where it is larger. In each
-round, each solver solves ten new problems successively. The first of them is a row of its own, since the caches hold
-the data of other solvers then. With ``--many N`` the program also prints the wall time per problem of ``solve_many``
+round, each solver solves ten new problems successively. The first of them has its own row, because the caches then
+contain the data of other solvers. With ``--many N`` the program also prints the wall time per problem of ``solve_many``
 over N problems, by threads.
 """
 

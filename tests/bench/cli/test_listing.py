@@ -75,7 +75,7 @@ def test_names_stay_in_one_line_where_no_terminal_shows_them(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("COLUMNS")
-    monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
+    monkeypatch.setattr(sys, "__stdout__", None)  # like a pipe, wherever the tests run
     listed = listing_rows("scenes")
     print_listing(listed)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]

@@ -46,7 +46,7 @@ def seconds_of(place: int) -> float:
 
 
 def rounds_of(chance: np.random.Generator, seconds: float, processes: FloatArray) -> list[Round]:
-    """Return two rounds of each pass, each pass in a process of its own."""
+    """Return two rounds of each pass, each pass in its own process."""
     rounds = []
     for (number, process), turn in itertools.product(enumerate(processes), range(2)):
         noise = process + chance.normal(0.0, ROUND)

@@ -67,7 +67,7 @@ def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_ro
     chance, n_runs, place = default_rng(passes), RUNS // 2, np.arange(2 * passes)
 
     def of_processes(solver: str, median: float) -> pd.DataFrame:
-        """The rounds of all simulated runs, each as a tolerance of its own."""
+        """Return the rounds of all simulated runs, with a separate tolerance for each run."""
         own = np.repeat(chance.normal(0.0, 0.05, (n_runs, passes)), 2, axis=1)
         times = median * np.exp(own + chance.normal(0.0, 0.02, own.shape))
         frame = rounds(times.ravel()).assign(number=np.tile(place // 2, n_runs), turn=np.tile(place % 2, n_runs))

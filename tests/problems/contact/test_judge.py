@@ -266,7 +266,7 @@ def rolling_contact(c: tuple[float, ...]) -> ContactProblem:
         ((-1.0, 0.0, 2.0), (0.5, 0.0, 0.0), 0.05),  # rolls without resistance: the whole bound is missing
         ((-1.0, 0.0, 0.2), (0.5, 0.0, 0.0), 0.04),  # 0.2 rad/s where there should be none
         ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.006), 0.01),  # outside the bound by 0.001
-        ((-1.0, 3.0, 2.0), (0.5, -0.25, -0.005), 0.0),  # slides and rolls at once
+        ((-1.0, 3.0, 2.0), (0.5, -0.25, -0.005), 0.0),  # slides and rolls at the same time
     ],
 )
 def test_rolling_friction_by_hand(c: tuple[float, ...], impulses: tuple[float, ...], violation: float) -> None:

@@ -29,7 +29,7 @@ def test_bodies_start_as_described(name: str, scene: str) -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_bodies_of_proxbench_start_as_described(scene: str) -> None:
-    """Cubes start 1e-9 m deep in what they stand on, so that the first step finds their contacts."""
+    """Cubes start with a penetration of 1e-9 m, so that the first step finds their contacts."""
     description = describe(scene)
     check_start(OwnEngine(description, description.step, 1e-2), description, 1e-8)
 

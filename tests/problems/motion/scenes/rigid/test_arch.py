@@ -25,7 +25,7 @@ from ...exact_contacts import Point, bodies_at_rest
 ROUND_STONES = {7: 0.0962, 9: 0.1021, 13: 0.1028, 27: 0.1068, 51: 0.1074}
 """Least t/R by the number of stones with round faces, for μ = 0.8: the minima of a separate linear program.
 
-The value for 27 stones is published as well (Gilbert, Casapulla & Ahmed 2006).
+The value for 27 stones is also published (Gilbert, Casapulla & Ahmed 2006).
 """
 
 Stone = Callable[[Arch], tuple[float, float]]
