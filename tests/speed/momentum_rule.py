@@ -3,7 +3,8 @@
 ``python tests/speed/momentum_rule.py problems`` solves problems of the library; names may follow.
 ``python tests/speed/momentum_rule.py pours 1000 4000 16000`` solves steps of pours of these numbers of balls, at the
 times ``TIMES``, each cold and warm, and prints the mean of each rule.
-``python tests/speed/momentum_rule.py starts 1000`` compares the starts of measured momentum on every tenth step from 0.3 s to 0.6 s, with standard errors.
+``python tests/speed/momentum_rule.py starts 1000`` compares the starts of measured momentum on every tenth step from
+0.3 s to 0.6 s, with standard errors.
 ``python tests/speed/momentum_rule.py robust`` compares the measured momentum of the sweeps that ``Robust`` selects with
 β = 0.8, on the problems of ``SUITES``.
 

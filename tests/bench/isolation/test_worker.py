@@ -147,7 +147,7 @@ def test_between_requests_the_process_and_all_that_it_started_stand_still(worker
     while any(process.status() != psutil.STATUS_STOPPED for process in processes) and time.monotonic() < deadline:
         time.sleep(1e-3)
     assert [process.status() for process in processes] == [psutil.STATUS_STOPPED] * 2
-    worker.ask("end what is left")  # the process goes on, or it could not end
+    worker.ask("end what is left")  # possible only if the process continues
     assert worker.n_started() == 0
 
 

@@ -253,9 +253,9 @@ def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None
 def test_memory_that_does_not_suffice_for_a_step_and_the_states_is_named_before_the_first_step(
     states: int, kept: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At most twice as many states are kept as requested, and at most one more than steps; writing copies them.
+    """At most twice the requested number of states are kept, and at most one more than steps; writing copies them.
 
-    The first state is in memory.
+    The first state is already in memory.
     """
     plan = make_simulation_plan("pile", {"balls": 10}, duration=10.0 * make_scene("pile").step_size, states=states)
     start = plan.scene.start

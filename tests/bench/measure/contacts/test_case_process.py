@@ -1,4 +1,4 @@
-"""A solver is charged exactly its time to prepare and to solve, and no time of the harness."""
+"""A solver is charged exactly for its preparation and its solves, not for the harness."""
 
 import _thread
 import builtins
@@ -41,7 +41,7 @@ class Clock:
 
 @dataclass
 class Timed:
-    """A solver whose preparing and solving move the clock by known times."""
+    """A solver that moves the clock by known times in ``prepare`` and ``solve``."""
 
     clock: Clock
     prepare_seconds: float = 0.0
@@ -199,7 +199,7 @@ def test_a_thread_that_is_started_without_the_module_threading_is_refused() -> N
     lock.acquire()
     before = _thread._count()
     _thread.start_new_thread(lock.acquire, ())
-    while _thread._count() == before:  # until it has begun
+    while _thread._count() == before:  # until the thread has started
         time.sleep(1e-3)
     try:
         with pytest.raises(MisbehaviourError, match="leaves 1 thread running"):
@@ -233,7 +233,7 @@ def test_an_observed_solve_is_not_timed(clock: Clock) -> None:
     clock.reading = 1.0
     measured(solver).observe(STOP)
     assert solver.observed == [True]
-    assert clock.now == 100.0 + 7.0 + 3.0  # copy and solve, and no reading
+    assert clock.now == 100.0 + 7.0 + 3.0  # a copy and a solve, but no reading
 
 
 @pytest.mark.parametrize("raises", [False, True])

@@ -25,7 +25,7 @@ GOOD = "Moreau with SORprox"
 
 @pytest.fixture
 def scenes() -> Iterator[None]:
-    """Scenes of a plugin, for one test."""
+    """Register the scenes of a plugin for one test."""
     use_plugin_files([Path(scene_plugin.__file__)])
     yield
     for file, _ in registered():

@@ -21,7 +21,7 @@ from proxbench.problems.motion.scenes.woodpecker import PERIOD
 
 @pytest.fixture
 def scenes() -> Iterator[None]:
-    """Scenes of a plugin, for one test."""
+    """Register the scenes of a plugin for one test."""
     use_plugin_files([Path(scene_plugin.__file__)])
     yield
     for file, _ in registered():
