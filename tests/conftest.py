@@ -11,7 +11,7 @@ from hypothesis import settings
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
 os.environ.update(ONE_THREAD)  # before any test file imports numpy
-os.environ["_TYPER_FORCE_DISABLE_TERMINAL"] = "1"  # typer draws help for a terminal where GITHUB_ACTIONS is set
+os.environ["_TYPER_FORCE_DISABLE_TERMINAL"] = "1"  # typer draws help for a terminal if GITHUB_ACTIONS is set
 
 settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True)  # failures are reproducible
 settings.register_profile("full", max_examples=500, deadline=None)

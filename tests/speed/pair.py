@@ -8,8 +8,8 @@ differ by some per cent. A figure is slower if the whole interval of its ratio i
 
 Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
 name. Each base has a reason, and earlier ones stay in the file, so that it shows how changes below ``SLOWER`` add up.
-The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, also if a commit is not at
-hand. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, named as git names it.
+The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, even if a commit is not
+available. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, given by any name for git.
 """
 
 import io
@@ -52,7 +52,7 @@ undecided figures."""
 
 
 STEADY = {"PYTHONHASHSEED": "0", "MALLOC_TRIM_THRESHOLD_": "1000000000", "MALLOC_MMAP_THRESHOLD_": "1000000000"}
-"""Surroundings in which equal processes differ less: glibc gives back no memory, which must be mapped again."""
+"""Environment in which equal processes differ less: glibc returns no memory that must be mapped again."""
 
 
 class UnknownCommitError(BenchError):

@@ -1,7 +1,7 @@
 """Measure the time of a step of a pile of boxes, and the part for finding contacts.
 
-Boxes fall for half a second into a pile between four walls, as those of the suite ``bodies``; the steps after that are
-timed. ``costs_of_accuracy.py --tables piles`` prints the table.
+Boxes fall for half a second into a pile between four walls, like those of the suite ``bodies``; the steps after that
+are timed. ``costs_of_accuracy.py --tables piles`` prints the table.
 """
 
 import time

@@ -228,7 +228,7 @@ figures.FIGURES[{figure!r}] = lambda folder: slowed(make(folder))
 for answer in figures.answers(Path(sys.argv[1])):
     print(figures.json.dumps(answer), flush=True)
 """
-"""The figures of this state, one of which takes longer by a factor."""
+"""Program of the figures of this state, in which one figure is slowed down by a factor."""
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """Measure the gain and the cost of a warm start: iterations, the residual of the start, and the drift of the motion.
 
 ``python tests/speed/warm_starts.py iterations`` solves the steps of the suite ``sequences`` from zero and from the
-solver's own answers, and prints the mean iterations, and for each step that takes more of them warm what distinguishes
-it. ``python tests/speed/warm_starts.py drift`` continues the motion of each sequence with each solver, and prints the
+solver's own answers, and prints the mean iterations, and a description of each step that takes more of them
+warm. ``python tests/speed/warm_starts.py drift`` continues the motion of each sequence with each solver, and prints the
 distance to the same motion with steps solved to 1e-10. Names of sequences may follow, for ``iterations`` also folders
 that ``proxbench capture --every 1`` has written. ``python tests/speed/warm_starts.py guesses FILE.hdf5`` solves FCLIB
 files from zero and from their stored guess. ``--solver`` and ``--tolerance`` select some.

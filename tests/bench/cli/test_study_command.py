@@ -26,7 +26,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(finished: Path, tmp_path: Path) -> Path:
-    """A copy of it that may be changed."""
+    """A copy of the study that may be changed."""
     return Path(shutil.copytree(finished, tmp_path / "it"))
 
 

@@ -85,7 +85,7 @@ def test_a_fault_fails_its_own_check_and_the_others_go_on(
 def test_failures_are_in_the_table_and_make_the_exit_code_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped where lines end
+    monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped at this width
     assert run_command(["check", plugin(tmp_path, "print('hello')", "True")]) == 1
     printed = capsys.readouterr().out
     assert "silent            failed          it printed 'hello'; report it in Solution.message." in printed

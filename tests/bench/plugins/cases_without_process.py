@@ -15,7 +15,7 @@ from stored_cases import case_record, timed_round
 
 PROBLEM = ContactProblem.from_delassus(np.diag([2.0, 1.0, 1.0]), (-1.0, 0.6, 0.8), 0.3, name="sliding")
 SOLUTION = np.array([0.5, -0.15 * 0.6, -0.15 * 0.8])
-"""Λ_N = 1/2 of what slides along c_T, whose length is 1, with the friction μ Λ_N = 0.15."""
+"""Impulses of a sliding contact: Λ_N = 1/2, and friction μ Λ_N = 0.15 against c_T, whose length is 1."""
 
 LADDER = (1e-2, 1e-4, 1e-6)
 

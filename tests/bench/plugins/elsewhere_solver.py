@@ -8,7 +8,7 @@ from proxbench.solvers import create
 
 
 class Elsewhere:
-    """SORprox, elsewhere."""
+    """SORprox that solves only in other processes."""
 
     name, model, has_iterates = "Elsewhere", Model.COULOMB, False
 

@@ -136,7 +136,7 @@ def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
     growth = np.diff(simulation.steps["kinetic_energy"] + simulation.steps["potential_energy"])
     mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.01**3
     impact = simulation.steps["impact_depth"]
-    # what ends too deep without having been in contact is lifted before it has been counted, at the next midpoint
+    # a ball that ends too deep without prior contact is lifted at the next midpoint, before it is counted
     lift = SMALL["balls"] * mass * 9.81 * 0.01 * np.maximum(impact[1:], np.append(impact[2:], 0.0))
     assert (growth <= lift + 1e-12).all()
 

@@ -20,7 +20,7 @@ from proxbench.bench.store.ratios import (
 )
 
 RUNS = 1000
-"""Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
+"""Number of simulated runs; they give the share of intervals that contain a ratio to 0.01."""
 
 IS_FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
 """Whether sizes between the smallest and the largest samples are tried too."""

@@ -11,7 +11,7 @@ from proxbench.solvers.composite.interior_newton import cone_programs, first_met
 
 @pytest.mark.parametrize("name", ["hard-duplicated-slider-mu10", "hard-scaled-tower-10", "hard-linked-redundant"])
 def test_it_solves_problems_that_interior_points_alone_do_not(name: str) -> None:
-    """Rounding and answers that are not strictly complementary keep an interior point from these digits."""
+    """Rounding, or a lack of strict complementarity, prevents interior points from reaching these digits."""
     problem = load(name)
     alone = solve(problem, "InteriorPoint", tolerance=1e-9, max_iterations=300)
     together = solve(problem, "InteriorNewton", tolerance=1e-9)
@@ -73,7 +73,7 @@ def boxes_on_a_slope(per_pair: int, n_boxes: int) -> ContactProblem:
 
 @pytest.mark.parametrize(("per_pair", "form"), [(2, "delassus"), (4, "delassus"), (5, "factors"), (16, "factors")])
 def test_it_factorises_over_bodies_if_contacts_of_a_pair_are_redundant(per_pair: int, form: str) -> None:
-    """A pair moves in six ways; 6 rows do not over-determine it, 12 do twice, 15 more than twice."""
+    """A pair has six degrees of freedom: 6 rows do not overdetermine it, 12 are twice as many, 15 even more."""
     problem = boxes_on_a_slope(per_pair, 4)
     assert form_for(problem) == form
     assert solve(problem, "InteriorNewton", tolerance=1e-9).status is Status.SOLVED

@@ -72,7 +72,7 @@ def test_the_iteration_limit_does_not_change_the_cone_programs(name: str) -> Non
 NO_CONVEX_SOLUTION = random_problem(
     Family(n_contacts=5, dim=2, n_dofs=4, mass_exponent=0, density=0.6, friction=0.5, states=("slip",)), 1130
 )
-"""It has a Coulomb solution; its convex model has none, nor has any cone program near De Saxcé's plain iterates."""
+"""This problem has a Coulomb solution, but its convex model and cone programs near De Saxcé's iterates have none."""
 
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])

@@ -11,7 +11,7 @@ MEASURED = "SORprox(relaxation=1.1, momentum='measured', form='factors')"
 
 
 def memories(rate: float, sweeps: int, rule: MeasuredMomentum | None = None) -> list[float]:
-    """Return the memory after each tenth sweep, while the residual falls by exp(−rate) a sweep."""
+    """Return the memory after each tenth sweep, while the residual falls by exp(−rate) per sweep."""
     rule = rule or MeasuredMomentum()
     found = []
     for k in range(0, sweeps + 1, 10):
@@ -32,7 +32,7 @@ def test_a_slow_fall_doubles_the_memory_up_to_its_bound() -> None:
 
 
 def test_the_memory_stops_growing_at_that_of_critical_damping() -> None:
-    """That memory is 1/(2√δ) for a linear mode that falls by exp(−δm) a sweep."""
+    """That memory is 1/(2√δ) for a linear mode that falls by exp(−δm) per sweep."""
     decay = 1e-3
     rule, residual = MeasuredMomentum(), 1.0
     for k in range(0, 1001, 10):

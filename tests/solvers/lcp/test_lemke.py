@@ -1,4 +1,4 @@
-"""Lemke's method on contact problems: exact where planar, a pyramid where spatial, never false."""
+"""Lemke's method on contact problems: exact for planar ones, a pyramid for spatial ones, and no false claims."""
 
 import itertools
 from functools import cache

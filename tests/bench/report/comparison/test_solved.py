@@ -1,4 +1,4 @@
-"""Newly solved and no longer solved problems are reported, unless a time limit decides that a shared core explains."""
+"""Newly solved and no longer solved problems are reported, unless a shared core can explain a time limit."""
 
 from pathlib import Path
 

@@ -149,7 +149,7 @@ def test_the_same_problem_gives_the_same_bytes_in_a_format_that_old_libraries_re
         types = {array.dtype for array in arrays if array.dtype.kind != "S"}
         assert types == {np.dtype("<i4"), np.dtype("<f8")}
         title = file["fclib_global/info/title"]
-        assert title.dtype.itemsize == len(problem.name) + 1  # C expects the zero
+        assert title.dtype.itemsize == len(problem.name) + 1  # C expects a terminating zero
 
 
 @pytest.mark.parametrize("form", ["local", "global"])

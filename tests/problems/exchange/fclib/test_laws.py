@@ -63,7 +63,7 @@ def test_a_planar_contact_with_rolling_friction_has_three_rows(tmp_path: Path) -
     path = write_data(tmp_path / "p.hdf5", {"fclib_global_rolling/spacedim": np.array([3]), **data})
     problem = read_fclib(path)
     assert problem.laws.kind.tolist() == [LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_ROLLING]
-    assert judge(problem, np.array([2.0, -1.0, -0.5])).residual < 1e-15  # what rounding may hide
+    assert judge(problem, np.array([2.0, -1.0, -0.5])).residual < 1e-15  # the limit of rounding
     write_fclib(problem, tmp_path / "again.hdf5")
     assert read_fclib(tmp_path / "again.hdf5").digest == problem.digest
 
@@ -274,7 +274,7 @@ def test_rolling_friction_without_factors_is_refused(tmp_path: Path) -> None:
 
 
 def crooked(label: str) -> Data:
-    """Return a local problem with joints, one entry of W or R 1e-3 of the largest too large."""
+    """Return a local problem with joints in which one entry of W or R is too large by 1e-3 of the largest one."""
     data = random_local(np.random.default_rng(8))
     matrix = data[f"dense/{label}"].copy()
     matrix[0, -1] += 1e-3 * np.abs(matrix).max()

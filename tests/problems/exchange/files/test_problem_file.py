@@ -119,7 +119,7 @@ def linked(rolling_rows: int = 2) -> ContactProblem:
 
 
 def with_format(path: Path, number: int) -> Path:
-    """The file with another number of its format."""
+    """Return the file with another format number."""
     with np.load(path) as arrays:
         content = dict(arrays)
     about = json.loads(content["about"].tobytes().decode()) | {"format": number}

@@ -20,7 +20,7 @@ from proxbench.solvers import solve
 
 
 def complementarity(impulses: np.ndarray, velocity: np.ndarray, mu: float) -> float:
-    """Return ContactBench's measure of one contact, (σ + μ‖σ_T‖ e_N) · λ, its rows T1, T2, N."""
+    """Return ContactBench's measure of one contact, (σ + μ‖σ_T‖ e_N) · λ, with rows T1, T2, N."""
     return float(velocity @ impulses + mu * np.hypot(velocity[0], velocity[1]) * impulses[2])
 
 

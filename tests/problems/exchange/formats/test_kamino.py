@@ -1,7 +1,7 @@
 """A dump of Kamino: the natural maps agree to single precision, and its answer is judged.
 
 ``files/kamino-stack.npz`` is a dump of Newton 1.8.0 on its CPU device: three boxes of mass ratio 1 : 10 : 100 on each
-other and on the ground, twelve steps of 2 ms, with ``natural_map`` as Kamino's metrics gave it.
+other and on the ground, twelve steps of 2 ms, with the ``natural_map`` of Kamino's metrics.
 """
 
 from pathlib import Path
@@ -102,7 +102,7 @@ def test_bounded_multipliers_are_friction_with_bounds_in_physical_units() -> Non
 
 
 def compliant_dump(with_answer: bool = True) -> dict[str, Any]:
-    """Return the dump of a joint, a limit and two contacts, one without friction, and of Kamino's model of them."""
+    """Return the dump of a joint, a limit and two contacts, one without friction, with Kamino's own model."""
     rng = np.random.default_rng(1)
     root = rng.normal(size=(8, 8))
     G, c = root @ root.T + np.eye(8), rng.normal(size=8)
@@ -127,7 +127,7 @@ def compliant_dump(with_answer: bool = True) -> dict[str, Any]:
 
 
 def test_a_compliant_dump_is_the_hard_problem_with_kaminos_own_model() -> None:
-    """A solution of Coulomb's law on G + R solves the own model, and not the problem of hard contacts."""
+    """A solution of Coulomb's law on G + R solves Kamino's own model, but not the problem of hard contacts."""
     dump = compliant_dump()
     problem = problem_of_arrays(dump, Repair())
     order = [0, 1, 4, 2, 3, 7, 5, 6]

@@ -87,7 +87,7 @@ def test_balls_that_are_nowhere_have_no_cells_to_count(value: float) -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int) -> None:
-    """Two balls mark the ends of the grid; a further pair overlaps in each of all directions."""
+    """Two balls mark the ends of the grid; a further pair overlaps in each possible direction."""
     rng = np.random.default_rng(2)
     ends = np.array([np.full(dim, -5.0), np.full(dim, 5.0)])
     for direction in product((-1.0, 0.0, 1.0), repeat=dim):

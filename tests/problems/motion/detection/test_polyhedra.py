@@ -106,7 +106,7 @@ def test_features_last_while_a_body_slides_a_little() -> None:
 
 
 def test_crossed_edges_touch_in_one_point() -> None:
-    """Two prisms with a roof of 90 degrees, ridge upon ridge, at right angles."""
+    """Two prisms with roofs of 90 degrees touch ridge on ridge at right angles."""
     roof = prism(np.array([[-0.2, 0.0], [0.2, 0.0], [0.0, 0.2]]), 1.0)
     lower, below = convex_polyhedron(roof)
     upper, above = convex_polyhedron((roof * [1.0, 1.0, -1.0])[:, [1, 0, 2]] + [0.1, 0.2, 0.399])

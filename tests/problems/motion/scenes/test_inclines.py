@@ -1,4 +1,4 @@
-"""Spheres and a block on a plane: constant accelerations are exact; a stop or a reversal has its order."""
+"""Spheres and a block on a plane: constant accelerations are exact; errors of stops and reversals have their order."""
 
 from collections.abc import Callable
 from math import atan, cos, sin, tan

@@ -93,7 +93,7 @@ def test_nested_intervals_halve_a_step_and_keep_it_until_the_switch_is_passed() 
     search.note_switch(State(1.0, np.zeros(1), np.zeros(1)))
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert [search.length_after_step(now, 4e-3, 1.0) for now in (1.0, 1.004)] == [4e-3, 4e-3]
-    assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the attempt is behind
+    assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the attempt has passed
     assert search.length_after_step(1.01, 4e-3, 1.0) == 8e-3
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert search.length_after_switch(1.004, 8e-3, switched_after(0.0)) == 4e-3  # beyond the first attempt

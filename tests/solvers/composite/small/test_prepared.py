@@ -77,7 +77,7 @@ def test_observed_solves_and_short_time_limits_go_by_parts() -> None:
 
 @pytest.mark.parametrize("n_rows", [3, 30, 150])
 def test_the_kernel_keeps_the_shortest_time_limit_for_which_it_is_used(n_rows: int) -> None:
-    """It does not read the clock; dense rows without friction need most sweeps and most time for each."""
+    """The kernel does not read the clock; dense frictionless rows need the most sweeps, and the most time per sweep."""
     problem = slow_problem(n_rows)
     prepared, limit = without_parts(problem), longest_seconds(n_rows)
     times = []

@@ -162,7 +162,7 @@ def test_steps_that_the_impulses_of_rapier_do_not_explain_are_not_judged() -> No
 
 @pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest", "stack"])
 def test_cubes_of_proxbench_move_as_the_closed_form_says(scene: str) -> None:
-    """Errors are those of the tolerance: micrometres, and a part of 1e-6 of the speed or the way."""
+    """Errors are due to the tolerance: micrometres, and 1e-6 of the speed or the distance."""
     description = describe(scene)
     engine = OwnEngine(description, 2.5 * description.step, 1e-8)
     motion, _, _, solved = measure(description, engine, 2.5 * description.step)

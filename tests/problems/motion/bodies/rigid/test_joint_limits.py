@@ -70,7 +70,7 @@ def test_a_slider_falls_against_its_stop_and_rests_there() -> None:
 
 @pytest.mark.slow
 def test_a_slider_bounces_between_two_stops_with_the_velocity_that_restitution_leaves() -> None:
-    """Between stops 0.2 m apart it takes 0.2/v, 0.2/(εv), … without gravity."""
+    """Without gravity, the slider takes 0.2/v, 0.2/(εv), … between stops 0.2 m apart."""
     joint = Joint("prismatic", 0, axis=(1.0, 0.0, 0.0), limits=(-0.1, 0.1), restitution=0.5)
     found = steps(one_body(joint, 0.0), start_of((1.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 1e-3, 700)
     speeds = np.array([step.state.velocity[0] for step in found])
@@ -89,7 +89,7 @@ def test_a_body_on_a_rope_falls_freely_until_it_is_taut() -> None:
 
 
 def test_a_motor_spins_a_body_up_with_its_moment_and_then_holds_its_speed() -> None:
-    """ω = τ t/J until it is the target speed; the rule is exact for a constant moment."""
+    """ω = τ t/J up to the target speed; the rule is exact for a constant moment."""
     moment, speed, step = 0.05, 1.0, 1e-3
     joint = Joint("revolute", 0, motor_speed=speed, motor_bound=moment)
     system = one_body(joint, 0.0)

@@ -170,7 +170,7 @@ def test_in_motion_an_arch_falls_or_stands_one_per_cent_beside_the_limit(thickne
 @pytest.mark.slow
 @pytest.mark.parametrize("stones", [7, 13, 27])
 def test_the_limit_in_motion_is_that_of_equilibrium(stones: int) -> None:
-    """The arch falls 2e-3 below the thickness limit of equilibrium, and stands 2e-3 above it."""
+    """The arch falls at a thickness 0.2 % below the limit of equilibrium, and stands at 0.2 % above it."""
     exact = least_thickness(stones, 0.8, straight_stone)
     assert exact == pytest.approx(ROUND_STONES[stones], rel=8e-3)
     assert largest_displacement(Arch(stones, 0.998 * exact), 5e-3, 1e-4) > 1e-3

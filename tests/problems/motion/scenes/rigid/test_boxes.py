@@ -128,7 +128,7 @@ def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float 
 
 @pytest.mark.parametrize(("solver", "tolerance"), [("Robust", 1e-6), ("NSGS", 1e-6)])
 def test_a_stack_of_ten_equal_boxes_drifts_by_no_more_than_its_tolerance_allows(solver: str, tolerance: float) -> None:
-    """A contact may open with the velocity τ max|c|, here τ g Δt; the uppermost box drifts by those of ten contacts."""
+    """A contact may open with the velocity τ max|c|, here τ g Δt; the top box drifts by the sum over ten contacts."""
     scene, time_step, count = BoxStack(10), 1e-2, 100
     rule = MidpointRule(scene.system(), create(solver), Stop(tolerance, 20_000), time_step)
     for step in rule.steps(scene.start(), count):

@@ -135,7 +135,7 @@ def test_a_block_slides_stops_turns_or_stays_as_in_closed_form(block: BlockOnInc
 
 
 def test_a_sliding_sphere_begins_to_roll_at_the_known_time() -> None:
-    """q = (x, z, φ) with φ positive where it rolls forwards, γ_T = ẋ − r φ̇."""
+    """q = (x, z, φ) with φ positive if it rolls forwards, γ_T = ẋ − r φ̇."""
     scene = SlidingSphere()
     radius = scene.radius
     system = constant_system(
