@@ -270,9 +270,9 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over those solved in both ways. The other columns are over those of these problems without excluded times (timed,
-    their number): geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of
-    problems that a warm start slows down by ``MARGIN`` or more (slower).
+    over those solved in both ways. The other columns are over those of the latter without excluded times (timed, their
+    number): geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems
+    that a warm start slows down by ``MARGIN`` or more (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points

@@ -37,7 +37,7 @@ def drawing_script() -> str:
 
 
 def _stored(file: Path) -> str | None:
-    """Return the script in a file, or None if there is none, or another text than the one written."""
+    """Return the script in a file; None if the file is missing or its text has changed."""
     try:
         first, _, script = file.read_bytes().decode().partition("\n")
     except (OSError, UnicodeDecodeError):
