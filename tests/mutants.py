@@ -1,9 +1,9 @@
-"""Make small changes to the code, one at a time, and list those that no daily test detects.
+"""Make small changes to the code, one at a time, and list those that no daily test notices.
 
 ``nox -s mutants`` runs this in a copy of the repository that is installed in place. Cosmic Ray makes the changes: other
 operators and comparisons, numbers off by one, loops without iterations, exceptions that are not caught. Changes of
-annotations, decorators and numbers outside functions are skipped: no test can detect the first two, and the last are
-mostly tuned limits. A change is detected if a daily test fails or times out. Tests of the same name run first, then
+annotations, decorators and numbers outside functions are skipped: no test can notice the first two, and the last are
+mostly tuned limits. A change is noticed if a daily test fails or times out. Tests of the same name run first, then
 those of the same folder, then those in ``WIDER``.
 
 Tests run in copies of a process that has imported the libraries, so that a change takes little more time than its
@@ -83,7 +83,7 @@ POLL_SECONDS = 0.02
 """Interval at which running tests are polled [s]."""
 
 RESULTS = Path("mutants.jsonl")
-"""Known results, one change per line; detected changes are not tried again. Delete the file to start anew."""
+"""Known results, one change per line; noticed changes are not tried again. Delete the file to start anew."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def sampled(every: list[Any], sample: int | None, seed: int) -> list[Any]:
 
 
 def is_noticed(mutation: Any, baselines: dict[Tests, Baseline]) -> tuple[bool, str]:
-    """Return whether the tests detect a change, and the change as a patch."""
+    """Return whether the tests notice a change, and the change as a patch."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
@@ -244,7 +244,7 @@ def is_noticed(mutation: Any, baselines: dict[Tests, Baseline]) -> tuple[bool, s
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Try changes; print those that no test detects, and the share of detected ones by folder."""
+    """Try changes; print those that no test notices, and the share of noticed ones by folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rooms", nargs="*", default=ROOMS, help="folders or files to change")
     parser.add_argument("--sample", type=int, default=None, help="places of each room, chosen at random; all without")
@@ -258,7 +258,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         chosen = sampled(list(changes(room)), given.sample, given.seed)
         for mutation in sorted(chosen, key=lambda one: (str(one.module_path), one.start_pos)):
             key = f"{mutation.module_path}:{mutation.start_pos[0]} {mutation.operator_name} {mutation.occurrence}"
-            if not found.get(key, {}).get("is_noticed"):  # undetected changes may have a new test
+            if not found.get(key, {}).get("is_noticed"):  # unnoticed changes may have a new test
                 noticed, diff = is_noticed(mutation, baselines)
                 found[key] = {"key": key, "is_noticed": noticed, "diff": diff}
                 with RESULTS.open("a") as file:
