@@ -41,10 +41,10 @@ def _ignore(*shown: object) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(RunFrames, os.PathLike[str]):
-    """A stored run as it was when it was loaded; usable as the path of its folder or bundle.
+    """A stored run in its state when it was loaded; usable as the path of its folder or bundle.
 
     It has the attributes of ``RunFrames``: the frames ``cases``, ``points``, ``rounds``, ``iterations`` and ``errors``,
-    the record ``info``, and the sentences ``damaged``.
+    the record ``info``, and the messages ``damaged``.
     """
 
     def __fspath__(self) -> str:
@@ -193,7 +193,7 @@ def run(
         sampling: divide the sample among families in proportion to their sizes, or evenly.
         thorough: default to ten tolerances, 1e-1 … 1e-10, and five passes.
         shard: for "i/n", measure every n-th problem from the i-th on; ``merge`` combines shards.
-        executor: runs each problem as a task, on any machine with this version of Proxbench; this process if None.
+        executor: runs each problem as a task, on any machine with this version of Proxbench; None for this process.
 
     Raises:
         ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.
@@ -263,7 +263,8 @@ def study(
         solvers: additional solvers to compare over their tolerances, or one of them.
         results: the folder that contains the folder of the run.
         run_id: name of the run; the scene with date and time if None.
-        limits: limits of each case, in which a solve is a simulation; ten minutes a solve and two hours a case if None.
+        limits: limits of each case, in which a solve is a simulation; ten minutes per solve and two hours per case if
+            None.
         on_event: called with each event of the run.
         plugins: plugin files whose solvers and scenes can be named, or one of them.
         methods: ladders by name, ``{"Moreau with NSGS": (1e-3, 5e-4)}`` over the step [s], or
@@ -271,7 +272,7 @@ def study(
         tolerance: tolerance of the solvers in those ``methods`` that vary the step.
         duration: simulated time [s]; that of the scene if None.
         members: seeds of a scene of balls, or factors on steps and tolerances, over which errors are computed.
-        start: initial impulses of each solve: "warm" (the last impulses), "scaled" (a part of them), "cold" (zero)
+        start: initial impulses of each solve: "warm" (the last impulses), "scaled" (a fraction of them), "cold" (zero)
             or "warm-then-cold".
 
     Raises:
@@ -360,7 +361,7 @@ def merge(
         sources: files of bundles and folders of runs, or one of them.
         results: the folder that contains the folder of the run.
         run_id: name of the run; date and time if None.
-        on_case: called with the number of recomputed cases of a source and of all its cases.
+        on_case: called with the number of recomputed cases of a source and the total number of its cases.
         on_missing: called with a sentence for each missing shard.
 
     Raises:
@@ -373,7 +374,7 @@ def merge(
 
 
 def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowdown: float = SLOWDOWN) -> Comparison:
-    """Compare two stored runs: which solvers are faster or slower, and which problems are newly or no longer solved.
+    """Compare two stored runs: find faster and slower solvers, and problems that are newly or no longer solved.
 
     Args:
         before: the run to compare with, its folder or its bundle.

@@ -1,7 +1,7 @@
-"""How much is tested: property tests try the same few examples every day, and what takes long is marked as slow.
+"""Extent of the tests: property tests use the same few examples every day, and long tests are marked as slow.
 
-PROXBENCH_PROFILE=full or hunt lets property tests try more. Numerical libraries work in one thread, as in measurements:
-tests share the cores already.
+With PROXBENCH_PROFILE=full or hunt, property tests use more examples. Numerical libraries use one thread, as in
+measurements, because tests already share the cores.
 """
 
 import os
@@ -11,16 +11,16 @@ from hypothesis import settings
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
 os.environ.update(ONE_THREAD)  # before any test file imports numpy
-os.environ["_TYPER_FORCE_DISABLE_TERMINAL"] = "1"  # typer draws help for a terminal where GITHUB_ACTIONS is set
+os.environ["_TYPER_FORCE_DISABLE_TERMINAL"] = "1"  # typer draws help for a terminal if GITHUB_ACTIONS is set
 
-settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True)  # a failure comes back
+settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True)  # failures are reproducible
 settings.register_profile("full", max_examples=500, deadline=None)
 settings.register_profile("hunt", max_examples=5000, deadline=None)
 settings.load_profile({"full": "full", "hunt": "hunt"}.get(os.environ.get("PROXBENCH_PROFILE", ""), "quick"))
 
 
 def pytest_sessionstart() -> None:
-    """Write no notice of compilation, which would come at the first kernel of whichever test compiles it."""
+    """Suppress the notice of compilation, which the first test to compile a kernel would print."""
     from proxbench.problems.compilation import COMPILATION
 
     COMPILATION.silence()

@@ -6,9 +6,9 @@ annotations, decorators and numbers outside functions are skipped: no test can n
 mostly tuned limits. A change is noticed if a daily test fails or times out. Tests of the same name run first, then
 those of the same folder, then those in ``WIDER``.
 
-Tests run in copies of a process that has imported the libraries, so that a change costs little more than its tests.
-Kernels run without numba's compiler, whose cache does not notice changes in the functions that a kernel calls. The
-tests run once without a change, and those that fail or are slow in pure Python are skipped.
+Tests run in copies of a process that has imported the libraries, so that a change takes little more time than its
+tests. Kernels run without numba's compiler, whose cache does not notice changes in the functions that a kernel calls.
+The tests run once without a change, and those that fail or are slow in pure Python are skipped.
 
     python tests/mutants.py --sample 20 --seed 1 problems/contact bench/store
 """
@@ -62,37 +62,37 @@ WIDER = {
     "bench/measure": ("tests/bench/measure",),
     "bench/store": ("tests/bench/store",),
 }
-"""Tests of other folders that know a folder."""
+"""Tests of other folders that cover a folder."""
 
 LEFT_OUT = re.compile(
     r"RemoveDecorator|BinaryOperator_BitOr|BinaryOperator_.*_(BitAnd|BitOr|BitXor|LShift|RShift|Mod)$"
     r"|ComparisonOperator_(Lt|LtE|Gt|GtE|Eq|NotEq|In|NotIn)_(Is|IsNot|In|NotIn)$"
 )
-"""Operators without an effect, as unions of types, and those that are no mistake anybody makes with numbers."""
+"""Operators without an effect, such as unions of types, and implausible mistakes with numbers."""
 
 TEST_SECONDS = 20
-"""Time limit of one test without its fixtures [s]; slower ones are left out."""
+"""Time limit of one test without its fixtures [s]; slower ones are skipped."""
 
 MAX_SLOWDOWN = 5.0
-"""Time of all tests with a change, relative to that without, from which they take too long."""
+"""Time of all tests with a change, relative to the time without it, from which they time out."""
 
 MIN_RUN_SECONDS = 60.0
-"""Time that all tests of a change may take in any case [s]."""
+"""Minimum of the time limit of all tests of a change [s]."""
 
 POLL_SECONDS = 0.02
 """Interval at which running tests are polled [s]."""
 
 RESULTS = Path("mutants.jsonl")
-"""What is known already, one change a line; what was noticed is not tried again. Delete it to begin anew."""
+"""Known results, one change per line; noticed changes are not tried again. Delete the file to start anew."""
 
 
 @dataclass(frozen=True)
 class Tests:
-    """The daily tests that know a folder.
+    """The daily tests that cover a folder.
 
     Attributes:
         folders: the mirrored folder, then wider ones.
-        is_compiled: whether numba may compile; not where a module has kernels of its own.
+        is_compiled: whether numba may compile; false if a module has its own kernels.
     """
 
     folders: tuple[str, ...]
@@ -114,7 +114,7 @@ class Tests:
         return [*fixed, *options, *self.folders]
 
     def environment(self) -> dict[str, str]:
-        """Return the environment in which they run."""
+        """Return the environment in which the tests run."""
         is_disabled = "0" if self.is_compiled else "1"
         fixed = {"PYTHONPATH": "tests", "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_DISABLE_JIT": is_disabled}
         return {**os.environ, **fixed}
@@ -124,7 +124,7 @@ def run(tests: Tests, options: Sequence[str], seconds: float = np.inf) -> int | 
     """Run tests in a copy of this process, which has imported the libraries already.
 
     Returns:
-        What pytest returns; None if it takes longer than ``seconds``.
+        The exit code of pytest; None if it takes longer than ``seconds``.
     """
     child = os.fork()
     if child == 0:
@@ -143,7 +143,7 @@ def run(tests: Tests, options: Sequence[str], seconds: float = np.inf) -> int | 
     while status is None and time.monotonic() < end:
         ended, found = os.waitpid(child, os.WNOHANG)
         status = os.waitstatus_to_exitcode(found) if ended else time.sleep(POLL_SECONDS)
-    with contextlib.suppress(ProcessLookupError):  # nothing is left
+    with contextlib.suppress(ProcessLookupError):  # the processes have already ended
         os.killpg(child, signal.SIGKILL)
     if status is None:
         os.waitpid(child, 0)
@@ -152,7 +152,7 @@ def run(tests: Tests, options: Sequence[str], seconds: float = np.inf) -> int | 
 
 @dataclass(frozen=True)
 class Baseline:
-    """What tests do without any change.
+    """Results of tests without any change.
 
     Attributes:
         left_out: names of the tests that fail or take too long.
@@ -181,7 +181,7 @@ def measured_baseline(tests: Tests) -> Baseline:
 
 
 def ineffective_lines(module: Path) -> set[int]:
-    """Return the lines of a module that are no code of a function or method: annotations, constants, decorators."""
+    """Return the lines of a module outside the code of functions and methods: annotations, constants, decorators."""
     tree = ast.parse(module.read_text())
     lines = set(range(1, len(module.read_text().splitlines()) + 1))
     for node in ast.walk(tree):
@@ -208,7 +208,7 @@ def changes(room: str) -> Iterator[Any]:
 
 
 def sampled(every: list[Any], sample: int | None, seed: int) -> list[Any]:
-    """Return one change of each of some places chosen at random, or all changes of all places."""
+    """Return one change at each of ``sample`` random places, or all changes at all places."""
     if sample is None:
         return every
     places: dict[tuple[Any, ...], list[Any]] = {}
@@ -244,7 +244,7 @@ def is_noticed(mutation: Any, baselines: dict[Tests, Baseline]) -> tuple[bool, s
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Try changes, print those that no test notices, and the share of those that are noticed by room."""
+    """Try changes; print those that no test notices, and the share of noticed ones by folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rooms", nargs="*", default=ROOMS, help="folders or files to change")
     parser.add_argument("--sample", type=int, default=None, help="places of each room, chosen at random; all without")
@@ -258,7 +258,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         chosen = sampled(list(changes(room)), given.sample, given.seed)
         for mutation in sorted(chosen, key=lambda one: (str(one.module_path), one.start_pos)):
             key = f"{mutation.module_path}:{mutation.start_pos[0]} {mutation.operator_name} {mutation.occurrence}"
-            if not found.get(key, {}).get("is_noticed"):  # others may have got a test since
+            if not found.get(key, {}).get("is_noticed"):  # unnoticed changes may have a new test
                 noticed, diff = is_noticed(mutation, baselines)
                 found[key] = {"key": key, "is_noticed": noticed, "diff": diff}
                 with RESULTS.open("a") as file:

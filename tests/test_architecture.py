@@ -1,4 +1,4 @@
-"""Imports go one way, problems ← solvers ← bench, without cycles; only some folders import heavy libraries."""
+"""Imports go one way, problems ← solvers ← bench, without cycles, and only some folders import heavy libraries."""
 
 import ast
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""What is installed is what the tree holds, and importing problems is light."""
+"""The installed package agrees with the source tree, and importing problems is light."""
 
 import subprocess
 import sys
@@ -67,7 +67,7 @@ def test_an_unknown_name_of_the_package_is_an_attribute_error() -> None:
 
 
 def test_the_package_runs_as_the_command_line(tmp_path: Path) -> None:
-    # elsewhere than in the tree, whose egg-info may be of another version
+    # not in the tree, whose egg-info may be of another version
     command = [sys.executable, "-m", "proxbench", "--version"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout == f"proxbench {proxbench.__version__}\n"

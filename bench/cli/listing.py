@@ -187,7 +187,7 @@ def _solver(name: str) -> Row:
 
 
 def _on_device(name: str) -> Row:
-    """Return the row of a solver on a device, which need not exist; the library must be installed."""
+    """Return the row of a solver on a device. The device need not exist, but the library must be installed."""
     check_installed(name, "warp", "gpu")
     return {"model": str(Model.COULOMB), "options": option_texts(name)}
 

@@ -95,7 +95,7 @@ COMMANDS: dict[str, dict[str, tuple[Callable[..., Any], *tuple[str, ...]]]] = {
 """Each command by topic and name, with examples of its arguments."""
 
 INTERRUPTED = 130
-"""Exit code of a command that Ctrl-C ended."""
+"""Exit code of a command that Ctrl-C interrupted."""
 
 app = typer.Typer(
     name="proxbench",

@@ -28,7 +28,7 @@ LOADING = "loading kernels; compiling them at the first use takes up to a few mi
 """Description of a run until the first solver starts."""
 
 ESTIMATE_SECONDS = 3600.0
-"""Past period from which the remaining time is estimated [s], long because a point of a study takes minutes."""
+"""Period from which the remaining time is estimated [s]; it is long because a point of a study takes minutes."""
 
 
 class ProgressBar(Progress):
@@ -57,7 +57,7 @@ class ProgressBar(Progress):
         self.update(self._task, completed=done, total=total)
 
     def count_one(self) -> None:
-        """Count one more as done."""
+        """Count one more item as finished."""
         self.advance(self._task)
 
     def name(self, text: str, bar_only: bool = False) -> None:
@@ -67,7 +67,7 @@ class ProgressBar(Progress):
             self.note(f"measuring {text}")
 
     def note(self, sentence: str, always: bool = False) -> None:
-        """Print a line above the bar; if the bar is hidden, only with ``always``."""
+        """Print a line above the bar. If the bar is hidden, print it only with ``always``."""
         if always or not self._hidden:
             self.console.print(sentence, soft_wrap=True, highlight=False, markup=False)
 

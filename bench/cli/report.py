@@ -84,8 +84,8 @@ def report_run(
 ) -> int:
     """Print the tables of a run, then write its files; return 1 if a case failed, or is missing, damaged or omitted.
 
-    Tables are printed first, so that they are shown even if no file can be written; a sentence on standard error then
-    gives the reason. With ``quiet``, this is an error.
+    Tables are printed first, so that they are shown even if no file can be written; a message on standard error then
+    gives the reason. With ``quiet``, a file that cannot be written is an error.
 
     Args:
         run: the run.

@@ -60,7 +60,7 @@ class CameraFit:
     """The closest camera that shows all points, found point by point.
 
     A point x is visible from p if (x − p) · n ≥ 0 for the normal n of each of the four sides of the view. The camera
-    therefore depends on the least x · n of all points alone.
+    therefore depends only on the least x · n of all points.
 
     Args:
         direction: from the points to the camera, shape (3,).

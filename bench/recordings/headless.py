@@ -82,7 +82,7 @@ class HeadlessViewer:
 
 @contextmanager
 def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], target: Path) -> Iterator[HeadlessViewer]:
-    """Yield a viewer of a recording, with all data loaded, for pictures of ``size`` [pixels], and end it.
+    """Yield a viewer of a recording, with all data loaded, for pictures of ``size`` [pixels]; then end it.
 
     Raises:
         BenchError: if the viewer is missing, or cannot draw the file ``target`` on this machine; the recording is kept.
@@ -115,7 +115,7 @@ def _timeline(client: ViewerClient, name: str) -> Timeline | None:
 
 @contextmanager
 def _running_viewer(program: str, folder: Path, size: tuple[int, int]) -> Iterator[ViewerClient]:
-    """Yield the client of a new viewer without a window, and end the viewer."""
+    """Yield the client of a new viewer without a window; then end the viewer."""
     port = _free_port()
     window = f"{size[0]}x{size[1] + TOP_BAR}"
     command = [program, "--headless", "--hide-welcome-screen", "--port", str(port), "--window-size", window]

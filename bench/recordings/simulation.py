@@ -198,7 +198,7 @@ class SceneRecorder:
         return ()
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
-        """Return the impulses of a step, whose contacts are in ``states``."""
+        """Return the impulses of a step; ``states`` are the states of its contacts."""
         return ()
 
     def _own_curves(self, state: State) -> dict[str, float]:
@@ -238,9 +238,9 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
 
 
 def unit_exponent(values: FloatArray) -> int:
-    """Return the power of ten, a multiple of 3, in whose unit values below 1e-3 are drawn; 0 for larger ones.
+    """Return the exponent, a multiple of 3, of the unit in which values below 1e-3 are drawn; 0 for larger values.
 
-    Values below ``MIN_OBSERVED`` are zero up to rounding, and have its unit.
+    Values below ``MIN_OBSERVED`` are zero up to rounding, and are drawn in its unit.
     """
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=MIN_OBSERVED))
     return 3 * math.floor(math.log10(largest) / 3.0) if largest < 1e-3 else 0

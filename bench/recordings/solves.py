@@ -28,7 +28,7 @@ from .file import SUFFIX, RecordingFile, write_curve
 from .traces import Trace, trace_solve
 
 MIN_RESIDUAL = 1e-16
-"""Lower bound of the values of curves, because these are shown as logarithms."""
+"""Lower bound of the values of curves, whose logarithms are shown."""
 
 MAX_GROWTH = 1e2
 """Bound of the curves of diverging solvers, relative to the largest initial value of any solver."""

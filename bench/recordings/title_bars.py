@@ -115,7 +115,7 @@ def _boxes(blueprint: Blueprint, entity: str, box: Box) -> Iterator[tuple[str, B
 
 
 def _split(start: float, end: float, count: int, shares: list[float]) -> list[tuple[float, float]]:
-    """Return the ends of parts of a line, in proportion to their shares."""
+    """Return the ends of the parts of a line, which is divided in proportion to their shares."""
     used_shares = (shares or [1.0] * count)[:count]
     length, parts = end - start - GAP * (count - 1), []
     for share in used_shares:
@@ -133,7 +133,7 @@ def _children(container: Mapping[str, Any]) -> list[str]:
 
 
 def _values(fields: Mapping[str, Any], name: str) -> list[Any]:
-    """Return the values of a field; the viewer writes one value without its list."""
+    """Return the values of a field; the viewer writes a single value without a list."""
     values = fields.get(name, [])
     return values if isinstance(values, list) else [values]
 

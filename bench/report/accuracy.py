@@ -19,7 +19,7 @@ SUMMARY_ACCURACIES = (1e-4, 1e-6)
 """Judged residuals of the summary."""
 
 SHIFT_SECONDS = 1e-3
-"""Shift of the geometric mean [s], which limits the weight of problems that are solved in less."""
+"""Shift of the geometric mean [s], which limits the weight of problems that are solved in less time."""
 
 TOLERANCE_ROUNDING = 1e-9
 """Relative difference up to which two tolerances are equal."""
@@ -72,7 +72,7 @@ def reachable_accuracies(wanted: Sequence[float], tolerances: Sequence[float]) -
 
 
 def accuracy_tag(accuracy: float) -> str:
-    """Return an accuracy as in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
+    """Return an accuracy as written in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
     written = (f"{accuracy:.{digits}e}" for digits in range(16))
     return next(
         (text for text in written if np.isclose(float(text), accuracy, rtol=TOLERANCE_ROUNDING, atol=0.0)),
@@ -100,7 +100,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
 
 
 def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases that reach an accuracy in a time all of whose rounds are excluded.
+    """Return problem and solver of the cases whose time to an accuracy has only excluded rounds.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
@@ -140,7 +140,7 @@ def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
 
 
 def threads_by_solver(frames: RunFrames) -> "pd.Series[int]":
-    """Return the largest number of threads in which each solver of a run computed; if unknown, that it declares."""
+    """Return the largest number of threads that each solver of a run used; if unknown, the declared number."""
     cases = frames.cases
     declared = cases.groupby("solver", sort=False)["threads"].max()
     used = cases[cases["threads_used"] > 0].groupby("solver")["threads_used"].max()
@@ -148,7 +148,7 @@ def threads_by_solver(frames: RunFrames) -> "pd.Series[int]":
 
 
 def excluded_times(frames: RunFrames) -> pd.DataFrame:
-    """Return the times of which all rounds are excluded: problem, solver, accuracy and standing."""
+    """Return the times that have only excluded rounds: problem, solver, accuracy and standing."""
     limit = frames.info.plan.limits.solve_seconds
     rows = [
         (problem, solver, accuracy, EXCLUDED)
@@ -161,7 +161,7 @@ def excluded_times(frames: RunFrames) -> pd.DataFrame:
 def mean_time(times: FloatArray, limit: float) -> float:
     """Return the shifted geometric mean of times [s], with NaN and times above ``limit`` [s] replaced by it.
 
-    It is NaN without times.
+    The mean is NaN if there are no times.
     """
     if not len(times):
         return float("nan")
@@ -185,8 +185,8 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     """Return one row per solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
     Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
-    solver claims it), common (whether all solvers of the table support the problem), excluded (whether all rounds of
-    the time are excluded), compared (whether the problem is common, and no solver's time is excluded).
+    solver claims it), common (whether all solvers of the table support the problem), excluded (whether the time has
+    only excluded rounds), compared (whether the problem is common, and no solver's time is excluded).
     """
     cases = counted_cases(frames)
     common = common_problems(cases)
@@ -221,10 +221,10 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     Columns: solver, model, problems (its ``counted_cases``), common (those of all solvers), and for each of
     ``summary_accuracies``: the share of its problems that the solver claims to solve (success), the share that the
     judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a solve.
-    The means are over the common problems (mean_time; NaN without any), and over all its own (own_mean_time), which is
-    not comparable between solvers. Further columns are the numbers of problems in both means (mean_problems,
-    own_problems) and of wrong claims (wrong). Means ignore excluded times; a common problem with one is
-    omitted for all solvers.
+    The means are over the common problems (mean_time; NaN without any), and over all problems of the solver
+    (own_mean_time, not comparable between solvers). Further columns are the numbers of problems in both means
+    (mean_problems, own_problems) and of wrong claims (wrong). Means ignore excluded times; a common problem with an
+    excluded time is omitted for all solvers.
     """
     shown = summary_accuracies(frames)
     tried = attempts(frames, shown)
@@ -270,7 +270,7 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over those solved in both ways. The other columns are over those of them without excluded times (timed, their
+    over those solved in both ways. The other columns are over those of the latter without excluded times (timed, their
     number): geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems
     that a warm start slows down by ``MARGIN`` or more (slower).
     """

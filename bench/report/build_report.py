@@ -25,7 +25,7 @@ class Report:
         tables: the files that hold both.
         charts: the files of the charts; empty if none were drawn.
         page: the page; None if there is none.
-        unwritten: a sentence about files that cannot be written; empty if all are.
+        unwritten: a sentence about files that cannot be written; empty if all can.
     """
 
     results: pd.DataFrame

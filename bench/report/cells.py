@@ -67,8 +67,8 @@ def shown_results(
 ) -> pd.DataFrame:
     """Return results as text: times that may be the fastest have a mark, and the fastest are ``bold``.
 
-    The column *threads* is shown if a solver declares several; it has both numbers if fewer are used. The column
-    *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
+    The column *threads* is shown if a solver declares several; it shows both numbers if the solver uses fewer. The
+    column *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
     """
     times = time_columns(results)
     heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
@@ -105,7 +105,7 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    excluded = points["is_excluded"].eq(True).fillna(False)  # missing where nothing was measured
+    excluded = points["is_excluded"].eq(True).fillna(False)  # missing if nothing was measured
     walls = zip(points["total_seconds"], excluded, strict=True)
     shown["wall"] = [duration(wall) + (EXCLUDED_MARK if is_excluded else "") for wall, is_excluded in walls]
     shown["CPU"] = [duration(seconds) for seconds in points["processor_seconds"]]

@@ -28,7 +28,7 @@ MARKS = {
 """One character for each ending; faults have none and are spelled out."""
 
 MAX_NAMED_SOLVERS = 4
-"""Largest number of solvers that the table of reasons names; of more, it names one fewer and counts the others."""
+"""Largest number of solvers that the table of reasons names; if there are more, a count replaces the last name."""
 
 MAX_REASON_LENGTH = 160
 """Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""
@@ -81,7 +81,8 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         tolerance: the judged residual to reach.
         command: the command line that makes the page.
         state: paragraphs about the run from which the matrix comes.
-        table: link to the file of ``matrix_table``; the page then counts by family. Without it the page has every cell.
+        table: link to the file of ``matrix_table``; the page then counts by family. Without a link, it shows all
+            cells.
     """
     found = pd.DataFrame(list(cells), columns=[field.name for field in fields(Cell)])
     for texts in ("problem", "solver", "reason"):

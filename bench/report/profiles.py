@@ -1,8 +1,8 @@
 """Profiles of solvers over many problems: performance, data and accuracy profiles, time budgets, and speed-ups.
 
 Each profile covers the problems and solvers of one table, so it changes with the table: the least time of a problem is
-that of the solvers shown. Times are compared only between solvers that compute in as many threads. Performance profiles
-therefore cover the solvers with the fewest threads, and speed-ups those with as many as the baseline.
+the least of the solvers shown. Times are compared only between solvers that use the same number of threads. Performance
+profiles therefore cover the solvers with the fewest threads, and speed-ups those with as many as the baseline.
 
 Shares count every problem of the view, solved or not. The view ``COMMON`` contains the problems that all solvers
 support; the view ``EVERY`` contains all problems, and a solver fails on those that it does not support.

@@ -36,7 +36,7 @@ ERROR_MEANINGS = {
     "end position": "error of the last position, over the longest path of a coordinate",
     "aggregates": "relative deviation of means over the second half from those of the reference",
 }
-"""What an error is, by its kind."""
+"""Meaning of an error, by its kind."""
 
 
 def points_table(frames: RunFrames) -> pd.DataFrame:

@@ -51,7 +51,7 @@ FORMAT = 7
 """Version of the format."""
 
 FORMAT_WITHOUT_OVERLAPS = 6
-"""Version that is read, too; its steps lack the column ``overlap``."""
+"""Older version of the format that can also be read; its steps lack the column ``overlap``."""
 
 _UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 """Exceptions that reading files of unknown origin may raise."""

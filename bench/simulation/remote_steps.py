@@ -118,7 +118,7 @@ class RemoteSteps(RenewedWorker):
             begin, allowed = taken.end, self.seconds
 
     def failure(self, fault: Fault) -> Exception:
-        """Return the error for a request without an answer, as from the scene itself."""
+        """Return the error for a request without an answer, the same as the scene's system returns."""
         system = self._scene.system
         assert isinstance(system, RemoteSystem)
         return system.failure(fault)

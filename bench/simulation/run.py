@@ -129,7 +129,7 @@ def resumable_simulation(
             "name a longer one, or leave it out."
         )
     stored, simulation.plan = simulation.plan, plan
-    if simulation.is_finished:  # no step follows with other settings
+    if simulation.is_finished:  # no step with other settings follows
         simulation.plan = stored
     return simulation
 

@@ -1,4 +1,4 @@
-"""Starts of the solve of a step: warm (from the last impulses), scaled (from a part of them), or cold (from zero)."""
+"""Starts of the solve of a step: warm (from the last impulses), scaled (from a fraction of them), cold (from zero)."""
 
 from dataclasses import dataclass
 
@@ -80,7 +80,7 @@ class _FromZero:
 
 @dataclass(frozen=True)
 class _FromScaled:
-    """A prepared solver that starts from the given impulses, scaled."""
+    """A prepared solver that starts from a fraction of the given impulses."""
 
     prepared: Prepared
     problem: ContactProblem

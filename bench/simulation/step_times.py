@@ -19,7 +19,8 @@ def without_compilation(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]
     """Yield ``steps`` with wall times that exclude compilation.
 
     A stepper may try the next step before it yields one, so the excess of a compilation over its step is subtracted
-    from the following steps. Do not use it where code of a plugin runs, which could hold the compiler lock meanwhile.
+    from the following steps. Do not use this function if code of a plugin runs, because it could hold the compiler
+    lock.
     """
     compiling = 0.0
     while True:
@@ -39,7 +40,7 @@ class StepClocks:
     """Wall and processor time of the steps of a simulation.
 
     Attributes:
-        solver: the solver, whose program counts if it is an executable.
+        solver: the solver; if it is an executable, the time of its process counts.
         wall: wall time [s].
         processor: processor time [s].
     """

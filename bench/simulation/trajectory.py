@@ -225,7 +225,7 @@ class Simulation:
 
     @property
     def overlapping(self) -> NDArray[np.bool_]:
-        """Whether the projection of positions leaves each step deeper than its tolerance, shape (n_steps,)."""
+        """Whether a penetration above the tolerance remains after the projection in each step, shape (n_steps,)."""
         overlapping: NDArray[np.bool_] = self.steps["overlap"] > 0.0
         return overlapping
 

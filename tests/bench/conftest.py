@@ -1,4 +1,4 @@
-"""Shared: a finished little run, and command lines that are mistakes."""
+"""Shared fixtures: a small finished run, and invalid command lines."""
 
 import os
 from collections.abc import Callable, Generator
@@ -15,7 +15,7 @@ HERE = Path(__file__).parent
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """In this folder ignore the load of the machine, and do not wait until the disk has written each file."""
+    """For the tests of this folder, ignore the load of the machine, and do not wait for writes to disk."""
     if HERE not in item.path.parents:
         return (yield)
     with pytest.MonkeyPatch.context() as patch:
@@ -26,7 +26,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 @pytest.fixture(scope="session")
 def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of five solvers on three problems at three tolerances, with faults among them."""
+    """A run of five solvers on three problems at three tolerances, some of them faulty."""
     with pytest.MonkeyPatch.context() as patch:  # claims a core even while other tests have claimed all of them
         patch.setattr("proxbench.bench.measure.measuring_core.CLAIM", f"test-{os.getpid()}")
         return run(
@@ -44,7 +44,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def mistake(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[str], str]:
-    """Run a command line in an empty folder: it gets exit code 2 and one sentence, which is returned, and no file."""
+    """Run a command line in an empty folder; check exit code 2 and that no file is written; return its one sentence."""
 
     def sentence(line: str) -> str:
         monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Messages name options as Python has them, and the command line prints them in its own spelling."""
+"""Messages name options as in Python, and the command line replaces them by its own spelling."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""What runs, reports, comparisons, plans and simulations print is short."""
+"""The representations of runs, reports, comparisons, plans and simulations are short."""
 
 from collections.abc import Callable
 from html.parser import HTMLParser

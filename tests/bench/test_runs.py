@@ -1,4 +1,4 @@
-"""A run in Python: what it takes, what it returns, and that it needs nothing but its folder afterwards."""
+"""A run in Python: its arguments, its result, and that its folder alone suffices afterwards."""
 
 import dataclasses
 import os
@@ -207,7 +207,7 @@ def test_a_notebook_shows_the_summary_and_no_markup_of_names(finished: Run) -> N
     plan = replace(finished.info.plan, solvers=[hostile])
     info = replace(finished.info, run_id=hostile, plan=plan, sessions=[])
     cases = finished.cases.assign(solver=hostile)
-    points = finished.points.assign(solver=hostile, is_excluded=False)  # no warnings, however busy the machine is
+    points = finished.points.assign(solver=hostile, is_excluded=False)  # no warnings on a busy machine
     rounds = finished.rounds.assign(excluded="", probe_seconds=1e-6)
     quiet = dataclasses.replace(finished, info=info, cases=cases, points=points, rounds=rounds)
     page = Texts(quiet._repr_html_())

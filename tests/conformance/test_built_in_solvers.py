@@ -1,7 +1,7 @@
-"""Every built-in solver keeps the promises that plugins are held to.
+"""Every built-in solver passes the checks that plugins must pass.
 
-With PROXBENCH_PROFILE=full each meets the checks as plugins do. Without, solves take fewer iterations, and only the
-default solver and ``SORprox`` solve hard cases of more than 100 rows.
+With PROXBENCH_PROFILE=full, each solver runs the checks with the limits of plugins. Otherwise, solves take fewer
+iterations, and only the default solver and ``SORprox`` solve hard cases of more than 100 rows.
 """
 
 import os
@@ -31,7 +31,7 @@ MAX_ROWS = 100
 """Number of rows of the largest hard cases that most solvers solve without the full profile."""
 
 KINDS = ("hard-stack-10", "hard-mixed-laws", "hard-tresca-joint", "hard-remote-partner", "hard-duplicated-slider")
-"""The hard cases that ``CvxpyCoulomb``, whose program takes milliseconds to write, solves without the full profile."""
+"""The hard cases that ``CvxpyCoulomb``, which takes milliseconds per set-up, solves without the full profile."""
 
 VARIANTS = [
     "Robust",
@@ -79,7 +79,7 @@ def test_the_variants_cover_every_built_in_solver() -> None:
 
 
 LONG = {check.name for check in (*hard_checks.HARD_CHECKS, *invariance_checks.INVARIANCE_CHECKS)}
-"""Checks on more than a hundred problems, or on some many times."""
+"""Checks on more than a hundred problems, or with many repetitions."""
 
 COMPARED = ("ProximalADMM", "ProximalPoint", "APGD", "SAP")
 SLOW = (
@@ -93,10 +93,10 @@ SLOW = (
     "NesterovSORprox",
     *COMPARED,
 )
-"""Solvers that take minutes for those, or variants of others that do; only the full profile runs them there."""
+"""Solvers that take minutes for these checks, and variants of such solvers; only the full profile runs them."""
 
 PATIENT = ("CentralPath", "InteriorPoint(", "InteriorNewton", "Refined", "ClarabelCoulomb", "MomentumFallback")
-"""Solvers that take seconds for all checks, or are made of those that are checked daily."""
+"""Solvers that take seconds for all checks, or are composed of solvers that are checked daily."""
 
 DAILY = {"SORprox"}
 """The solver that runs the long checks daily."""
@@ -106,7 +106,7 @@ THOROUGH = {"Robust", *DAILY}
 
 
 def pairs() -> list[Any]:
-    """Return each variant with each check; what takes long is slow but for one solver."""
+    """Return each variant with each check; long checks are marked as slow except for one solver."""
     return [
         pytest.param(name, check, marks=[pytest.mark.slow] if is_slow(name, check) else [], id=f"{name}-{check}")
         for name, check in product(VARIANTS, SOLVER_CHECKS)
@@ -123,7 +123,7 @@ def _made_case(name: str) -> ContactProblem:
 
 
 def case_copy(name: str) -> ContactProblem:
-    """Return a copy of a hard case, which takes a fraction of the time of making it."""
+    """Return a copy of a hard case, in a fraction of the time that it takes to create it."""
     return _made_case(name).fresh()
 
 
@@ -133,7 +133,7 @@ def is_small(case: str) -> bool:
 
 @pytest.fixture
 def few_iterations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give the checks smaller limits and cases, unless the profile is full."""
+    """Reduce the limits and cases of the checks, unless the profile is full."""
     for module in (samples, hard_checks, repetition_checks):
         monkeypatch.setattr(module, "hard_case", case_copy)
     if IS_FULL:

@@ -1,8 +1,8 @@
-"""What solvers promise on a few small problems holds on the hard cases one by one.
+"""The checks that run on a few small problems also pass on each hard case.
 
-Daily one small case of each kind is solved by every built-in solver but those that are there for comparison, or as
-parts of others, or made of others; the slow tests add these, and take all of the smallest cases with the others; with
-PROXBENCH_PROFILE=full all solvers take all of at most 400 rows.
+Daily tests run every built-in solver on one small case of each kind, except for the solvers in ``FOR_COMPARISON``. Slow
+tests add these, and run the other solvers on all of the smallest cases. With PROXBENCH_PROFILE=full, all solvers run on
+all cases of at most 400 rows.
 """
 
 import os
@@ -39,30 +39,30 @@ ONE_BY_ONE = (
     "tolerances",
     "cycles",
 )
-"""The checks that look at each problem by itself."""
+"""The checks that consider each problem separately."""
 
 KNOWN = {
     ("Lemke", "hard-resting-block-mu10"): {"units"},
     ("ClarabelSOCP", "hard-oblique-impacts-21"): {"units"},
 }
-"""Checks that are not passed: at high friction the rounding of other units alone may lead Lemke's path on to a ray, and
-interior point methods end near 1e-6 on the convex model of some cases (at 1.6e-3 with a mass ratio of a million), where
-rounding decides on which side."""
+"""Known failures. At high friction, the rounding in other units may lead Lemke's path to a ray. Interior-point methods
+end near 1e-6 on the convex model of some cases (at 1.6e-3 with a mass ratio of a million), where rounding decides
+whether they reach the tolerance."""
 
 SHORT = Stop(1e-6, max_iterations=500, max_seconds=10.0)
 PATIENT = Stop(1e-8, max_iterations=2000, max_seconds=10.0)
 
 FACTORISING = ("Clarabel", "Interior", "CentralPath", "SAP", "Semismooth")
-"""Solvers whose iterations factorise matrices; without the full profile they take a tenth of the iterations."""
+"""Solvers whose iterations factorise matrices; without the full profile, their iteration limit is a tenth."""
 
 FOR_COMPARISON = {
     *("ProximalADMM", "ProximalPoint", "APGD", "SAP"),
     *("NesterovSORprox", "CentralPath"),
     *("InteriorNewton", "MomentumFallback"),
 }
-"""Solvers that are there for comparison, or as parts of others, or made of others.
+"""Solvers that are included for comparison, as parts of other solvers, or as compositions of them.
 
-The full profile alone takes all cases with them."""
+Only the full profile runs them on all cases."""
 
 DAILY = {
     "hard-stack-2-top-1e4",
@@ -72,7 +72,7 @@ DAILY = {
     "hard-tresca-joint",
     "hard-immovable-planar",
 }
-"""A mass ratio, redundant contacts, sliding in space, a cycle of sweeps, a fixed bound, and no solution."""
+"""Cases with a mass ratio, redundant contacts, sliding in space, a cycle of sweeps, a fixed bound, and no solution."""
 
 CASES = [
     pytest.param(name, marks=[] if name in DAILY else [pytest.mark.slow])
@@ -83,7 +83,7 @@ CASES = [
 
 @pytest.fixture(params=CASES)
 def case(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A hard case, which the checks find in the place of their small problems."""
+    """A hard case that replaces the small problems of the checks."""
     problem = hard_case(request.param)
     monkeypatch.setattr(samples, "samples", lambda: [problem.fresh()])
     short, patient = SHORT, PATIENT

@@ -1,6 +1,6 @@
-"""Whatever the problem, every solver keeps its promises: random families with a known solution, transformed in any way.
+"""Every solver passes its checks on random families of problems with a known solution, under any transformation.
 
-With PROXBENCH_PROFILE=full each property is tested on five hundred problems, with ``hunt`` on five thousand.
+With PROXBENCH_PROFILE=full, each property is tested on five hundred problems; with ``hunt``, on five thousand.
 """
 
 from typing import Any
@@ -162,7 +162,7 @@ def transformed_problems(draw: Any) -> tuple[ContactProblem, TransformedProblem,
 
 
 def without_factors(problem: ContactProblem) -> TransformedProblem:
-    """The problem as its Delassus matrix alone."""
+    """Return the problem with its Delassus matrix, but without factors."""
     bare = ContactProblem.from_delassus(problem.delassus(), problem.free_velocity, laws=problem.laws)
     return TransformedProblem(bare, sp.csr_array(sp.eye_array(problem.n_rows)))
 
@@ -182,11 +182,11 @@ def test_a_solution_of_a_transformed_problem_solves_the_original(
 
 
 def left_by_copies(problem: ContactProblem, impulses: FloatArray) -> float:
-    """Return the residual ε^⅔ (L/2)^⅓ that the sum of two copies may have where each has ε = ``TOLERANCE``.
+    """Return the largest residual ε^⅔ (L/2)^⅓ of the sum of two copies that have the residual ε = ``TOLERANCE`` each.
 
-    Two copies that hardly slide, at ξ, may hold at angles of ±φ to −ξ as long as φ‖ξ‖ ≤ ε. The sum of both is then by
-    Lφ²/2 inside its disc of radius L = αμΛ_N, relative to c as ξ is, and violates Coulomb's law by the lesser of that
-    and of ‖ξ‖ = ε/φ. L is at most the largest G_hh |Λ_h|.
+    Two copies that hardly slide, at ξ, may hold at angles of ±φ to −ξ as long as φ‖ξ‖ ≤ ε. The sum of both is then
+    inside its disc of radius L = αμΛ_N by Lφ²/2, relative to c like ξ, and violates Coulomb's law by the lesser of this
+    and ‖ξ‖ = ε/φ. L is at most the largest G_hh |Λ_h|.
     """
     residual = Residual(problem)
     held = residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""The pytest plugin tests every promise of every marked solver, and says what is broken in a sentence."""
+"""The pytest plugin runs every check on every marked solver, and reports each failure in a sentence."""
 
 import subprocess
 import sys

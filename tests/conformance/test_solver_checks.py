@@ -1,4 +1,4 @@
-"""Each check notices the fault that it is there for, and names it in a sentence."""
+"""Each check detects the fault that it is meant for, and reports it in a sentence."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -93,7 +93,7 @@ def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> 
 
 
 FEW = ("counts copies twice", "moves")
-"""Faults that run through all checks without the full profile too."""
+"""Faults that run through all checks, even without the full profile."""
 
 
 @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
@@ -148,7 +148,7 @@ ALONE = {
     "lies on hard-pendulum": {"hard joints"},
     "lies on hard-slowing-sphere-stops": {"hard rolling"},
 }
-"""Faults that few checks notice, and those checks."""
+"""Faults that few checks detect, with these checks."""
 
 
 @pytest.mark.slow
@@ -164,7 +164,7 @@ def test_every_check_has_a_fault_that_few_others_notice() -> None:
 
 
 def broken_by(fault: str) -> list[str]:
-    """Names of the checks that a fault breaks, all of them run on it."""
+    """Run all checks on a fault; return the names of those that fail."""
     return [name for name, check in CHECKS.items() if breaks(check, fault)]
 
 
@@ -180,7 +180,7 @@ def breaks(check: Any, fault: str) -> bool:
 
 
 def in_a_process(act: Callable[[], str]) -> str:
-    """What ``act`` returns in a forked process, which it may leave as it likes."""
+    """Return the result of ``act`` in a forked process, whose state it may change."""
     reading, writing = os.pipe()
     if os.fork() == 0:
         try:

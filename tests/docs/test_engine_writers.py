@@ -1,4 +1,4 @@
-"""The writers of the pages on other programs run in these programs, and their files hold the steps of the programs."""
+"""The code of the pages about other programs runs in these programs, and its files contain their steps."""
 
 import re
 from pathlib import Path
@@ -17,12 +17,12 @@ PAGES = "\n".join((HOW_TO / name).read_text("utf-8") for name in ("export-from-e
 HALF = 0.1
 """Half the edge of a cube [m]."""
 MASSES = (1.0, 10.0, 100.0)
-"""Masses of stacked cubes from the floor up [kg]."""
+"""Masses of the stacked cubes, from the lowest one up [kg]."""
 GRAVITY = 9.81
 
 
 def run_writer(program: str, **names: Any) -> None:
-    """Execute the code of a section; it finds ``names``, and writes its file into the current folder."""
+    """Execute the code of a section with the variables ``names``; it writes its file into the current folder."""
     section = re.search(rf"^## {program}\n(.*?)(?=^## |\Z)", PAGES, re.DOTALL | re.MULTILINE)
     assert section is not None
     (block,) = re.findall(r"^```python\n(.*?)^```$", section[1], re.DOTALL | re.MULTILINE)
@@ -117,7 +117,7 @@ def test_a_solved_step_of_rapier_slows_a_sliding_cube_as_rapier_does() -> None:
 def test_impulses_of_rapier_give_its_velocity_after_the_step(
     masses: tuple[float, ...], speed: float, turning: float
 ) -> None:
-    """Of the model COULOMB, whose friction impulses act along directions that follow from the normal."""
+    """The friction impulses of the model COULOMB act along directions that follow from the normal."""
     world = rapier_world()
     world.integration_parameters.friction_model = pytest.importorskip("rapier3d").FrictionModel.COULOMB
     places = [(0.0, 0.0, HALF * (2 * k + 1)) for k in range(len(masses))]
@@ -183,7 +183,7 @@ def test_contacts_of_rapier_are_where_its_cubes_touch() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("is_compliant", [False, True])
 def test_a_dump_of_kamino_has_its_velocity_and_a_small_residual(is_compliant: bool) -> None:
-    """Compiling Kamino's kernels takes minutes; Warp keeps them."""
+    """The first compilation of Kamino's kernels takes minutes; Warp caches them."""
     newton = pytest.importorskip("newton", reason="the extra kamino is not installed")
     import warp
 
@@ -288,7 +288,7 @@ def test_the_matrix_of_a_pinocchio_model_is_that_of_its_cholesky_decomposition(p
 
 
 def test_solved_impulses_move_a_pinocchio_model_as_external_forces_do(posed: SimpleNamespace) -> None:
-    """Forces in the world's axes at the corners and ``aba``, which knows no constraint, give the velocity after."""
+    """The final velocity follows from forces in world axes at the corners and ``aba``, which ignores constraints."""
     pin, model, step = posed.pin, posed.model, 0.001
     data = model.createData()
     pin.forwardKinematics(model, data, posed.q)

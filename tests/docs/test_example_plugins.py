@@ -1,4 +1,4 @@
-"""The example plugins of the documentation run by ``--plugin``, and their methods solve contact problems."""
+"""The example plugins of the documentation run with ``--plugin``, and their methods solve contact problems."""
 
 import importlib.util
 import os
@@ -59,7 +59,7 @@ def test_the_plugin_passes_the_conformance_tests(name: str) -> None:
 
 @pytest.mark.parametrize("name", PLUGINS)
 def test_a_sliding_point_is_braked_by_mu_times_its_normal_impulse(name: str) -> None:
-    """A point of 2 kg that slides at 1 m/s over the ground and is pushed onto it by 0.5 N s."""
+    """A point of 2 kg slides at 1 m/s on the ground, and a normal impulse of 0.5 N s presses it down."""
     problem = ContactProblem.from_factors(np.eye(3), np.full(3, 0.5), [-0.25, 0.6, -0.8], 0.3)
     solution = solve(problem, solver_of(name), tolerance=1e-9)
     assert solution.status is Status.SOLVED

@@ -1,13 +1,13 @@
-"""The examples of the documentation do what the pages say: each page's blocks are run in order, in one namespace.
+"""Run the examples of the documentation: the blocks of each page run in order, in one namespace.
 
 Python blocks are executed, prompts (``>>>``) compared with what they print, and every ``$ proxbench …`` line of a
-console block is run in a folder of the page's own and must end with exit code 0; lines below a command are its output.
-Commands run in this process, as importing and preparing for measurements takes longer than most of them, and leave
-no plugin behind.
-A text block shows lines that the last command above it prints, in their order; times in µs, ms or seconds of wall, and
-residuals below 1e-14, which are rounding, may differ, and ``...`` stands for measured times without a unit.
-``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` leaves a
-block out.
+console block is run in the page's own folder and must end with exit code 0; lines below a command are its output.
+Commands run in this process, because imports and preparations for measurements take longer than most commands; the
+plugins that they register are removed.
+A text block shows lines that the last command above it prints, in their order. Times in µs, ms or seconds of wall time,
+and residuals below 1e-14 (rounding) may differ; ``...`` replaces measured times without a unit.
+``<!-- file: NAME -->`` before a Python block also writes it to that file; ``<!-- skip: next "REASON" -->`` skips a
+block.
 """
 
 import doctest
@@ -38,7 +38,7 @@ MAX_LINE_WIDTH = 96
 
 @pytest.fixture(autouse=True)
 def _ignore_other_tests(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exclude no round of a run, and note no time, because other tests use the core."""
+    """Exclude no rounds and add no notes on times, because other tests use the core."""
     ignore_load(monkeypatch)
     monkeypatch.setattr("proxbench.bench.store.notes.EXPLAINED_RATIO", math.inf)
 
@@ -81,13 +81,13 @@ def compare_sample(example: Example) -> None:
 
 
 def comparable(text: str) -> list[str]:
-    """Return the lines that say something, without measured times and the widths that depend on them."""
+    """Return the non-empty lines, without measured times and the widths that depend on them."""
     lines = (re.sub("─+", "─", ROUNDING.sub("…", MEASURED.sub("…", line))) for line in text.splitlines())
     return [" ".join(line.split()) for line in lines if line.strip()]
 
 
 def first_missing(shown: Iterable[str], printed: Iterable[str]) -> str | None:
-    """Return the first line of ``shown`` that does not follow in ``printed`` on those before it, None if all do."""
+    """Return the first line of ``shown`` that does not occur in ``printed`` after its predecessors; None if all do."""
     rest = iter(printed)
     check = doctest.OutputChecker().check_output
     return next((line for line in shown if not any(check(line, candidate, FLAGS) for candidate in rest)), None)

@@ -1,6 +1,6 @@
-"""Links in the Markdown files lead somewhere: files exist, headings are there, addresses are well formed.
+"""Links in the Markdown files are valid: files and headings exist, and addresses are well formed.
 
-Other sites are not visited. Code is no text: blocks and spans of it are left out.
+Other sites are not visited. Code blocks and code spans are ignored.
 """
 
 import re
@@ -18,7 +18,7 @@ PAGES = [
     *sorted((ROOT / "results" / "reference" / "tables").glob("*.md")),
 ]
 MADE = {ROOT / "docs" / "reference-run.html"}
-"""Pages that the site has and no file stands for: ``docs/extensions`` writes them."""
+"""Pages of the site without a file in the repository; ``docs/extensions`` writes them."""
 
 INLINE = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\]\([^)]*\))*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
 IMAGE = re.compile(r"\[!\[[^\]]*\]\(\s*([^)\s]+)\s*\)\]")
@@ -35,7 +35,7 @@ def prose(text: str) -> str:
 
 
 def targets(text: str) -> list[str]:
-    """Return where the links and images of a page lead."""
+    """Return the targets of the links and images of a page."""
     found = DIRECTIVE.findall(text)
     for pattern in (INLINE, IMAGE, DEFINITION, AUTOMATIC, ATTRIBUTE):
         found += pattern.findall(prose(text))
@@ -62,7 +62,7 @@ def anchors_of(page: Path) -> set[str]:
 
 
 def fault(page: Path, target: str) -> str | None:
-    """Say why a link of a page leads nowhere, or None."""
+    """Return why a link of a page is broken; None if it is valid."""
     parts = urlsplit(target)
     if parts.scheme == "mailto":
         return None if re.fullmatch(r"[^@\s]+@[^@\s]+\.\w+", parts.path) else "is no address of mail"

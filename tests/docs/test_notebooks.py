@@ -1,4 +1,4 @@
-"""The notebooks of the documentation run from top to bottom, and hold no outputs."""
+"""The notebooks of the documentation run from top to bottom, and contain no outputs."""
 
 import ast
 import json
@@ -18,7 +18,7 @@ def cells(notebook: Path, kind: str) -> list[dict[str, Any]]:
 
 
 def run_cell(source: str, namespace: dict[str, Any]) -> str:
-    """Run a cell; return what a notebook shows of its last expression."""
+    """Run a cell; return the text that a notebook shows for its last expression."""
     tree = ast.parse(source)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, "cell", "exec"), namespace)

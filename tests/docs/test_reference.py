@@ -18,7 +18,7 @@ def is_listed(name: str) -> bool:
 
 @pytest.mark.parametrize("package", ["proxbench.problems", "proxbench.solvers", "proxbench.bench"])
 def test_every_public_name_is_in_the_reference(package: str) -> None:
-    documented_elsewhere = {"proxbench.solvers.Model"}  # with the problems, where it comes from
+    documented_elsewhere = {"proxbench.solvers.Model"}  # documented with the problems, where it is defined
     names = {f"{package}.{name}" for name in import_module(package).__all__} - documented_elsewhere
     assert {name for name in names if not is_listed(name)} == set()
 

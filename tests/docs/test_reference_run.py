@@ -1,4 +1,4 @@
-"""What the README shows of the reference run is what the run measured."""
+"""The README shows the results of the reference run."""
 
 import io
 import re
@@ -14,7 +14,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def lines_in_words(text: str) -> list[str]:
-    """Return the lines without the spaces and rules that depend on widths."""
+    """Return the lines without the spaces and rules that depend on column widths."""
     lines = [" ".join(line.strip(" ─").split()) for line in text.splitlines()]
     return [line for line in lines if line]
 

@@ -1,4 +1,4 @@
-"""The pages about simulations show what the program prints, and the options that steppers have."""
+"""The pages about simulations show the output of the program, and the options of steppers."""
 
 import inspect
 import io
@@ -22,7 +22,7 @@ PAGE = "\n".join(
 
 
 def options_table() -> dict[str, list[str]]:
-    """Return the cells beside each option, as the page has them."""
+    """Return the cells of each option in the table of the page."""
     found = re.findall(r"^\| `(\w+)` \| (.+) \| (.+) \| (.+) \|$", PAGE, re.MULTILINE)
     return {name: cells for name, *cells in found}
 
@@ -57,7 +57,7 @@ def test_the_columns_of_a_pour_are_those_that_are_printed() -> None:
     print_simulation(simulation, console)
     head = console.file.getvalue().splitlines()[2]  # type: ignore[attr-defined]
     (shown,) = (line for line in PAGE.splitlines() if line.startswith(" t [s]"))
-    only_if_hidden = "local"  # shown where fast contacts hide the violations of others, which needs a step
+    only_if_hidden = "local"  # shown if a step has fast contacts that hide the violations of others
     assert only_if_hidden in shown.split()
     assert [word for word in shown.split() if word != only_if_hidden] == head.split()
 

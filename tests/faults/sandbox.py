@@ -1,4 +1,4 @@
-"""Runs in processes of their own, and what they leave behind: processes, temporary files, verdicts."""
+"""Runs in separate processes, and what they leave: processes, temporary files, verdicts."""
 
 import os
 import subprocess
@@ -26,11 +26,11 @@ run = partial(run, results=results, run_id="it")
 
 
 JUDGED = ("iterations", "residual", "model_residual", "verdict", "impulse_error")
-"""Numbers of a point that no clock has a part in."""
+"""Fields of a point that do not depend on a clock."""
 
 
 class Sandbox:
-    """A folder with results and temporary files of its own, and a mark by which its processes are known."""
+    """A folder with its own results and temporary files, and a mark that identifies its processes."""
 
     def __init__(self, folder: Path) -> None:
         self.results, self.temporary = folder / "results", folder / "temporary"
@@ -42,7 +42,7 @@ class Sandbox:
         self.environment = {**os.environ, name: value, "TMPDIR": str(self.temporary), "PYTHONPATH": path}
 
     def start(self, code: str, before: Callable[[], None] | None = None) -> subprocess.Popen[str]:
-        """Start a process that runs ``code``, after what it does ``before`` that; a run in it is stored as "it"."""
+        """Start a process that calls ``before`` and then runs ``code``; a run in it is stored as "it"."""
         return subprocess.Popen(
             [sys.executable, "-c", HEAD.format(results=str(self.results)) + code],
             env=self.environment,
@@ -60,7 +60,7 @@ class Sandbox:
         return subprocess.CompletedProcess(process.args, process.returncode, output, errors)
 
     def done(self, code: str) -> "Verdicts":
-        """Run ``code``, which must end well and leave nothing behind, and return the verdicts of its run."""
+        """Run ``code``, check that it succeeds and leaves nothing behind, and return the verdicts of its run."""
         done = self.run(code)
         assert done.returncode == 0, done.stderr
         assert self.left_behind() == []
@@ -79,7 +79,7 @@ class Sandbox:
         return found
 
     def left_behind(self, allowed: Callable[[Path], bool] = lambda file: False, patience: float = 30.0) -> list[str]:
-        """Return processes and files, but for the allowed ones, that are left after a moment of patience."""
+        """Return the processes and files, except for allowed ones, that remain after at most ``patience`` [s]."""
         deadline = time.monotonic() + patience
         while True:
             files = [file for file in self._stray_files() if not allowed(file)]
@@ -97,7 +97,7 @@ Verdicts = dict[tuple[str, str], Any]
 
 
 def verdicts(run: Path) -> Verdicts:
-    """Return all that the judge and the solver said of each case, without what a clock said."""
+    """Return the untimed results of the judge and the solver for each case."""
     cases, damaged = Store.open(run).read_cases()
     assert damaged == []
     return {(case.problem, case.solver): _untimed(case) for case in cases}

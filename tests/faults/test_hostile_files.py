@@ -1,4 +1,4 @@
-"""Files and names from elsewhere run no code, write nowhere else, and say nothing to a terminal or a browser."""
+"""Untrusted files and names cannot run code, write elsewhere, or send control text to a terminal or a browser."""
 
 import hashlib
 import io
@@ -34,7 +34,7 @@ def copied(stored: Path, tmp_path: Path) -> Path:
 
 
 def forge(file: Path, changes: dict[str, Any]) -> None:
-    """Write a file again with changes and a right checksum, as an attacker might."""
+    """Rewrite a file with changes and a correct checksum, as an attacker might."""
     content = {**json.loads(file.read_text()), **changes}
     del content["checksum"]
     checksum = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,6 +1,6 @@
-"""A run survives kill -9 of any of its processes at any moment, and can be finished after kill -9 of itself.
+"""A run survives kill -9 of any of its processes at any moment, and can be resumed after kill -9 of itself.
 
-PROXBENCH_KILLS is the number of kills of each kind; without it there are a few, as continuous integration needs them.
+PROXBENCH_KILLS is the number of kills of each kind; the default is small, for continuous integration.
 """
 
 import itertools
@@ -51,7 +51,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
 
 
 def resumed(sandbox: Sandbox, retry: bool) -> Verdicts:
-    """Resume the run in this process, after which no file is left over, and return its verdicts."""
+    """Resume the run in this process, check that it leaves nothing behind, and return its verdicts."""
     folder = resume(sandbox.results / "it", retry_failed=retry).folder
     assert sandbox.left_behind() == []
     return verdicts(folder)
@@ -76,7 +76,7 @@ def test_killing_workers_costs_their_own_cases(tmp_path: Path, undisturbed: Undi
 
 
 def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
-    """Kill a server, a supervisor or a case of a run, whichever it hits; return whether there was one."""
+    """Kill a random process of a run: a server, a supervisor or a case; return whether there was one."""
     workers = sorted(process.pid for process in sandbox.processes() if process.pid != run)
     if not workers:
         return False
@@ -90,7 +90,7 @@ def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
 def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_finished_later(
     tmp_path: Path, undisturbed: Undisturbed
 ) -> None:
-    """It names a point after that is stored, so that all it has named is there, with as many rounds.
+    """The run names a point after it is stored, so every named point is in the file with as many rounds.
 
     Every other run is killed in the second half of its time.
     """
@@ -104,7 +104,7 @@ def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_fini
         kills += process.poll() is None
         process.kill()
         output, _ = process.communicate()
-        # the file that it was writing goes when the run is resumed
+        # a partly written file is removed when the run is resumed
         assert sandbox.left_behind(lambda file: file.suffix == ".part") == []
         said = Counter(line for line in output.splitlines(keepends=True) if line.endswith("\n"))
         named += len(said)

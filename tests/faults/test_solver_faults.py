@@ -1,4 +1,4 @@
-"""Whatever solvers do, the run ends, the others' results are those of an undisturbed run, and nothing is left over."""
+"""Whatever a solver does, the run ends, the results of other solvers do not change, and nothing is left behind."""
 
 from dataclasses import dataclass
 
@@ -54,10 +54,10 @@ ACTIONS = {
     "stop its supervisor": (TIMEOUT, "8 s"),
     "forge": (MISBEHAVED, "an invalid answer"),
 }
-"""The outcome of each action, and words that name it: the reason of a failed case, the outcome of a measured point."""
+"""The outcome of each action, and words of the reason of a failed case, or the outcome of a measured point."""
 
 LATE_ACTIONS = {name: (TIMEOUT, "2 s") for name in ("stop itself", "sleep", "spin")}
-"""Actions that last as long as the limit, which is short in a run of theirs without other solvers."""
+"""Actions that last as long as the time limit; they have their own run, with a short limit."""
 
 RUNS = """
 def run_actions(run_id, actions):
@@ -90,7 +90,7 @@ run(
 
 @dataclass
 class Disturbance:
-    """An undisturbed run, the same disturbed by every action at once, and what that left behind."""
+    """An undisturbed run, the same run disturbed by all actions, and what the latter left behind."""
 
     quiet: Verdicts
     disturbed: Verdicts

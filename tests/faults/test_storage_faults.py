@@ -1,4 +1,4 @@
-"""Whatever happens to disk, folder and clock, what is finished stays, and the run can be finished later."""
+"""After faults of disk, folder or clock, finished results are kept, and the run can be resumed."""
 
 import json
 import os
@@ -62,7 +62,7 @@ def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 32 kB; who may not mount one goes without this test."""
+    """A file system of 32 kB; the test is skipped without the right to mount one."""
     place = tmp_path / "disk"
     place.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=32k", "tmpfs", str(place)]
@@ -99,7 +99,7 @@ SPOILED = {
     "overwritten": "[open(file, 'w').write('[]') for file in glob.glob(folder + '/**/*.json', recursive=True)]",
     "pipes": "[(os.unlink(file), os.mkfifo(file)) for file in glob.glob(folder + '/*/*.json')]",
 }
-"""What another program, a plugin perhaps, does to the folder of a run again and again."""
+"""Changes that another program, such as a plugin, makes repeatedly to the folder of a run."""
 
 
 SPOILED_RUNS = f"""
@@ -112,12 +112,12 @@ for how, spoiling in {SPOILED!r}.items():
 folder = results + "/it"
 run({SMALL}, on_event=lambda event: (shutil.rmtree(folder, True), pathlib.Path(folder).touch()))
 """
-"""Runs whose folders are spoiled at each event; that of the last one cannot be made again."""
+"""Runs whose folders are damaged at each event; the folder of the last one cannot be created again."""
 
 
 @dataclass
 class SpoiledRuns:
-    """The folder of the spoiled runs, the last line of standard error, and what they left behind."""
+    """The folder of the damaged runs, the last line of standard error, and what they left behind."""
 
     results: Path
     error: str
@@ -155,7 +155,7 @@ def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) 
     folder = sandbox.results / "it"
     while first.poll() is None and not (folder / "run.json").exists():
         time.sleep(0.01)
-    os.kill(first.pid, signal.SIGSTOP)  # however slow the second one is
+    os.kill(first.pid, signal.SIGSTOP)  # the first run must still be active when the second one starts
     with pytest.raises(BenchError, match="another process is writing"):
         resume(folder)
     with pytest.raises(BenchError, match="exists already"):
@@ -168,7 +168,7 @@ def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) 
 
 
 class JumpingClock(datetime):
-    """A calendar that is set forth and back by years whenever it is read."""
+    """A calendar that jumps forwards or backwards by years whenever it is read."""
 
     _chance = Random(3)
 

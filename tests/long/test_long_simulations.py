@@ -1,6 +1,6 @@
-"""Long simulations neither drift nor gain energy, nor do they eat memory.
+"""Long simulations do not drift, gain energy or leak memory.
 
-With PROXBENCH_PROFILE=full they are as long as their names say; without, they are short enough for every day.
+With PROXBENCH_PROFILE=full, they have their full length; otherwise, they are short enough for daily tests.
 """
 
 import gc
@@ -26,7 +26,7 @@ STACK_SECONDS = 60.0 if FULL else 3.0
 POURED = 1000 if FULL else 60
 
 MAX_ADDED_BYTES = 40 * 2**20
-"""What a simulation may add to memory: its rows, and what numba and the allocator keep."""
+"""Memory that a simulation may add [bytes]: for its rows, numba and the allocator."""
 
 
 def periods_of(simulation: Simulation) -> CycleSequence:
@@ -46,7 +46,7 @@ def energy(simulation: Simulation) -> np.ndarray:  # type: ignore[type-arg]
 
 def test_a_pile_at_rest_stays_as_it_is() -> None:
     settling = 2.0
-    simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=0.3))  # kernels compiled, caches filled
+    simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=0.3))  # compile kernels, fill caches
     before = memory()
     pile = simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=settling + REST_SECONDS, states=1))
     grown = memory() - before

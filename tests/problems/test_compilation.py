@@ -178,7 +178,7 @@ def test_deferred_kernels_are_used_where_nothing_is_interpreted_and_else_after_m
         assert DeferredKernels([], 10**9, 10**9).should_use()
     others = DeferredKernels([], 10**9, 10**9)
     assert others.should_use()
-    assert interprets_kernels(others.should_use)()  # they are compiled by now
+    assert interprets_kernels(others.should_use)()  # they are already compiled
 
 
 @pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")

@@ -1,4 +1,4 @@
-"""The residual of an engine's own model: 0 at the solution of its cone program, and nowhere else, in any rows."""
+"""The residual of an engine's own model is 0 only at the solution of its cone program, for any rows."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -93,7 +93,7 @@ EDGES = np.array([[1.0, 1.0, 1.0, 1.0], [MU, -MU, 0.0, 0.0], [0.0, 0.0, MU, -MU]
 
 
 def pyramid_problem(n_contacts: int = 2) -> ContactProblem:
-    """Contacts of unit masses with four edges each, whose b follows from c and a correction of the position."""
+    """Contacts of unit masses with four edges each; b combines c and a correction of the position."""
     matrix = np.kron(np.eye(n_contacts), EDGES.T @ EDGES)
     c = np.array([-1.0, 0.3, 0.2, -0.5, -2.0, 0.1])[: 3 * n_contacts]
     offset = np.kron(np.eye(n_contacts), EDGES.T) @ c / STEP - 7.0

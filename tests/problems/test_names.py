@@ -1,4 +1,4 @@
-"""Names with options are read as they are written."""
+"""Names with options are parsed as written."""
 
 from keyword import iskeyword
 

@@ -1,4 +1,4 @@
-"""What objects print is short, says the essential, and is escaped in notebooks."""
+"""Representations of objects are short, contain the essential data, and are escaped in notebooks."""
 
 import numpy as np
 import pytest

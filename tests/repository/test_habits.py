@@ -1,4 +1,4 @@
-"""Files that forges and tools read say what the project does: workflows, templates, citation, container."""
+"""Files for forges and tools agree with the project: workflows, templates, citation, container."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""What the package reads from files cannot run code."""
+"""Files that the package reads cannot run code."""
 
 import ast
 import json
@@ -10,7 +10,7 @@ PACKAGES = Path(proxbench.bench.__file__).parents[1]
 
 
 def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
-    """What a run reads comes as JSON, arrays or Python literals; pickles go from it to its own cases and not back."""
+    """A run reads only JSON, arrays and Python literals; it sends pickles to its cases, but accepts none from them."""
     pickling = {
         "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},
         "cloudpickle": {"solver_specs.py", "descriptions.py"},

@@ -1,4 +1,4 @@
-"""What is in version control is finished and small."""
+"""Files in version control are finished and small."""
 
 import re
 import subprocess
@@ -8,15 +8,15 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FILE_BYTES = 1_000_000
-"""Bytes that a tracked file may have; larger data are generated, or belong elsewhere."""
+"""Largest size of a tracked file [bytes]; larger data are generated, or belong elsewhere."""
 MAX_RUN_BYTES = 3_000_000
-"""Bytes that the bundle of a whole run may have, one file with the impulses by which it is judged again."""
+"""Largest size of a bundle [bytes], which contains all impulses of a run for rejudging."""
 MERGE_MARKER = re.compile(r"^(?:<{7}.*|>{7}.*|={7})$", re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
 def tracked() -> list[Path]:
-    """Files in version control that are there; in an unpacked source distribution, tests are skipped."""
+    """Return the existing files in version control; in an unpacked source distribution, tests are skipped."""
     if not (ROOT / ".git").exists():
         pytest.skip("this is no git checkout")
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
@@ -24,7 +24,7 @@ def tracked() -> list[Path]:
 
 
 def merge_markers(text: str) -> list[str]:
-    """Return the lines that a merge has left, and headings that look like them."""
+    """Return the conflict markers of a merge, and headings that look like them."""
     return MERGE_MARKER.findall(text.replace("\r\n", "\n"))
 
 

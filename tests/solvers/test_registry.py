@@ -1,4 +1,4 @@
-"""Names create solvers and their parts, and solvers have these names."""
+"""Names create solvers and their parts, and solvers have the same names."""
 
 from pathlib import Path
 from typing import Any

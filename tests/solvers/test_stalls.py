@@ -1,6 +1,6 @@
 """Stalled solves are continued ten times as long, without the rule and from the returned impulses.
 
-A stall is false if that brings the judged residual below half of what it was, unless it was rounding already.
+A stall is false if the continuation halves the judged residual, unless that was already rounding.
 """
 
 from collections.abc import Callable
@@ -42,14 +42,14 @@ PROBLEMS = (
     "hard-stack-2-top-1e4",
     "funnel-30-early",
 )
-"""Where solvers stall, and two where one with less patience would."""
+"""Problems on which solvers stall, and two on which less patient solvers would."""
 
 TOLERANCE = 1e-12
 
 STOP = Stop(TOLERANCE, 50_000, 1.0)
 
 UNIT_ROUNDING = 0.01
-"""What ``rounding`` allows is generous: a hundred times what one rounding of the largest term leaves."""
+"""Factor on ``rounding``, which is about a hundred times the effect of one rounding of the largest term."""
 
 
 def without_rules(patch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Charts of what accuracy costs in scenes of rigid bodies, from the tables of ``costs_of_accuracy.py``."""
+"""Charts of the cost of accuracy in scenes of rigid bodies, from the tables of ``costs_of_accuracy.py``."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ MAX_TICKS = 6
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that people look at.
+    """A measured quantity.
 
     Attributes:
         title: its name, with its unit.

@@ -1,4 +1,4 @@
-"""Shared by all speeds: one thread."""
+"""Shared by all speed tests: one thread."""
 
 import os
 from collections.abc import Iterator
@@ -12,6 +12,6 @@ os.environ.update(ONE_THREAD)
 
 @pytest.fixture(scope="session", autouse=True)
 def one_thread() -> Iterator[None]:
-    """Hold libraries that were loaded before the environment was set to one thread too."""
+    """Restrict libraries that were loaded before the environment was set to one thread."""
     with threadpool_limits(1):
         yield

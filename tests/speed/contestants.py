@@ -1,4 +1,4 @@
-"""Which solvers the speeds are taken of, on which funnel steps, and why a solver is left out of one."""
+"""The solvers and funnel steps of the speed tests, and the reasons why solvers are omitted."""
 
 from functools import cache
 
@@ -18,7 +18,7 @@ OPTIONS = {
     "PyramidPGS": ["PyramidPGS(relaxation=1.5)"],
     "SORprox": ["SORprox(relaxation=1.5)", "SORprox(relaxation=1.5, form='factors')"],
 }
-"""Options of solvers whose defaults are not what one would use on a funnel; the others take their defaults."""
+"""Options of solvers whose defaults do not suit a funnel; other solvers have their defaults."""
 
 _DIVERGES = (
     "a Jacobi sweep with full steps diverges on funnel steps of any size; JORprox with relaxation 0.5 is measured"
@@ -31,19 +31,19 @@ EXCUSES = {
     ("CvxpyCoulomb", 1000): "fifteen cone programs of 1.5 s each; ClarabelCoulomb solves the same ones without cvxpy",
     ("Lemke", 1000): "thousands of pivots in a tableau of hundreds of megabytes take minutes",
 }
-"""Why a solver need not reach the tolerance on the step of so many balls."""
+"""Reasons why a solver need not reach the tolerance, by solver and number of balls."""
 
 _KINDS = ("funnel-{}", "funnel-planar-{}", "funnel-frictionless-{}")
 """Steps of one size, the most general first."""
 
 
 def contestants() -> list[str]:
-    """Return every registered solver, with its options, and an example of each that is made of others."""
+    """Return every registered solver with its options, and an example of each composite solver."""
     return [*(entry for name in available() for entry in OPTIONS.get(name, [name])), *composites().values()]
 
 
 def excuse(entry: str, size: int) -> str | None:
-    """Return why a contestant is not measured on the step of ``size`` balls, or None if it is."""
+    """Return why a solver is not measured on the step of ``size`` balls, or None if it is."""
     return EXCUSES.get((entry.partition("(")[0], size))
 
 

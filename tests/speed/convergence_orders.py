@@ -1,7 +1,7 @@
 """Measure the order of convergence of the midpoint rule in the scenes of rigid bodies that have a closed form.
 
 Each scene is simulated to the same time with steps that are halved, and its end is compared with the closed form. A
-scene is *exact* where only the error of the solver is left. ``costs_of_accuracy.py --tables orders free`` prints the
+scene is *exact* if only the error of the solver remains. ``costs_of_accuracy.py --tables orders free`` prints the
 orders as a table, and the energy and momentum of free bodies over 10⁵ steps.
 """
 
@@ -32,7 +32,7 @@ from scipy.integrate import solve_ivp
 
 STOP = Stop(1e-10, 100_000)
 EXACT = 1e-9
-"""Error [SI units] that is left by a solver with a tolerance of 1e-10."""
+"""Remaining error [SI units] of a solver with a tolerance of 1e-10."""
 
 AMPLITUDE = 1e-5
 """Largest angle [rad] of a normal mode. The error of the linear theory is 2e5 times its square where a heavy ball hangs
@@ -46,14 +46,14 @@ class Case:
     """A scene with a closed form.
 
     Attributes:
-        name: of the scene, and of what is compared.
-        system: what moves.
+        name: name of the scene and of the compared quantity.
+        system: the mechanical system.
         start: its first state.
         seconds: simulated time [s].
         count: number of the longest steps.
-        error: of the last state.
+        error: function that returns the error of the last state.
         order: the expected order; infinite where the rule is exact.
-        depth: of the projection [m]; None for none.
+        depth: depth that the projection allows [m]; None without projection.
     """
 
     name: str
@@ -88,7 +88,7 @@ def _case(name: str, scene: Any, seconds: float, count: int, order: float) -> Ca
 
 
 def _stopping(name: str, scene: Any, stop_time: float) -> Case:
-    """Return a case of a body that stops after 2/3 of the time, at 1/3 or 2/3 of a step whatever their number."""
+    """Return a case of a body that stops after 2/3 of the time, at 1/3 or 2/3 of a step for any number of steps."""
     return _case(name, scene, 1.5 * stop_time, 25, 2.0)
 
 

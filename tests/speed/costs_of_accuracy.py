@@ -1,27 +1,27 @@
-"""Measure what accuracy costs in scenes of rigid bodies, in the quantities that people look at.
+"""Measure the cost of accuracy in scenes of rigid bodies, for quantities of practical interest.
 
 ``arch``     least thickness at which a masonry arch stands, over that of the equilibrium, by tolerance and step
 ``sizes``    the same for arches of 7 to 51 stones
 ``friction`` the same for arches of 27 stones with little friction, which collapse by hinging and sliding
-``sliding``  when such an arch of any thickness falls, with less friction than it can stand with
+``sliding``  when such an arch falls if its friction is too small for any thickness
 ``sweeps``   the same by the number of sweeps
-``creep``    how far a stone of an arch moves in ten seconds that is one per cent thicker than it must be
+``creep``    how far a stone moves in ten seconds in an arch that is one per cent thicker than necessary
 ``stack``    drift of ten boxes by the ratio of their masses, and by the depth at which they touch at the start
 ``drift``    drift of these boxes by tolerance and step
 ``cube``     how far a cube that slides along the ground lifts and sinks
 ``chain``    error of the energy of a chain
 ``swing``    energy of a chain, and of a heavy ball on it, over ten seconds
-``orders``   errors of all scenes with a closed form where the step is halved, and the order of the midpoint rule
-``joints``   how far joints open and what energy they keep, with and without closing them at each step
+``orders``   errors of all scenes with a closed form as the step is halved, and the order of the midpoint rule
+``joints``   how far joints open and the energy error, with and without closing them at each step
 ``linkages`` energy of a pendulum and a four-bar linkage over 10⁵ steps
-``resting``  how far joints open and bodies penetrate where a linkage or a chain lies on the ground
+``resting``  how far joints open and bodies penetrate if a linkage or a chain lies on the ground
 ``vanishing`` contacts of bodies at rest that open or change their keys, in 1000 steps
 ``free``     energy and momentum of free bodies over 10⁵ steps
-``piles``    time of a step of 100, 1000 and 5000 boxes, the part of finding contacts, and redundancy
+``piles``    time of a step of 100, 1000 and 5000 boxes, the part for finding contacts, and redundancy
 ``cards``, ``dominoes``, ``containers``, ``walls`` motions with a known result; see ``known_motions.py``
 
 ``python tests/speed/costs_of_accuracy.py --tables arch stack`` prints these tables in Markdown. ``--output costs.csv``
-keeps them in a file, and ``--charts FOLDER`` draws what it holds. Seconds are processor time of the steps; run
+stores them in a file, and ``--charts FOLDER`` draws them. Seconds are processor time of the steps; run
 ``proxbench warm`` before, so that kernels are compiled. All tables take three quarters of an hour.
 """
 
@@ -53,13 +53,13 @@ from resting_linkages import resting
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 STEPS = (1e-2, 5e-3, 2e-3)
 STEP = 5e-3
-"""Δt [s] where it does not vary."""
+"""Δt [s] in tables in which it does not vary."""
 
 SWEEPS = (10, 30, 100, 300, 1000)
 SWEEPING = ("NSGS", "SORprox")
 SOLVERS = ("Robust", *SWEEPING, "InteriorPoint", "ClarabelCoulomb", "SemismoothNewton")
 COMPARED = ("Robust", "NSGS", "InteriorPoint", "ClarabelCoulomb")
-"""Solvers of work–precision diagrams, which are measured with each of ``STEPS``; others only with ``STEP``."""
+"""Solvers of work–precision diagrams, measured with each of ``STEPS``; others are measured only with ``STEP``."""
 
 RELAXED = "ClarabelSOCP"
 """A solver of the convex model, which opens contacts that slide."""
@@ -69,13 +69,13 @@ MAX_SECONDS = 20.0
 """Processor time of one simulation [s]."""
 
 MAX_DRIFT_SECONDS = 40.0
-"""Processor time of one simulation [s] where sweeps reach their limit of iterations in most steps."""
+"""Processor time of one simulation [s] in which sweeps reach their limit of iterations in most steps."""
 
 N_WARM_UP_STEPS = 5
 """Steps before those that are timed."""
 
 FRICTION = 0.8
-"""Friction coefficient of the joints of an arch where it does not vary."""
+"""Friction coefficient of the joints of an arch in tables in which it does not vary."""
 
 DURATION = 1.0
 """Simulated time [s] for which an arch must stand."""
@@ -84,7 +84,7 @@ FALLEN = 1e-3
 """Displacement [m] at which an arch of radius 1 m counts as falling; it takes less than a second."""
 
 OVERLAP = 1e-5
-"""Depth [m] of the contacts of a stack at the start; less than what the error of a step moves a box loses contacts."""
+"""Depth [m] of the contacts of a stack at the start; with less, the error of a step would open contacts."""
 
 THROWN_OVER = 0.1
 """Drift [m] at which a simulation of a stack ends, the height of a box."""
@@ -95,10 +95,10 @@ class Motion:
     """A simulated motion.
 
     Attributes:
-        largest: largest value of what was observed.
+        largest: largest observed value.
         time: simulated time [s].
         unsolved: number of steps that were not solved to the tolerance.
-        iterations: mean number of iterations a step.
+        iterations: mean number of iterations per step.
         seconds: processor time [s].
     """
 
@@ -144,7 +144,7 @@ def to_tolerance(tolerance: float) -> Stop:
 
 @cache
 def least_thickness(stones: int, friction: float = FRICTION) -> float:
-    """Return the least t/R at which the equilibrium program says that the arch can stand."""
+    """Return the least t/R at which the arch can stand by the equilibrium program."""
 
     def stands(thickness: float) -> bool:
         return can_stand(Arch(stones, thickness, friction))
@@ -168,7 +168,7 @@ def thickness_ratio(stones: int, solver: str, stop: Stop, step: float, friction:
 def search_thickness(
     stones: int, solver: str, stop: Stop, step: float, friction: float = FRICTION
 ) -> tuple[float, list[Motion]]:
-    """Return the ratio of ``thickness_ratio``, and the motions from which it is known."""
+    """Return the ratio of ``thickness_ratio``, and the motions that determine it."""
     exact, motions = least_thickness(stones, friction), list[Motion]()
 
     def stands(ratio: float) -> bool:

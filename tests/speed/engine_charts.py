@@ -1,4 +1,4 @@
-"""Keep the figures of the page on engines, and draw its pictures.
+"""Update the figures of the page on engines, and draw its pictures.
 
 ``python tests/speed/engine_charts.py`` draws both pictures of docs/results-engines.md from docs/reference/engines.csv
 and docs/reference/thrown-cube.csv. ``--results engines.json`` first replaces the runs of engines.csv that this result
@@ -183,7 +183,7 @@ def error_cell(error: str, value: float) -> str:
 def best_rows(figures: pd.DataFrame) -> Iterator[str]:
     """Yield a row of Markdown for the best setting of each engine in each scene.
 
-    Processor time, in italics, decides where the wall time of one of the most accurate settings is not known.
+    Processor time, in italics, decides if the wall time of one of the most accurate settings is not known.
     """
     for scene, engine in figures[["scene", "engine"]].drop_duplicates().itertuples(index=False):
         description = describe(scene)
@@ -211,7 +211,7 @@ def draw(figures: pd.DataFrame, motions: pd.DataFrame, folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Keep new figures, and draw."""
+    """Store new figures, and draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", nargs="+", type=Path, default=[], help="results of proxbench engines (.json)")
     parser.add_argument("--throw", action="store_true", help="throw the cube again")

@@ -7,7 +7,7 @@ after each frame of 10 ms, in one process on one core, so that other load hits a
 
 The first table shows each setting: the deepest overlap of two balls over the timed frames, its median, the descent of
 the centre of mass, and wall and processor time per simulated second. The second one shows, for several overlaps, the
-cheapest setting of each engine that stays below, and its processor time over that of Proxbench.
+cheapest setting of each engine that stays below it, and its processor time over that of Proxbench.
 """
 
 import argparse

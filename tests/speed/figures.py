@@ -90,7 +90,7 @@ def judge_1674_contacts(folder: Path) -> Repeat:
 
 
 def residual_of_1674_contacts(folder: Path) -> Repeat:
-    """Look at the residual of an iterate of 1674 contacts."""
+    """Compute the residual of an iterate of 1674 contacts."""
     problem, impulses = _swept()
     residual = Residual(problem)
     return lambda: residual(impulses, problem.relative_velocity(impulses))
@@ -120,7 +120,7 @@ FIGURES: dict[str, Callable[[Path], Repeat]] = {
         load_1674_contacts,
     )
 }
-"""What makes each figure, by its name."""
+"""The function that prepares each figure, by its name."""
 
 
 def pour(folder: Path) -> None:
@@ -167,7 +167,7 @@ def seconds(repeat: Repeat, count: int) -> float:
 
 
 def answers(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield the answer to each command; a figure that this state of the package does not have says why."""
+    """Yield the answer to each command; it is an error text for a figure that this state of the package lacks."""
     prepared: dict[str, Repeat] = {}
     for line in sys.stdin:
         command, figure, *count = json.loads(line)
@@ -184,6 +184,6 @@ def answers(folder: Path) -> Iterator[dict[str, Any]]:
 
 if __name__ == "__main__":
     channel = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the package prints
+    os.dup2(2, 1)  # output of the package goes to standard error
     for answer in answers(Path(sys.argv[1])):
         print(json.dumps(answer), file=channel, flush=True)

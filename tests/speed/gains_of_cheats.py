@@ -1,9 +1,9 @@
-"""Print what each cheat of the catalogue gains where nothing is compared.
+"""Print the gain of each cheat of the catalogue if nothing is compared.
 
     PYTHONPATH=tests/faults/cheats python tests/speed/gains_of_cheats.py
 
-The gain is 1 − t/t₀, with t the median of timed solves of the cheat, as the clock in its process counts them, and t₀
-that of the honest solver on the same problem, in turns.
+The gain is 1 − t/t₀. Here t is the median time of the cheat's solves by the clock in its process, and t₀ that of the
+honest solver on the same problem; both solvers take turns.
 """
 
 import multiprocessing
@@ -37,7 +37,7 @@ class Unchecked(Measurement):
 
 def median_seconds(name: str, folder: str) -> float:
     """Return the median time of a solve by a cheat, or by the honest solver if a dash precedes the name."""
-    create("SORprox")  # imported before, as in the process of a case
+    create("SORprox")  # already imported, as in the process of a case
     cheat = make_cheat(name.removeprefix("-"), Path(folder))
     solver = Honest() if name.startswith("-") else cheat
     problem = load(cheat.tried_on).anonymous()

@@ -1,4 +1,4 @@
-"""Print what is still hard: problems that ``Robust`` does not solve in time, and changes that make problems hard.
+"""Print open problems: those that ``Robust`` does not solve in time, and changes that make problems hard.
 
 ``python tests/speed/hard_table.py FILE …`` solves problem files, each to 1e-6 and 1e-8 within ``--seconds``, and prints
 the judged residual and the processor time. Then it prints the median, the least and the largest number of iterations of
@@ -39,7 +39,7 @@ def file_rows(files: Sequence[Path], seconds: float) -> Iterator[str]:
 
 
 def two_cubes() -> ContactProblem:
-    """Return two cubes on each other with μ = 0.95, at rest."""
+    """Return two stacked cubes at rest with μ = 0.95."""
     scene = make_scene("box_stack(n_boxes=2, friction=0.95)")
     assembly = scene.system.assemble(scene.start.position, scene.start.velocity, 1e-3)
     assert assembly.contacts is not None

@@ -1,4 +1,4 @@
-"""Measure how far joints open, and how much energy they keep, with and without closing them at the end of each step.
+"""Measure how far joints open, and the energy error, with and without closing them at the end of each step.
 
 ``costs_of_accuracy.py --tables joints swing linkages`` prints the tables.
 """

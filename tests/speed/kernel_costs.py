@@ -2,7 +2,7 @@
 
     NUMBA_CACHE_DIR=$(mktemp -d) python tests/speed/kernel_costs.py
 
-The time of a kernel excludes that of the kernels which it calls. Kernels in the cache do not count.
+The time of a kernel excludes that of the kernels that it calls. Kernels in the cache do not count.
 """
 
 import time

@@ -48,7 +48,7 @@ def steps_of(scene: Any, tolerance: float, step: float, seconds: float, max_iter
 
 
 def cards(storeys: tuple[int, ...] = (1, 2, 3, 4), seconds: float = 2.0) -> Iterator[dict[str, Any]]:
-    """Yield what each house does: the time at which a card has moved by ``MOVED``, else the largest displacement."""
+    """Yield the result of each house: the time at which a card has moved by ``MOVED``, or the largest displacement."""
     for count in storeys:
         house = CardHouse(count)
         limit = least_friction(problem_at_rest(house.system(), house.start()))

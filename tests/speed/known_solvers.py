@@ -1,4 +1,4 @@
-"""Solvers whose time is known, to see what the harness charges for them. Child processes import them from here."""
+"""Solvers with known times, to test the times that the harness charges; child processes import this module."""
 
 import time
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from proxbench.solvers import Model, Observer, Solution, Status, Stop
 
 @dataclass(frozen=True)
 class Known:
-    """Returns zeros after having kept busy for a known time; the message says how many seconds either part took.
+    """Returns zeros after computing for a known time; the message contains the seconds of both parts.
 
     Attributes:
-        prepare_seconds: busy time of preparing [s]; 0 returns at once.
-        solve_seconds: busy time of solving [s]; 0 returns at once.
+        prepare_seconds: busy time of ``prepare`` [s]; 0 returns immediately.
+        solve_seconds: busy time of ``solve`` [s]; 0 returns immediately.
     """
 
     prepare_seconds: float = 0.0
@@ -48,9 +48,9 @@ class PreparedKnown:
 
 
 def kept_busy(seconds: float) -> float:
-    """Count until the time has passed, and return how long it took by another clock than that of the harness [s].
+    """Count until the time has passed; return the elapsed time by another clock than that of the harness [s].
 
-    It takes longer than the given time where other programs interrupt it.
+    It takes longer than the given time if other programs interrupt it.
     """
     began = time.monotonic_ns()
     while time.monotonic_ns() < began + 1e9 * seconds:

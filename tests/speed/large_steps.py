@@ -1,4 +1,4 @@
-"""Costs of a step, and of a sweep beside a copy of the same bytes, by the number of balls.
+"""Times of a step, and of a sweep compared with a copy of the same bytes, by the number of balls.
 
 ``python tests/speed/large_steps.py 1000 16000 64000`` takes a heap of each size: a lattice of balls that barely
 overlap, jittered and moving at random, on a plane. Balls are numbered in the order of the lattice, and for comparison
@@ -54,7 +54,7 @@ def heap(n_balls: int, is_shuffled: bool = False) -> tuple[BallSystem, State]:
 
 @njit(cache=True, fastmath={"reassoc"})
 def stream(count, bodies, records, held, change):  # type: ignore[no-untyped-def]
-    """Read and write the arrays of a sweep from their begin to their end, without anything else."""
+    """Read and write the arrays of a sweep from beginning to end, and do nothing else."""
     total, touched = 0.0, 0
     for _ in range(count):
         for k in range(len(records)):
@@ -103,7 +103,7 @@ class Sweeps:
 
 
 def samples(n_balls: int, solver: str, start: str) -> tuple[dict[str, Callable[[], Any]], int, int]:
-    """Return what is timed at one size, the number of contacts, and the bytes per contact that a sweep moves."""
+    """Return the timed functions at one size, the number of contacts, and the bytes per contact that a sweep moves."""
     system, state = heap(n_balls)
     rule = MidpointRule(system, StepSolver(create(solver), start), Stop(TOLERANCE), STEP, depth=DEPTH)
     ordered, shuffled = Sweeps(system, state), Sweeps(*heap(n_balls, is_shuffled=True))
@@ -129,7 +129,7 @@ def main(sizes: Sequence[int], solver: str, start: str) -> None:
             for name, work in timed.items():
                 began = time.process_time()
                 work()
-                if turn:  # the first one compiles
+                if turn:  # the first round compiles
                     times.setdefault((n, name), []).append(time.process_time() - began)
     for n, (timed, contacts, moved) in prepared.items():
         sweeps = ", ".join(str(step.iterations) for step in timed["step"]())

@@ -1,4 +1,4 @@
-"""Count contacts of bodies at rest that vanish from one step to the next, because they open or change their keys.
+"""Count contacts of bodies at rest that vanish from one step to the next because they open or change their keys.
 
 ``costs_of_accuracy.py --tables vanishing`` prints the table.
 """
@@ -33,7 +33,7 @@ def vanishing(count: int = STEPS) -> Iterator[dict[str, Any]]:
 
 
 def count_vanishing(text: str, step: float, tolerance: float, count: int) -> dict[str, float]:
-    """Return the contacts that vanish, open and return, and the mean number of iterations a step."""
+    """Return the contacts that vanish, open and return, and the mean number of iterations per step."""
     scene = make_scene(text)
     system = scene.system
     assert isinstance(system, RigidBodies)

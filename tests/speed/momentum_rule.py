@@ -1,9 +1,10 @@
 """Count the sweeps of constant, growing and measured momentum to several tolerances, by scene and size.
 
 ``python tests/speed/momentum_rule.py problems`` solves problems of the library; names may follow.
-``python tests/speed/momentum_rule.py pours 1000 4000 16000`` solves steps of pours of so many balls, at the times
-``TIMES``, each cold and warm, and prints the mean of each rule. ``python tests/speed/momentum_rule.py starts 1000``
-compares the starts of measured momentum on every tenth step from 0.3 s to 0.6 s, with standard errors.
+``python tests/speed/momentum_rule.py pours 1000 4000 16000`` solves steps of pours of these numbers of balls, at the
+times ``TIMES``, each cold and warm, and prints the mean of each rule.
+``python tests/speed/momentum_rule.py starts 1000`` compares the starts of measured momentum on every tenth step from
+0.3 s to 0.6 s, with standard errors.
 ``python tests/speed/momentum_rule.py robust`` compares the measured momentum of the sweeps that ``Robust`` selects with
 β = 0.8, on the problems of ``SUITES``.
 
@@ -67,7 +68,7 @@ START_TIMES = tuple(np.arange(0.3, 0.6, 0.01))
 """Times [s] at which starts are compared."""
 
 POUR_SOLVER, POUR_STOP = "SORprox(relaxation=1.1, form='factors', momentum=0.65)", Stop(1e-2, 1000)
-"""Solver and limits of the steps that lead there."""
+"""Solver and limits of the steps before these times."""
 
 Sweeps = list[int | None]
 """Sweeps to each tolerance; None where it is not reached."""

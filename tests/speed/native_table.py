@@ -1,9 +1,9 @@
-"""Solvers in C and Rust beside our own: the examples against SORprox on a suite, and the time that preparing costs.
+"""Solvers in C and Rust: the examples against SORprox on a suite, and the overhead of calls and preparation.
 
 ``python tests/speed/native_table.py sweeps`` prints a table in Markdown: the sweeps of SORprox and of the examples to
 1e-6, at most 2000, and the times to prepare and to solve, those of the examples as multiples of SORprox's. Solves are
-interleaved in one process. ``calls`` prints what a call and a preparation cost beside the
-solver: median, quartiles and extremes of the medians of repetitions.
+interleaved in one process. ``calls`` prints the overhead of a call and of a preparation: median, quartiles and extremes
+of the medians of repetitions.
 """
 
 import argparse
@@ -26,7 +26,7 @@ EXAMPLES = Path(__file__).parents[2] / "docs" / "plugins"
 STOP = Stop(1e-6, max_iterations=2000, max_seconds=10.0)
 
 IDLE = Path(__file__).parents[1] / "solvers" / "native"
-"""Folder of a library and a program that do nothing unless their options say so."""
+"""Folder of a library and a program that do nothing by default."""
 
 
 def build(folder: Path) -> dict[str, Solver]:
@@ -126,7 +126,7 @@ def _outcome(solution: Solution) -> tuple[Status, int]:
 
 
 def idle(folder: Path) -> dict[str, Solver]:
-    """Return a library and a program that return Λ = 0 at once."""
+    """Return a library and a program that return Λ = 0 immediately."""
     include = f'-I"{include_folder()}" -D_POSIX_C_SOURCE=200809L'
     library, program = folder / "libidle.so", folder / "idle"
     if os.system(f'cc -O2 {include} -shared -fPIC "{IDLE}/faulty.c" -o "{library}" -lm'):

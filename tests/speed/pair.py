@@ -8,8 +8,8 @@ differ by some per cent. A figure is slower if the whole interval of its ratio i
 
 Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
 name. Each base has a reason, and earlier ones stay in the file, so that it shows how changes below ``SLOWER`` add up.
-The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, also if a commit is not at
-hand. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, named as git names it.
+The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, even if a commit is not
+available. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, given by any name for git.
 """
 
 import io
@@ -47,21 +47,21 @@ SAMPLE_SECONDS = 0.02
 """Processor time of one sample [s]."""
 
 ROUNDS, GENERATIONS = 20, 5
-"""Pairs of samples from one pair of processes, and most pairs of processes, of which later ones measure what is
-undecided."""
+"""Number of pairs of samples per pair of processes, and largest number of pairs of processes; the later ones measure
+undecided figures."""
 
 
 STEADY = {"PYTHONHASHSEED": "0", "MALLOC_TRIM_THRESHOLD_": "1000000000", "MALLOC_MMAP_THRESHOLD_": "1000000000"}
-"""Surroundings in which equal processes differ less: glibc gives back no memory, which must be mapped again."""
+"""Environment in which equal processes differ less: glibc returns no memory that must be mapped again."""
 
 
 class UnknownCommitError(BenchError):
-    """The clone does not hold a commit."""
+    """The clone does not contain a commit."""
 
 
 @dataclass
 class Comparison:
-    """One figure and what is known of its ratio.
+    """One figure and the measurements of its ratio.
 
     Attributes:
         figure: its name.
@@ -89,13 +89,13 @@ class Comparison:
 
     @property
     def is_decided(self) -> bool:
-        """Whether the figure is not measured again; that it is slower must show in two pairs of processes."""
+        """Whether the figure needs no further measurement; a slower one must be slower in two pairs of processes."""
         is_confirmed = self.is_slower and len(self.logarithms) > ROUNDS
         return bool(self.missing) or self.ratio.high < SLOWER or is_confirmed
 
     @property
     def verdict(self) -> str:
-        """What the ratio says; empty if the figure is neither slower nor faster than ``SLOWER`` times."""
+        """One of "slower", "faster" and "undecided"; empty if the ratio is within ``SLOWER``."""
         if self.is_slower:
             return "slower"
         if not self.is_decided:
@@ -128,7 +128,7 @@ class PackageProcess:
         self._process.communicate()
 
     def send(self, cores: Iterable[int], *command: object) -> None:
-        """Send a command, which is carried out on one of ``cores``."""
+        """Send a command, to run on one of ``cores``."""
         assert self._process.stdin is not None
         with suppress(BrokenPipeError, ProcessLookupError):
             os.sched_setaffinity(self._process.pid, cores)
@@ -168,10 +168,10 @@ def names() -> str:
 
 
 def commit_hash(name: str) -> str:
-    """Return the full hash of a commit that is named as git names it, such as a branch.
+    """Return the full hash of a commit, given by any name that git accepts, such as a branch.
 
     Raises:
-        UnknownCommitError: if the clone does not hold it.
+        UnknownCommitError: if the clone does not contain it.
     """
     words = ["git", "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"]
     found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
@@ -186,7 +186,7 @@ def archived(commit: str) -> bytes:
 
 
 def install(commit: str) -> Path:
-    """Return the folder with the package as it was at a commit, given by its hash; install it if it is not there yet.
+    """Return the folder with the package at a commit, given by its hash; install it there if it is missing.
 
     Raises:
         BenchError: if the package cannot be installed.

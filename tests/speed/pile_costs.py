@@ -1,7 +1,7 @@
-"""Measure what a step of a pile of boxes costs, and what part of it finding contacts takes.
+"""Measure the time of a step of a pile of boxes, and the part for finding contacts.
 
-Boxes fall for half a second into a pile between four walls, as those of the suite ``bodies``; the steps after that are
-timed. ``costs_of_accuracy.py --tables piles`` prints the table.
+Boxes fall for half a second into a pile between four walls, like those of the suite ``bodies``; the steps after that
+are timed. ``costs_of_accuracy.py --tables piles`` prints the table.
 """
 
 import time
@@ -50,7 +50,7 @@ _detecting = [0.0]
 def piles(
     sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS, sweeps: tuple[int, ...] = SWEEPS
 ) -> Iterator[dict[str, Any]]:
-    """Yield contacts, redundancy and times of a step of each pile, and how the time has grown with the contacts."""
+    """Yield contacts, redundancy and times of a step of each pile, and the growth of the time with the contacts."""
     before: dict[int, tuple[float, float]] = {}
     for n_boxes in sizes:
         scene = BoxPile(n_boxes)

@@ -1,4 +1,4 @@
-"""Measure how far joints open and bodies penetrate where a linkage or a chain lies on the ground.
+"""Measure how far joints open and bodies penetrate if a linkage or a chain lies on the ground.
 
 ``costs_of_accuracy.py --tables resting`` prints the table.
 """

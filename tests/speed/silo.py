@@ -1,4 +1,4 @@
-"""Measure what the tolerance of a step changes in pours of thousands of balls, and what it costs.
+"""Measure the effect of the tolerance of a step in pours of thousands of balls, and its cost.
 
 A pour begins with balls on a lattice above the funnel. Means are over the second half of ``--duration``, in which balls
 leave through the outlet: flow rate, mean height and energy lost (see ``MotionRecorder``), and the largest penetration
@@ -64,7 +64,7 @@ def pour(balls: int, step: float, tolerance: float, seed: int, duration: float, 
 
 
 def deviations(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return a row a setting: means over seeds, and deviations from the best setting of the same balls and seed."""
+    """Return a row per setting: means over seeds, and deviations from the best one of the same balls and seed."""
     tables = []
     for _, of_balls in rows.groupby("balls"):
         best = of_balls.sort_values(["step", "tolerance"]).groupby("seed").first()
@@ -96,7 +96,7 @@ def markdown(table: pd.DataFrame) -> str:
 
 
 def measure(arguments: argparse.Namespace) -> pd.DataFrame:
-    """Simulate all pours, in ``--jobs`` processes, and return a row each."""
+    """Simulate all pours, in ``--jobs`` processes, and return one row for each."""
     seeds = range(arguments.seeds)
     settings = [
         (*setting, arguments.duration, arguments.outlet)

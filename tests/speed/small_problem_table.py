@@ -2,8 +2,8 @@
 
 ``python tests/speed/small_problem_table.py`` prints a table in Markdown: median microseconds of processor time to
 prepare and solve to 1e-8, from a problem that was made before, and the judged residual where it is larger. In each
-round, each solver solves ten new problems successively. The first of them is a row of its own, since the caches hold
-the data of other solvers then. With ``--many N`` the program also prints the wall time per problem of ``solve_many``
+round, each solver solves ten new problems successively. The first of them has its own row, because the caches then
+contain the data of other solvers. With ``--many N`` the program also prints the wall time per problem of ``solve_many``
 over N problems, by threads.
 """
 
@@ -28,7 +28,7 @@ PROBLEMS = ("woodpecker-lower-impact", "hard-sliding-block", "hard-sticking-box"
 """One planar contact, four planar and four spatial ones, and ten without friction."""
 
 FORMS = ("G", "G, own laws", "W, M⁻¹")
-"""What gives a problem; its laws are those of all problems, or equal to them and its own."""
+"""Forms of a problem; its laws are shared by all problems, or an equal copy."""
 
 SOLVERS = ("ClarabelCoulomb", "Lemke", "PinocchioADMM", "PinocchioPGS")
 
@@ -47,7 +47,7 @@ Call = Callable[[ContactProblem], Solution]
 
 
 def calls(folder: Path) -> dict[str, Call]:
-    """Return what is compared, by name; solvers whose libraries are missing are left out."""
+    """Return the compared solvers by name; solvers whose libraries are missing are omitted."""
     stop, found = Stop(TOLERANCE, max_seconds=1.0), {}
     robust = create("Robust")
     found["Robust"] = lambda problem: robust.prepare(problem).solve(stop)
@@ -68,7 +68,7 @@ def _call(solver: Solver, stop: Stop) -> Call:
 
 
 def maker(name: str, form: str) -> Callable[[], ContactProblem]:
-    """Return what makes a new problem in one of ``FORMS``."""
+    """Return a function that makes a new problem in one of ``FORMS``."""
     problem = load(name)
     c, laws, factors = problem.free_velocity, problem.laws, problem.factors
     if form == "G":

@@ -1,4 +1,4 @@
-"""Print what a warm start is worth on each motion of the suite ``sequences``, in Markdown.
+"""Print the gain of a warm start on each motion of the suite ``sequences``, in Markdown.
 
 ``python tests/speed/starts_table.py [starts.csv]`` reads the table that ``proxbench run --suite sequences`` writes. A
 cell has the mean iterations (from zero → warm) and the geometric mean times [ms]. Times are over the steps without

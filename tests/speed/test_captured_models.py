@@ -1,4 +1,4 @@
-"""The tables of captured models show what the steps and the solvers give."""
+"""The tables of captured models agree with the steps and the solvers."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The measurements of what accuracy costs end where they must, find known limits, and keep other tables."""
+"""The measurements of the cost of accuracy end as required, find known limits, and keep other tables."""
 
 import sys
 from pathlib import Path

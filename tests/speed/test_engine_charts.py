@@ -1,4 +1,4 @@
-"""Figures and pictures of the page on engines are remade from the stored files."""
+"""Figures and pictures of the page on engines can be reproduced from the stored files."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def test_both_pictures_are_drawn_with_all_engines(tmp_path: Path) -> None:
 def test_the_page_has_the_best_settings() -> None:
     page = (engine_charts.DOCS / "results-engines.md").read_text()
     for row in best_rows(pd.read_csv(FIGURES)):
-        _, cells = row.removeprefix("| ").split(" | ", 1)  # the page names a scene once
+        _, cells = row.removeprefix("| ").split(" | ", 1)  # the page names each scene once
         assert f" | {cells}\n" in page, row
 
 

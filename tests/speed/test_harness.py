@@ -1,7 +1,7 @@
-"""What measuring itself costs: time charged to a solver that does nothing, and to one whose time is known.
+"""Overhead of measurements: the time charged to a solver that does nothing, and to one with a known time.
 
-The charged time is read from what the harness reports, through a case's own process as in a run, and stands in
-``extra_info``; its least is below 20 µs for nothing, and its median within 2 % of the known time for something.
+The charged time is reported by the harness from a case's own process, as in a run, and stored in ``extra_info``. Its
+least value is below 20 µs for a solver that does nothing; its median is within 2 % of a known time.
 """
 
 import time
@@ -25,7 +25,7 @@ STOP = Stop(1e-4)
 LIMITS = Limits()
 
 CHARGED_FOR_NOTHING = 20e-6
-"""What the least charge for doing nothing stays below [s]."""
+"""Upper bound of the least time charged to a solver that does nothing [s]."""
 
 CHARGED_TOO_MUCH = 0.02
 """Largest difference between charged and known time, relative to the known one."""
@@ -35,7 +35,7 @@ Start = Callable[[Solver], Worker]
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Start a case's process; it is ended after the test."""
+    """Yield a function that starts a case's process, which ends after the test."""
     data, workers = problem_bytes(funnel_step("funnel-1000")), []
 
     def started(solver: Solver) -> Worker:
@@ -49,7 +49,7 @@ def start() -> Iterator[Start]:
 
 
 def test_charging_nothing(benchmark: Any, start: Start) -> None:
-    """One round of one solve that does nothing: a fresh problem, the solve, the check, and the way there and back."""
+    """One round of one empty solve: a fresh problem, the solve, the check, and the messages in both directions."""
     worker = start(Known())
     charged: list[list[float]] = []
 
@@ -59,7 +59,7 @@ def test_charging_nothing(benchmark: Any, start: Start) -> None:
     benchmark.pedantic(ask, rounds=200, warmup_rounds=5)
     seconds = [sum(times) for times in charged]
     benchmark.extra_info["charged_microseconds"] = 1e6 * median(seconds)
-    assert 0.0 < min(seconds) < CHARGED_FOR_NOTHING  # other programs only add to it
+    assert 0.0 < min(seconds) < CHARGED_FOR_NOTHING  # other programs can only increase it
 
 
 @pytest.mark.parametrize("part", ["prepare", "solve"])
@@ -78,7 +78,7 @@ def test_charging_a_known_time(benchmark: Any, start: Start, part: str) -> None:
 
 @njit(cache=True)
 def _count(steps):  # type: ignore[no-untyped-def]
-    """Marsaglia's xorshift, each step waiting for the one before: as many processor cycles whenever it runs."""
+    """Marsaglia's xorshift; each step depends on the previous one, so every run takes the same processor cycles."""
     value = np.uint64(88172645463325252)
     for _ in range(steps):
         value ^= value << np.uint64(13)
@@ -101,7 +101,7 @@ class Counting(Known):
 
 
 def test_charging_a_calibrated_loop(benchmark: Any) -> None:
-    """The same loop timed by itself and as a solver, in turn; the least times are those that nothing interrupted."""
+    """The same loop is timed alternately by itself and as a solver; the least times are uninterrupted."""
     solver = Counting()
     measurement = Measurement(funnel_step("funnel-1000").fresh(), solver)
     measurement.warm_up(STOP)
@@ -120,7 +120,7 @@ def test_charging_a_calibrated_loop(benchmark: Any) -> None:
 
 
 def test_starting_a_case(benchmark: Any, start: Start) -> None:
-    """Forking a case's process, sending it the problem, and its warm-up; the solver is charged for none of it."""
+    """Starting forks a case's process, sends it the problem and warms it up; none of this is charged to the solver."""
     start(Known())  # the first one starts the server, which loads everything
     benchmark.pedantic(start, args=(Known(),), rounds=15)
     charged = [sum(start(Known()).ask("round", STOP, 0.0)[0]["times"][0]) for _ in range(15)]

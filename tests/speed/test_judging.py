@@ -1,6 +1,6 @@
-"""Time of the judge: a whole verdict, and the residual alone that convergence curves and solvers look at.
+"""Time of the judge: of a whole verdict, and of the residual alone, which convergence curves and solvers use.
 
-The verdict confirms what the solver promised, and the residual alone is that of the verdict at a lower price.
+The verdict confirms the solver's claim, and the residual alone equals that of the verdict in less time.
 """
 
 import time

@@ -1,4 +1,4 @@
-"""Time of a call of a solver in another language beside the solver: a library, and a program through pipes."""
+"""Overhead of a call of a solver in another language: a library, and a program through pipes."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from proxbench.problems import ContactProblem
 from proxbench.solvers import Stop, create
 
 BUILDS = {"Shared": native_builds.faulty_library, "Executable": native_builds.faulty_program}
-"""Solvers that return Λ = 0 at once."""
+"""Solvers that return Λ = 0 immediately."""
 
 ROUNDS = 2000
 

@@ -1,4 +1,4 @@
-"""The table of examples in other languages shows their sweeps and what a call costs."""
+"""The table of examples in other languages shows their sweeps and the overhead of a call."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Figures are compared with what is accepted, and a slower one is found, named and accepted by name."""
+"""Figures are compared with accepted states; a slower one is found, named, and can be accepted by name."""
 
 import os
 import subprocess
@@ -32,7 +32,7 @@ import json, sys
 for line in sys.stdin:
     print(json.dumps({answer}), flush=True)
 """
-"""A child that answers every command alike."""
+"""Program of a child that gives the same answer to every command."""
 
 
 def written(folder: Path, text: str) -> Path:
@@ -44,7 +44,7 @@ def written(folder: Path, text: str) -> Path:
 def compared(
     folder: Path, monkeypatch: pytest.MonkeyPatch, new: dict[str, object], old: dict[str, object]
 ) -> Comparison:
-    """The comparison of two states that answer every command with these."""
+    """Return the comparison of two states that give these answers to every command."""
     root, site = folder / "root", folder / "site"
     for path, answer in ((root / FIGURES_FILE, new), (site / "figures.py", old)):
         path.parent.mkdir(parents=True)
@@ -169,7 +169,7 @@ def test_a_branch_is_compared_as_the_commit_that_it_names(monkeypatch: pytest.Mo
 
 
 def measure_as(ratios: dict[str, list[float]], folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Let each pair of processes find these ratios, 1.0 of other figures; return the commits that are installed."""
+    """Make each pair of processes measure these ratios, 1.0 for other figures; return the installed commits."""
     installed: list[str] = []
 
     def add_pairs(comparisons: list[Comparison], site: Path, folder: Path) -> None:
@@ -228,7 +228,7 @@ figures.FIGURES[{figure!r}] = lambda folder: slowed(make(folder))
 for answer in figures.answers(Path(sys.argv[1])):
     print(figures.json.dumps(answer), flush=True)
 """
-"""The figures of this state, one of which takes longer by a factor."""
+"""Program of the figures of this state, in which one figure is slowed down by a factor."""
 
 
 @pytest.mark.slow
@@ -236,7 +236,7 @@ for answer in figures.answers(Path(sys.argv[1])):
 def test_a_figure_that_is_slowed_down_by_a_fifth_is_found(
     factor: float, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Both states are this one, measured in their own processes by the clock of the system."""
+    """Both states are the present one, measured in separate processes by the clock of the system."""
     figure, folder = "hundred sweeps over matrix", str(ROOT / "tests" / "speed")
     for path, times in ((tmp_path / "root" / FIGURES_FILE, factor), (tmp_path / "site" / "figures.py", 1.0)):
         path.parent.mkdir(parents=True)

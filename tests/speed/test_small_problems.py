@@ -1,6 +1,6 @@
-"""Time of one to ten contacts, from prepared numbers to impulses: what a solve costs whatever its size.
+"""Time of one to ten contacts, from prepared numbers to impulses: the overhead of a solve.
 
-Each round has a problem of its own, so that nothing is assembled before the clock runs. Making it is timed apart.
+Each round has its own problem, so that nothing is assembled before the clock starts. Making it is timed separately.
 """
 
 import os
@@ -21,7 +21,7 @@ ROUNDS = 300
 
 
 def maker(name: str, form: str) -> Callable[[], ContactProblem]:
-    """Return what makes a new problem from the numbers of ``name``, given by G or by W and M⁻¹."""
+    """Return a function that makes a new problem from the numbers of ``name``, given by G or by W and M⁻¹."""
     problem = load(name)
     c, laws, factors = problem.free_velocity, problem.laws, problem.factors
     if form == "delassus":

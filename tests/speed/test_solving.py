@@ -1,4 +1,4 @@
-"""Time of every solver to one accuracy, preparing included, and of preparing alone, on steps of three sizes."""
+"""Time of every solver to one accuracy, including preparation, and of preparation alone, on steps of three sizes."""
 
 import time
 from typing import Any
@@ -15,7 +15,7 @@ PREPARING_SECONDS = 0.4
 
 
 def rounds_in(seconds: float, once: float) -> int:
-    """Rounds that fit, at least five and at most two hundred."""
+    """Return the number of rounds that fit into ``seconds``, at least five and at most two hundred."""
     return min(max(int(seconds / once), 5), 200)
 
 

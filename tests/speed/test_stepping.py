@@ -1,4 +1,4 @@
-"""Time of one step of the funnel in its densest flow: finding contacts, assembling, solving, moving on."""
+"""Time of one step of the funnel in its densest flow: find contacts, assemble, solve and move."""
 
 from functools import cache
 from typing import Any

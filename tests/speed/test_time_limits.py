@@ -1,4 +1,4 @@
-"""A time limit holds on problems one of whose inner steps takes longer than all of it."""
+"""A time limit holds on problems with inner steps that take longer than the limit."""
 
 import time
 from itertools import product
@@ -11,7 +11,7 @@ from proxbench.problems import ContactProblem
 from proxbench.solvers import Solution, Status, Stop, create
 
 OVERRUN = 0.05
-"""What may be used beyond the limit, as its share, or ``OVERRUN_SECONDS`` if that is more."""
+"""Allowed time beyond the limit, relative to it, or ``OVERRUN_SECONDS`` if that is more."""
 
 OVERRUN_SECONDS = 0.2
 
@@ -51,7 +51,7 @@ def packed_balls(side: int) -> ContactProblem:
 def test_semismooth_newton_ends_in_time(
     benchmark: Any, pace: str, limit: float, side: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On 21 000 contacts a factorisation takes most of a minute; one is wanted whenever sweeps are called slow."""
+    """On 21 000 contacts, a factorisation takes most of a minute; one is requested whenever sweeps count as slow."""
     solver = create("HybridNewton")
     if pace == "always slow":
         monkeypatch.setattr("proxbench.solvers.composite.hybrid_newton.SLOW", -1.0)

@@ -2,9 +2,9 @@
 
 ``python tests/speed/threads.py --balls 1000 4000 16000 --threads 1 2`` pours balls into a funnel for 0.45 s (Δt 1 ms),
 and prints a line for each way to sweep the contacts of that state: microseconds of ten sweeps (least and median),
-nanoseconds a sweep and contact, and the ratio of the least times to that of one thread by colour. The ways take turns.
-``--momentum 0`` leaves the stage of the momentum out. Sweeps by colour include ξ. The last line is a kernel that reads
-the records once, and reads and writes Λ and its change.
+nanoseconds per sweep and contact, and the ratio of the least times to that of one thread by colour. The ways take
+turns. ``--momentum 0`` omits the stage of the momentum. Sweeps by colour include ξ. The last line is a kernel that
+reads the records once, and reads and writes Λ and its change.
 
 Labels contain the number of threads that run, as in "threads=1 (of 2)" if the problem has too few contacts for the two
 that were requested. ``--force`` runs all threads that are requested.
@@ -61,7 +61,7 @@ def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
 
 
 def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
-    """Return a function that streams the bytes of so many sweeps."""
+    """Return a function that streams the bytes of a number of sweeps."""
     bodies, records, _ = sweep.ball_batches or (*sweep.piece_batches[1:], None)
     held, change = np.zeros((2, 3 * len(bodies) // 2))
 

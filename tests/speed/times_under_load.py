@@ -1,4 +1,4 @@
-"""Measure what a run shows while other programs load the machine, and print it beside the time of successive solves.
+"""Measure the times that a run shows under load, and compare them with the times of successive solves.
 
 ``python tests/speed/times_under_load.py`` measures five solvers on five problems to 1e-4 on an idle machine and under
 four kinds of load, and prints a table of the 25 cases in Markdown. A cell is the time that the run shows over the
@@ -86,7 +86,7 @@ def loads() -> dict[str, tuple[Callable[[int], None], int]]:
 
 @contextmanager
 def loaded(work: Callable[[int], None], core: int) -> Iterator[None]:
-    """Load a core meanwhile."""
+    """Load a core inside the ``with`` block."""
     process = multiprocessing.get_context("fork").Process(target=work, args=(core,), daemon=True)
     process.start()
     time.sleep(1.0)
@@ -116,7 +116,7 @@ def measured(folder: str, problems: Sequence[str], solvers: Sequence[str], passe
 
 
 def measured_under(load: str, folder: str, problems: Sequence[str], solvers: Sequence[str], passes: int) -> Run:
-    """Measure under a load; again, if another run on this machine has claimed the core for which the load is meant."""
+    """Measure under a load; repeat this if another run on this machine has claimed the loaded core."""
     work, core = loads()[load]
     while True:
         with loaded(work, core):

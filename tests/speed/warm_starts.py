@@ -1,14 +1,14 @@
-"""What a warm start is worth and what it costs: iterations, the residual of the start, and the drift of the motion.
+"""Measure the gain and the cost of a warm start: iterations, the residual of the start, and the drift of the motion.
 
 ``python tests/speed/warm_starts.py iterations`` solves the steps of the suite ``sequences`` from zero and from the
-solver's own answers, and prints the mean iterations, and for each step that takes more of them warm what distinguishes
-it. ``python tests/speed/warm_starts.py drift`` continues the motion of each sequence with each solver, and prints the
+solver's own answers, and prints the mean iterations, and a description of each step that takes more of them
+warm. ``python tests/speed/warm_starts.py drift`` continues the motion of each sequence with each solver, and prints the
 distance to the same motion with steps solved to 1e-10. Names of sequences may follow, for ``iterations`` also folders
 that ``proxbench capture --every 1`` has written. ``python tests/speed/warm_starts.py guesses FILE.hdf5`` solves FCLIB
 files from zero and from their stored guess. ``--solver`` and ``--tolerance`` select some.
 
-Times are those of ``proxbench run --suite sequences``; this script counts, so that other programs do not matter, unless
-a solve reaches its limit of time.
+Times are those of ``proxbench run --suite sequences``; this script counts iterations, so other programs do not matter
+unless a solve reaches its time limit.
 """
 
 import argparse
@@ -120,7 +120,7 @@ def guesses(name: str, solvers: Sequence[str], tolerances: Sequence[float]) -> N
 
 
 def drift(name: str, solvers: Sequence[str], tolerances: Sequence[float]) -> None:
-    """Print how far each solver leads the motion of one sequence away in ``DRIFT_STEPS`` steps."""
+    """Print the distance of each solver's motion from the accurate one after ``DRIFT_STEPS`` steps of a sequence."""
     recipe = SEQUENCE_RECIPES[name]
     begin = first_state(recipe)
     exact = moved(recipe, begin, "Robust", STEP_STOP, WARM)

@@ -31,7 +31,7 @@ Sources = Annotated[list[Path], typer.Argument(metavar="FILE|FOLDER", help="Prob
 def info(sources: Sources, as_json: options.Json = False) -> int:
     """Show sizes, ranks, friction and conditioning of problem files.
 
-    Steps with the own model of an engine also show the residuals of its forces.
+    For steps with the engine's own model, also show the residuals of its forces.
 
     The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
     """
@@ -55,7 +55,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
 
 
 def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
-    """Return the description of a file, and the quality of the engine's forces as JSON values, if it has its model."""
+    """Return the description of a file and, if it has the engine's model, the quality of its forces as JSON values."""
     from ....problems.capture.files import has_step, read_step
     from ....problems.exchange.survey import survey
     from .capture import engine_quality

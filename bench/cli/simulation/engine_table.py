@@ -46,7 +46,7 @@ def _residual(value: float | None) -> str:
 
 
 def _notes(comparison: Comparison) -> str:
-    """Return what was measured, with which versions, and how models differ from hard contact."""
+    """Return notes on the measured times and errors, the versions, and how models differ from hard contact."""
     versions = ", ".join(f"{engine} {version}" for engine, version in comparison.versions.items())
     before, after = comparison.load
     lines = [

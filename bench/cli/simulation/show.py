@@ -70,7 +70,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
 def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
     """Print the tables of a stored simulation, and draw and record it; return its exit code, see ``_outcome``.
 
-    If nothing else shows why the code is 1, a sentence on standard error does.
+    If nothing else shows why the code is 1, a message on standard error explains it.
 
     Raises:
         FailedSimulationError: if a step failed.
@@ -83,7 +83,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     elif not quiet:
         print_simulation(simulation, console)
         console.print()
-    # slow files, which may fail, come last
+    # write these files last: they are slow and may fail
     for what, path in _files(simulation, file):
         console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
     code = _outcome(simulation)
@@ -109,7 +109,7 @@ def _outcome(simulation: Simulation) -> int:
 def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Print the table of a stored simulation, and draw its chart and recording again; return its exit code.
 
-    If they cannot be written, the table is still printed, and a sentence on standard error gives the reason.
+    If they cannot be written, the table is still printed, and a message on standard error gives the reason.
 
     Args:
         file: result file of the simulation.
@@ -149,7 +149,7 @@ def _start_or_resume(request: Request) -> Simulation:
         simulation = resumable_simulation(request.resume, given, request.duration)
         own = simulation.outputs
         simulation.outputs = choose_outputs(own, request.chart, request.record, request.force)
-        if simulation.outputs != own:  # without remaining steps nothing else is written
+        if simulation.outputs != own:  # if no steps remain, nothing else is written
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)

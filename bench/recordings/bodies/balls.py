@@ -40,7 +40,7 @@ REFERENCE_SECONDS = 0.01
 class BallRecorder(SceneRecorder):
     """Record a scene of balls or discs; see ``SceneRecorder``.
 
-    A ball has two shades, to show its rotation. Simulations do not store orientations, which are integrated from the
+    A ball has two shades, to show its rotation. Simulations do not store orientations; they are integrated from the
     mean angular velocity between two drawn states.
     """
 
@@ -128,7 +128,7 @@ class BallRecorder(SceneRecorder):
         if self._system.spins == 3:
             return twists
         spins = np.zeros((self._system.n_balls, 3))
-        spins[:, 1] = -twists.sum(axis=1)  # the sum over one component, or none
+        spins[:, 1] = -twists.sum(axis=1)  # sums one component, or none
         return spins
 
     def _in_space(self, state: State) -> FloatArray:

@@ -12,7 +12,7 @@ NO_PATCHES = rr.LineStrips3D([])
 
 
 def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: States) -> rr.LineStrips3D:
-    """Return the patch of each pair of bodies, as a closed line; it sticks if one of its contacts does.
+    """Return the patch of each pair of bodies as a closed line; a patch sticks if one of its contacts sticks.
 
     Args:
         pairs: both bodies of each contact, shape (n, 2).

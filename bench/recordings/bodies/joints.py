@@ -72,7 +72,7 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     contacts, n_joints = step.contacts, len(joints.joints)
     assert contacts is not None
     directions = contacts.directions
-    assert isinstance(directions, sp.csc_array)  # always so in systems with joints
+    assert isinstance(directions, sp.csc_array)  # true for all systems with joints
     numbers = contacts.keys - first_key
     owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))

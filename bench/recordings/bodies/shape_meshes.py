@@ -40,7 +40,7 @@ def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
 
 
 def shape_points(shape: Shape) -> FloatArray:
-    """Return the corners of a bounded shape, or points on it if it is round [m], shape (n, 3)."""
+    """Return the corners of a bounded shape, or points on its surface if it is round [m], shape (n, 3)."""
     assert not isinstance(shape, HalfSpace)
     if isinstance(shape, Round):
         return _rings(_profile(shape)).reshape(-1, 3)

@@ -118,7 +118,7 @@ def heading(text: str, notes: Sequence[str], width: float, size: int = 16) -> al
 def log_scale(
     data: Any, columns: Sequence[str], other: float | None = None, reverse: bool = False, has_decades: bool = False
 ) -> alt.Scale:
-    """Return a logarithmic scale slightly wider than the values in these columns and another value.
+    """Return a logarithmic scale slightly wider than the range of the values in ``columns`` and of ``other``.
 
     If the data are filled in later, the scale adapts to them. With ``has_decades`` it contains at least two powers of
     ten, for axes that have no other ticks.

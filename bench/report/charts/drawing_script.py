@@ -24,7 +24,7 @@ def drawing_script() -> str:
     """Return a script that defines ``vegaEmbed``, which draws Vega specifications in a page without downloads.
 
     Bundling takes more than a second, so the script is stored in the cache folder of problems, by the version of the
-    library that bundles it. A file without the digest of its text in its first line is written again, and a folder that
+    library that bundles it. A file without the digest of its text in its first line is written again. A folder that
     cannot be written is not used.
     """
     file = cache_folder() / "scripts" / f"vega-embed-{metadata.version(LIBRARY)}.js"
@@ -37,7 +37,7 @@ def drawing_script() -> str:
 
 
 def _stored(file: Path) -> str | None:
-    """Return the script in a file, or None if there is none, or another text than the one written."""
+    """Return the script in a file; None if the file is missing or its text has changed."""
     try:
         first, _, script = file.read_bytes().decode().partition("\n")
     except (OSError, UnicodeDecodeError):

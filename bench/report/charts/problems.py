@@ -58,7 +58,7 @@ MAX_REASON_LENGTH = 70
 """Largest number of characters of the reason why a solver is not shown; the tables contain the full reason."""
 
 MIN_SHARE = 0.05
-"""Share of the upper end of a bar below which a mean deviation is noise, and drawn at this share."""
+"""Share of the upper end of a bar; a mean deviation below this share is noise and is drawn at this share."""
 
 COST_TITLES = {"milliseconds": TIME_TITLE, "wall": "wall time [s]", "iterations": "one-step solves"}
 """Titles of the axis of cost, by column."""
@@ -154,7 +154,7 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return median time over the residual of the frames, one line for each solver, more accurate to the right.
 
-    Marks are at the judged residual, not at the tolerance: filled for solved solves, hollow for the best iterate of
+    Marks are at the judged residual, not at the tolerance: filled for successful solves, hollow for the best iterate of
     other solves, and crosses for wrong claims.
     """
     rows, styles = _costs(frames, problem), solver_styles(frames.info.plan.solvers)

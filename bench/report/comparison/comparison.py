@@ -27,7 +27,7 @@ MAX_NAMED = 3
 
 @dataclass(frozen=True)
 class Comparison:
-    """What differs between two runs.
+    """The differences between two runs.
 
     Attributes:
         before, after: the runs, restricted to common solvers and problems.

@@ -34,7 +34,7 @@ class BoxPile:
         seed: seed of the orientations.
         size: edge lengths of a box [m].
         mass: mass of a box [kg].
-        spacing: distance of neighbours relative to the diagonal of a box, more than 1.
+        spacing: distance between neighbours relative to the diagonal of a box, more than 1.
 
     Raises:
         ProblemError: if a number is not positive.
@@ -51,7 +51,7 @@ class BoxPile:
 
     @property
     def pitch(self) -> float:
-        """Distance of neighbours at the start [m]."""
+        """Distance between neighbours at the start [m]."""
         return self.spacing * hypot(*self.size)
 
     @property
@@ -130,7 +130,7 @@ class BoxTrain:
         ratio: mass of the first box over that of each other box.
         speed: initial velocity of the first box along the row, away from the others [m/s].
         size: edge lengths along, across and normal to the ground [m].
-        gap: distance of neighbours [m].
+        gap: distance between neighbours [m].
         mass: mass of a box [kg].
 
     Raises:

@@ -31,7 +31,7 @@ class SimulationOutputs:
 def read_outputs(stored: Mapping[str, Any], result: Path) -> SimulationOutputs:
     """Return the outputs stored with ``result``, without paths outside its folder.
 
-    A result may come from a stranger, and must not cause other files to be replaced.
+    A result from an untrusted source must not cause other files to be replaced.
 
     Raises:
         TypeError, KeyError: if ``stored`` is not such a document.

@@ -1,4 +1,4 @@
-"""Runs travel by command: packed, judged again and merged, and mistakes are one sentence."""
+"""Commands pack, rejudge and merge runs, and report each mistake in one sentence."""
 
 import json
 import shutil

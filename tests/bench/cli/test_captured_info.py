@@ -19,7 +19,7 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A contact whose engine regularises it: half the impulse of Coulomb's law solves the model of the engine."""
+    """A contact that its engine regularises: half the impulse of Coulomb's law solves the model of the engine."""
     monkeypatch.setattr(mujoco_import, "find_spec", lambda name: None)  # captured files need no engine
     forces = np.array([0.5, 0.0, 0.0])
     engine = EngineModel(

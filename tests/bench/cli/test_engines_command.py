@@ -1,4 +1,4 @@
-"""``proxbench engines``: a table a scene with the best setting in bold, its data, and a sentence for a mistake."""
+"""``proxbench engines``: one table per scene with the best setting in bold, its JSON data, and error messages."""
 
 import json
 from importlib import metadata

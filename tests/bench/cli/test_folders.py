@@ -1,4 +1,4 @@
-"""A folder is measured like a suite: the files that can be, and why the others cannot."""
+"""A folder is measured like a suite: readable files are measured, and unreadable ones are reported with the reason."""
 
 import json
 import shutil
@@ -33,7 +33,7 @@ def collection(folder: Path, boxes: int, rocks: int) -> Path:
 
 
 def check_run(folder: Path, results: Path, captured: pytest.CaptureFixture[str], count: int) -> None:
-    """Run a folder with three broken files, and find the others measured and these named, now and in a report."""
+    """Run a folder with three broken files; check that they are named, in a report too, and the others measured."""
     line = f"run --suite {folder} --output {results} --run-id it {LADDER}"
     for command in (line.split(), ["report", str(results / "it"), "--no-charts"]):
         assert run_command(command) == 1

@@ -1,4 +1,4 @@
-"""The listing reads well whatever the number of contacts, rows and laws, and fits a narrow terminal."""
+"""The listing is readable for any number of contacts, rows and laws, and fits a narrow terminal."""
 
 import re
 import sys
@@ -75,7 +75,7 @@ def test_names_stay_in_one_line_where_no_terminal_shows_them(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("COLUMNS")
-    monkeypatch.setattr(sys, "__stdout__", None)  # as good as a pipe, wherever the tests run
+    monkeypatch.setattr(sys, "__stdout__", None)  # like a pipe, wherever the tests run
     listed = listing_rows("scenes")
     print_listing(listed)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]

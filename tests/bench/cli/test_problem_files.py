@@ -1,4 +1,4 @@
-"""``proxbench info``, ``import`` and ``export``: tables and files, nothing lost, and one sentence for a mistake."""
+"""``proxbench info``, ``import`` and ``export``: tables, files without loss of data, and one sentence for a mistake."""
 
 import json
 import re
@@ -17,7 +17,7 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Two good files, one of them deeper, and two broken ones."""
+    """Two valid files, one of them in a subfolder, and two broken ones."""
     made = tmp_path / "library"
     (made / "deep").mkdir(parents=True)
     shutil.copy(SHIPPED / "local-rows.hdf5", made)

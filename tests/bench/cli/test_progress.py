@@ -1,4 +1,4 @@
-"""Progress is a plain line for each thing that is measured, where there is no terminal to draw a bar on."""
+"""Without a terminal, progress is one plain line per measured item."""
 
 import io
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``report --page`` and ``--baseline``: one page and its place, or one sentence and nothing written."""
+"""``report --page`` and ``--baseline`` write one page and print its path, or print one sentence and write nothing."""
 
 import json
 from collections.abc import Callable
@@ -44,7 +44,7 @@ def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mista
 
 @pytest.fixture
 def faultless(copied: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A run whose exit code is that of its files alone: what its solvers did counts as no fault."""
+    """A run whose exit code depends only on its files: failures of its solvers do not count."""
     monkeypatch.setattr("proxbench.bench.cli.report._has_failed", lambda frames: False)
     return copied
 

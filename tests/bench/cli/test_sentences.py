@@ -1,4 +1,4 @@
-"""Each mistake on the command line gets the sentence that mends it, and each option one name in all commands."""
+"""Each mistake on the command line gets a sentence with the remedy, and each option has one name in all commands."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``proxbench statics``: one line with the answer, its data, and a sentence for a mistake."""
+"""``proxbench statics``: one line with the answer, its JSON data, and a sentence for a mistake."""
 
 import json
 from collections.abc import Callable

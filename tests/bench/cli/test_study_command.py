@@ -1,4 +1,4 @@
-"""``proxbench simulate --study``: mistakes get one sentence, and a study is begun, resumed and reported as a run."""
+"""``proxbench simulate --study``: mistakes get one sentence; a study is started, resumed and reported like a run."""
 
 import io
 import json
@@ -26,7 +26,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(finished: Path, tmp_path: Path) -> Path:
-    """A copy of it that may be changed."""
+    """A copy of the study that may be changed."""
     return Path(shutil.copytree(finished, tmp_path / "it"))
 
 

@@ -1,4 +1,4 @@
-"""``proxbench check`` names what fails, survives what it checks, and has an exit code for scripts."""
+"""``proxbench check`` names the failed checks, survives faults of the checked solver, and returns an exit code."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ SOLVERS = [Wrapped]
 
 
 def plugin(folder: Path, fault: str, when: str = "stop.max_iterations == 10**9") -> str:
-    """A file with a solver that does something, as a rule only in the check of the time limit."""
+    """A file with a solver that has a fault, by default only in the check of the time limit."""
     path = folder / "wrapped.py"
     path.write_text(WRAPPED.replace("CONDITION", when).replace("FAULT", fault))
     return str(path)
@@ -43,7 +43,7 @@ def plugin(folder: Path, fault: str, when: str = "stop.max_iterations == 10**9")
 
 @pytest.fixture
 def brief(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check solvers on small problems alone."""
+    """Check solvers only on small problems."""
     monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
 
 
@@ -85,7 +85,7 @@ def test_a_fault_fails_its_own_check_and_the_others_go_on(
 def test_failures_are_in_the_table_and_make_the_exit_code_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped where lines end
+    monkeypatch.setenv("COLUMNS", "120")  # sentences are wrapped at this width
     assert run_command(["check", plugin(tmp_path, "print('hello')", "True")]) == 1
     printed = capsys.readouterr().out
     assert "silent            failed          it printed 'hello'; report it in Solution.message." in printed

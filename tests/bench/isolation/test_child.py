@@ -14,7 +14,7 @@ def raised(error: BaseException, cause: BaseException | None = None, context: Ba
 
 
 def chain(length: int) -> BaseException:
-    """Return an exception that has a MemoryError behind it, after as many others as given."""
+    """Return an exception that was caused by a MemoryError through ``length`` other exceptions."""
     error: BaseException = MemoryError()
     for _ in range(length):
         error = raised(error)

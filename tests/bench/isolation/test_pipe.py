@@ -1,4 +1,4 @@
-"""Messages arrive whole, or not at all: within their time, within their size, and from a writer that is still there."""
+"""A message arrives whole or not at all: within its time and size limits, and from a writer that is still alive."""
 
 import os
 import threading

@@ -1,4 +1,4 @@
-"""What code changes in the process that it shares is found, whatever it is."""
+"""Changes to the state of a shared process are detected."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Processes that come from one are found, timed, stopped and killed."""
+"""The descendants of a process are found, timed, stopped and killed."""
 
 import os
 import signal
@@ -41,7 +41,7 @@ def work(seconds: float) -> None:
 
 
 def test_the_processor_time_of_a_process_is_finer_than_the_ticks_of_the_system() -> None:
-    """Between two readings of its own clock; that of its children, which ended, is counted in ticks."""
+    """This holds for its own clock; the time of its terminated children is counted in ticks."""
     for _ in range(20):
         work(1.3e-3)
         times = os.times()

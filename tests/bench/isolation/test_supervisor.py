@@ -1,4 +1,4 @@
-"""A supervisor wakes for the signals that concern it, and its case has none of that."""
+"""A supervisor wakes for its signals and restores them, and ends without a case if its run no longer waits."""
 
 import os
 import signal

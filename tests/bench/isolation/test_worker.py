@@ -1,4 +1,4 @@
-"""Whatever a solver does costs its own case and nothing else, and is recorded as what it is."""
+"""A fault of a solver affects only its own case, and is recorded by its kind."""
 
 import time
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from proxbench.solvers import create
 
 LIMITS = Limits(solve_seconds=30.0, memory_bytes=2**28)
 ENDLESS = {"sleep": 1.0, "spin": 1.0, "allocate for ever": 5.0}
-"""Time limits of actions that nothing else ends [s]; the others have all the time that they need on a busy machine."""
+"""Time limits of actions that never end by themselves [s]; others have enough time even on a busy machine."""
 
 
 def carried_out(action: str) -> Case:
@@ -78,7 +78,7 @@ def test_a_fault_is_named_and_leaves_no_process(action: str, outcome: Outcome, w
 
 
 def processes_of_cases() -> list[psutil.Process]:
-    """Return what the server of this process has forked and is still there."""
+    """Return the processes that the server of this process has forked and that still run."""
     return [process for server in psutil.Process().children() for process in server.children(recursive=True)]
 
 
@@ -147,12 +147,12 @@ def test_between_requests_the_process_and_all_that_it_started_stand_still(worker
     while any(process.status() != psutil.STATUS_STOPPED for process in processes) and time.monotonic() < deadline:
         time.sleep(1e-3)
     assert [process.status() for process in processes] == [psutil.STATUS_STOPPED] * 2
-    worker.ask("end what is left")  # which goes on with the process, or it could not end
+    worker.ask("end what is left")  # possible only if the process continues
     assert worker.n_started() == 0
 
 
 def test_a_process_that_a_solver_forks_gives_no_answer(worker: Worker) -> None:
-    """It returns from the task as its parent does; one request has one answer."""
+    """The fork returns from the task as its parent does, but one request has one answer."""
     assert worker.ask("fork and return in both")[0]["fork has ended"]
     assert [worker.ask("count")[0]["count"] for _ in range(3)] == [1, 2, 3]
 
@@ -183,7 +183,7 @@ def test_all_requests_of_a_process_share_its_limit_of_time(worker: Worker) -> No
 
 @pytest.fixture
 def new_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A fork server of this test alone."""
+    """A fork server that only this test uses."""
     monkeypatch.setattr(fork_server, "_server", None)
     yield
     if fork_server._server is not None:
@@ -222,7 +222,7 @@ def test_the_server_loads_the_solvers_that_cases_name_and_no_others(new_server: 
 
 
 def _loaded_solvers(solvers: tuple[str, ...]) -> set[str]:
-    """Return the built-in solvers that a new process has in memory, if its case names ``solvers``."""
+    """Return the built-in solvers that a new process has imported if its case names ``solvers``."""
     worker = Worker(Counting(), 60.0, 2**28, solvers)
     try:
         return set(worker.ask("solvers")[0]["loaded"])

@@ -1,4 +1,4 @@
-"""Solver objects of a caller travel to their cases with their classes, wherever these are defined."""
+"""Solver objects of a caller are sent to their cases with their classes, wherever these are defined."""
 
 import subprocess
 import sys

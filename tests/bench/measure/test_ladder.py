@@ -1,4 +1,4 @@
-"""Cases of one problem: what they do side by side, and what an interrupt leaves of them."""
+"""Cases of one problem: how they run side by side, and which results an interrupt keeps."""
 
 import threading
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from stored_cases import case_record
 
 
 class Fake(LadderCase[None]):
-    """A case without a process, whose begin is a function."""
+    """A case without a process, whose ``begin`` is a function."""
 
     def __init__(self, begin: Any) -> None:
         limits = Limits(solve_seconds=1.0, case_seconds=1.0, memory_bytes=1, max_iterations=1)

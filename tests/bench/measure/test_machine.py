@@ -1,4 +1,4 @@
-"""The record of a machine has the version of every library whose solvers, captures or contacts may be measured."""
+"""The record of a machine contains the version of every library whose solvers, captures or contacts may be measured."""
 
 import os
 import re
@@ -33,13 +33,13 @@ def test_only_installed_libraries_have_a_version() -> None:
 def test_reading_the_state_of_a_checkout_writes_nothing_into_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A run that is killed meanwhile would leave a locked index."""
+    """A run killed during such a write would leave a locked index."""
     source, index = tmp_path / "machine.py", tmp_path / ".git" / "index"
     source.write_text("")
     identity = ("-c", "user.name=a", "-c", "user.email=a@b.c")
     for words in (("init", "--quiet"), ("add", "."), (*identity, "commit", "--quiet", "--message", "one")):
         subprocess.run(["git", *words], cwd=tmp_path, check=True)
-    os.utime(source, (1, 1))  # git would note its new time in the index
+    os.utime(source, (1, 1))  # git would write its new time to the index
     before = index.read_bytes()
     monkeypatch.setattr(machine, "__file__", str(source))
     assert len(machine._git("rev-parse", "HEAD")) == 40
@@ -49,7 +49,7 @@ def test_reading_the_state_of_a_checkout_writes_nothing_into_it(
 
 @pytest.mark.parametrize("has_iowait", [True, False])
 def test_a_core_that_waits_is_not_busy(has_iowait: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two cores work for 3 s and 5 s; the first one is left out. Only Linux counts the time that a core waits."""
+    """Two cores work for 3 s and 5 s; the first one is omitted. Only Linux counts the time that a core waits."""
     names = ("user", "system", "idle", "iowait") if has_iowait else ("user", "system", "idle")
     times = namedtuple("times", names)  # type: ignore[misc]
     cores = [times(*seconds[: len(names)]) for seconds in ((2.0, 1.0, 7.0, 4.0), (4.0, 1.0, 9.0, 2.0))]

@@ -1,4 +1,4 @@
-"""A run has a core of its own, puts its processes there, and knows when it is slower than before."""
+"""A run reserves a core, puts its processes there, and detects when the core becomes slower."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="th
 
 @pytest.fixture(autouse=True)
 def own_claims(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let claims be apart from those of other tests that run now."""
+    """Separate the claims from those of other tests that run at the same time."""
     monkeypatch.setattr("proxbench.bench.measure.measuring_core.CLAIM", f"test-{os.getpid()}")
     monkeypatch.setattr("proxbench.bench.measure.measuring_core.MAX_PROBE_RATIO", MAX_PROBE_RATIO)
 

@@ -1,4 +1,4 @@
-"""The worked examples of the documentation, installed as packages of their own, appear everywhere without an option."""
+"""The worked examples of the documentation, installed as packages, are available everywhere without an option."""
 
 import contextlib
 import json
@@ -39,7 +39,7 @@ def block(page: str, language: str) -> str:
 
 
 def build_wheel(folder: Path, project: str, modules: dict[str, str]) -> Path:
-    """A wheel of single-file modules, made by hand, so that neither setuptools nor a network is needed."""
+    """A wheel of single-file modules, written directly, so that neither setuptools nor a network is needed."""
     about = tomllib.loads(project)["project"]
     label = f"{about['name'].replace('-', '_')}-{about['version']}"
     info = f"{label}.dist-info"
@@ -72,7 +72,7 @@ for line in sys.stdin:
         code = run_command(json.loads(line))
     print(json.dumps([code, output.getvalue(), errors.getvalue()]), flush=True)
 """
-"""A process that answers one command line after another; the page of the solver runs all its checks from its file."""
+"""Program of a process that runs command lines, with four checks of each kind; another test runs all checks."""
 
 
 @contextlib.contextmanager
@@ -82,7 +82,7 @@ def command_with(*wheels: Path, site: Path) -> Iterator[Command]:
     environment = {**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
     subprocess.run([*pip, "--target", str(site), *map(str, wheels)], check=True, timeout=600, env=environment)
     path = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}  # names stay in one piece
+    environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}  # names are not wrapped
     server = subprocess.Popen(
         [sys.executable, "-c", SERVE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
     )
@@ -102,7 +102,7 @@ def command_with(*wheels: Path, site: Path) -> Iterator[Command]:
 
 @pytest.fixture(scope="module")
 def proxbench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Command]:
-    """The command line where both worked examples are installed."""
+    """The command line in an environment with both worked examples installed."""
     folder = tmp_path_factory.mktemp("packages")
     solver = build_wheel(
         folder, block("add-a-solver.md", "toml"), {"fixed_step_gradient": block("add-a-solver.md", "python")}
@@ -186,7 +186,7 @@ def test_names_that_are_not_free_and_packages_that_do_not_import_are_listed_with
 
 
 def check_errors(proxbench: Command, results: Path) -> None:
-    """Check that faults of packages are listed, refused by name, and no hindrance to other solvers."""
+    """Check that faulty packages are listed and refused by name, and do not affect other solvers."""
     done = proxbench("list", "solvers", "--json")
     assert done.returncode == 0
     rows = json.loads(done.stdout)["solvers"]

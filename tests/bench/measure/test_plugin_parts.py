@@ -1,4 +1,4 @@
-"""A solver of a plugin may be a part of another, which then works where plugins may run."""
+"""A solver of a plugin may be a part of another solver, which then runs where plugins may run."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Plugin files: what they offer can be named, in the processes of cases too, and what is wrong with them is named."""
+"""Plugin files: their solvers and problems can be named in every process, and their faults are reported."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -50,7 +50,7 @@ PROBLEMS = {"falling-point": falling}
 
 @pytest.fixture(autouse=True)
 def nothing_registered() -> Iterator[None]:
-    """Take back what a test has registered."""
+    """Unregister the plugins of a test."""
     yield
     for file, _ in registered():
         forget(file)

@@ -46,7 +46,7 @@ PROBLEMS = {{"noted": noted}}
 
 @pytest.fixture(autouse=True)
 def nothing_registered() -> Iterator[None]:
-    """Take back what a test has registered."""
+    """Unregister the plugins of a test."""
     yield
     for file, _ in registered():
         forget(file)

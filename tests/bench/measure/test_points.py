@@ -1,4 +1,4 @@
-"""Points of several passes: the worse end and answer count, and limits that excluded rounds caused are forgotten."""
+"""Points of several passes: the worse outcome and answer count, and limits due to excluded rounds are ignored."""
 
 import pytest
 from proxbench.bench.measure.points import joined

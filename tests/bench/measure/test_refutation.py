@@ -1,4 +1,4 @@
-"""Claims that a problem has no solution stand where nobody has one."""
+"""A claim that a problem has no solution is kept unless another solver has a solution."""
 
 import pytest
 from proxbench.bench.measure.refutation import mark_refuted_claims

@@ -1,4 +1,4 @@
-"""A solver in a process of its own is the solver, and its faults are errors of one solve."""
+"""A solver in a separate process gives the same answers, and its faults are errors of one solve."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A run measures as the protocol says, keeps what is finished, and goes on where it stopped."""
+"""A run follows the protocol, keeps finished results, and resumes where it stopped."""
 
 import json
 import os
@@ -139,7 +139,7 @@ def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Pat
 @pytest.mark.slow
 @pytest.mark.parametrize("megabytes", [80, 112, 128])
 def test_a_matrix_beyond_the_memory_limit_is_out_of_memory_in_one_sentence(tmp_path: Path, megabytes: int) -> None:
-    """Every two of 3000 grains on one slab are coupled, so that G takes 108 MB, and a sweep another 36 MB."""
+    """All pairs of 3000 grains on one slab are coupled; G therefore takes 108 MB, and a sweep another 36 MB."""
     n = 3000
     slab = sp.csc_array(np.vstack([np.eye(n), -np.ones(n)]))
     problem = ContactProblem.from_factors(slab, np.ones(n + 1), np.full(n, -0.01), dim=1, name="slab")

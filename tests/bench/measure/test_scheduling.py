@@ -1,4 +1,4 @@
-"""Each pass has an order of its own, and a point has a round in each."""
+"""Each pass has its own order, and each point has a round in each pass."""
 
 import pytest
 from crashing_solver import CrashingBelow
@@ -20,7 +20,7 @@ PLAN = PlanRecord(problems=["p"], solvers=["fast", "slow", "noisy"], tolerances=
 
 
 def case(solver: str, *levels: list[float]) -> CaseRecord:
-    """Return a case whose points took so long in their rounds."""
+    """Return a case whose points have these times of rounds."""
     points = []
     for tolerance, seconds in zip(PLAN.tolerances, levels, strict=True):
         rounds = [timed_round(number, value) for number, value in enumerate(seconds)]
@@ -109,7 +109,7 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
 @pytest.mark.parametrize("last", ["solved", "time limit"])
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_point_that_only_the_last_pass_reaches_needs_no_other_pass(number: int, last: str) -> None:
-    """The first pass ended at a coarser point, which was late under load; a point of that pass alone needs another."""
+    """The first pass ended at a coarser point, late under load. A point of the first pass alone needs another pass."""
     plan = replace(PLAN, passes=2)
     coarse, fine = case("slow", STEADY[:2], STEADY[:1]).points
     reached = [timed_round(number, 9.0, excluded="preempted")]

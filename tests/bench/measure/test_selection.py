@@ -1,4 +1,4 @@
-"""What a run measures: every problem that is given has a name, a family and numbers, or a reason why it is left out."""
+"""The problems of a run: each has a name, a family and numbers, or is left out with a reason."""
 
 import os
 from collections import Counter
@@ -19,7 +19,7 @@ def box(weight: float, name: str = "any") -> ContactProblem:
 
 
 def filled(folder: Path, sizes: dict[str, int]) -> Path:
-    """A folder of problems with numbers of their own, all of the same name, whose files begin with their family."""
+    """A folder of different problems of the same name, whose file names begin with their family."""
     for family, size in sizes.items():
         for number in range(size):
             save_problem(box(1.0 + number), folder / f"{family}-{number:03}.npz")
@@ -27,7 +27,7 @@ def filled(folder: Path, sizes: dict[str, int]) -> Path:
 
 
 def broken(folder: Path) -> Path:
-    """Three files in a folder that are no problems: one damaged, one cut short, one with a number that is none."""
+    """A folder with three invalid problem files: one damaged, one truncated, one with NaN."""
     (folder / "boxes-damaged.npz").write_bytes(b"no zip")
     write_fclib(box(1.0), folder / "boxes-whole.hdf5")
     (folder / "boxes-cut.hdf5").write_bytes((folder / "boxes-whole.hdf5").read_bytes()[:3000])

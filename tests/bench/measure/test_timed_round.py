@@ -1,4 +1,4 @@
-"""A round is excluded where something else ran on its core, and not because its solver sleeps."""
+"""A round is excluded if something else ran on its core, but not because its solver sleeps."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Cases without a process: their problem, their points, and the answers of solves."""
+"""Cases without a process, with their problem, points and answers."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from stored_cases import case_record, timed_round
 
 PROBLEM = ContactProblem.from_delassus(np.diag([2.0, 1.0, 1.0]), (-1.0, 0.6, 0.8), 0.3, name="sliding")
 SOLUTION = np.array([0.5, -0.15 * 0.6, -0.15 * 0.8])
-"""Λ_N = 1/2 of what slides along c_T, whose length is 1, with the friction μ Λ_N = 0.15."""
+"""Impulses of a sliding contact: Λ_N = 1/2, and friction μ Λ_N = 0.15 against c_T, whose length is 1."""
 
 LADDER = (1e-2, 1e-4, 1e-6)
 
@@ -35,7 +35,7 @@ def made_case(*points: Point, number: int = 0, limits: Limits | None = None, sol
 
 
 def timed(seconds: float = 1e-3, count: int = 1, **changes: Any) -> TimedRound:
-    """Return solves of which each takes so long, a tenth of it for preparing."""
+    """Return solves that take ``seconds`` each, a tenth of which to prepare."""
     plain = {
         "status": Status.SOLVED,
         "iterations": 5,

@@ -14,7 +14,7 @@ from proxbench.solvers.registry import BUILT_IN
 
 @dataclass
 class Counting:
-    """Counts how often it has answered."""
+    """Counts its answers."""
 
     count: int = 0
     left: list["subprocess.Popen[bytes]"] = field(default_factory=list)
@@ -47,7 +47,7 @@ class Counting:
         return {"count": self.count}, b""
 
     def _fork(self) -> bool:
-        """Return at once in the fork, and here when it has ended, or lives on for long."""
+        """Fork; return False in the fork, and in this process whether the fork ends within ten seconds."""
         fork = os.fork()
         if fork == 0:
             return False

@@ -1,4 +1,4 @@
-"""A solver that fails at fine tolerances only."""
+"""A solver that fails only at fine tolerances."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -9,7 +9,7 @@ from proxbench.solvers import Model, Solution, Stop, create
 
 @dataclass
 class CrashingBelow:
-    """SORprox, which raises where it is given a finer tolerance than its own."""
+    """SORprox that raises an exception for a tolerance finer than its own limit."""
 
     tolerance: float
     problem: ContactProblem | None = None

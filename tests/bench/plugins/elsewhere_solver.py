@@ -1,4 +1,4 @@
-"""A solver that solves in other processes than the one that made it only."""
+"""A solver that solves only in other processes than the one that created it."""
 
 import os
 from typing import Any
@@ -8,7 +8,7 @@ from proxbench.solvers import create
 
 
 class Elsewhere:
-    """SORprox, elsewhere."""
+    """SORprox that solves only in other processes."""
 
     name, model, has_iterates = "Elsewhere", Model.COULOMB, False
 

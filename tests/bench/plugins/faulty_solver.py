@@ -1,4 +1,4 @@
-"""A solver with one fault, chosen by name, for the tests of what checks notice."""
+"""A solver with one fault, chosen by name, for tests of the checks."""
 
 import os
 import random
@@ -22,7 +22,7 @@ MISNAMED = {
     ("absolute", Status.ITERATION_LIMIT): Status.SOLVED,
     ("never oscillates", Status.OSCILLATING): Status.ITERATION_LIMIT,
 }
-"""What a faulty solver says instead of what is true."""
+"""False statements of a faulty solver."""
 
 SPOILED: dict[str, Callable[[Solution], Any]] = {
     "lies": lambda solution: _false(solution),
@@ -40,16 +40,16 @@ SPOILED: dict[str, Callable[[Solution], Any]] = {
     "zero": lambda solution: Solution(np.zeros_like(solution.impulses), Status.SOLVED, 0),
     "unsupported": lambda solution: replace(solution, status=Status.UNSUPPORTED),
 }
-"""What a faulty solver returns whatever it has found."""
+"""Values that a faulty solver returns in place of its result."""
 
 
 def in_any_order(problem: ContactProblem) -> str:
-    """What a problem and the same with its contacts in another order have in common."""
+    """Return a text that does not depend on the order of contacts."""
     return f"{np.sort(problem.free_velocity).tolist()} {sizes(problem)}"
 
 
 def in_any_direction(problem: ContactProblem) -> str:
-    """What a problem and the same with its tangents turned have in common."""
+    """Return a text that does not depend on the directions of tangents."""
     known = problem.free_velocity.copy()
     fixed = np.ones(problem.n_rows, dtype=bool)
     for row in problem.laws.first_row[problem.laws.kind == LawKind.SPATIAL_FRICTION]:
@@ -73,20 +73,20 @@ REMEMBERED: dict[str, Callable[[ContactProblem], str]] = {
     "remembers contacts in any order": in_any_order,
     "remembers tangents of any direction": in_any_direction,
 }
-"""What a faulty solver knows a problem again by, that it gives its first solution to."""
+"""How a faulty solver recognises a problem, to which it gives its first solution again."""
 
 SLOWLY = ("remembers contacts in any order", "remembers tangents of any direction")
-"""Those that solve all the same, so that only what they answer is noticed, and no time."""
+"""Faults that do not save the solve, so that only the answers reveal them, not the times."""
 
 started: list[object] = []
-"""Processes that it starts: one that is forgotten while it runs is warned of."""
+"""Started processes; Python warns if a running one is garbage-collected."""
 
 memory: dict[tuple[str, str, Stop], Solution] = {}
 
 
 @dataclass(frozen=True)
 class Faulty:
-    """Solves as SORprox does, but for one fault."""
+    """Solves as SORprox does, except for one fault."""
 
     fault: str
 
@@ -264,4 +264,4 @@ SIDE_EFFECTS: dict[str, Callable[[], Any]] = {
     "replaces the judge": _replace_the_judge,
     "replaces the clock": lambda: setattr(time, "perf_counter", lambda: 0.0),
 }
-"""What a faulty solver does to its process, and to nothing else."""
+"""Changes that a faulty solver makes to its process."""

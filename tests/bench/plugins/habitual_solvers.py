@@ -15,7 +15,7 @@ STOP = Stop(1e-6, max_seconds=30.0)
 
 @njit(cache=True)
 def sorted_sum(numbers: Any) -> Any:
-    """Return the sum of some numbers in ascending order, which no other solver needs."""
+    """Return the sum of some numbers in ascending order, with a kernel that no other solver uses."""
     return np.sort(numbers).sum()
 
 
@@ -23,8 +23,8 @@ def sorted_sum(numbers: Any) -> Any:
 class Wrapped:
     """SORprox with a habit.
 
-    It may "remember" answers, "compile" (take long for the first time in a process), or "load" a kernel for problems
-    in which the velocities of the first contact have the directions of ``sides``.
+    It may "remember" answers, "compile" (take long in the first solve of a process), or "load" a kernel for problems in
+    which the velocities of the first contact have the directions of ``sides``.
     """
 
     habit: str = ""
@@ -45,7 +45,7 @@ class Wrapped:
 
 
 def directions(problem: ContactProblem) -> tuple[float, ...]:
-    """Return the velocities of the first contact over the first one, which do not depend on units."""
+    """Return the velocities of the first contact over its first one; these ratios do not depend on units."""
     velocities = problem.free_velocity[:3]
     return tuple((velocities / velocities[0]).tolist())
 

@@ -1,4 +1,4 @@
-"""Solvers that break every rule, each in its own way, to be run in a child process."""
+"""Solvers that break every rule, each in its own way, for tests in a child process."""
 
 import atexit
 import contextlib
@@ -24,7 +24,7 @@ from proxbench.solvers import Model, Solution, Status, Stop, create
 
 @dataclass(frozen=True)
 class Misbehaving:
-    """Solves as SORprox does, after the action that ``action`` names; with ``only``, on one problem alone."""
+    """Solves as SORprox does, after the named ``action``; with ``only``, supports only that problem."""
 
     action: str
     only: str = ""
@@ -59,13 +59,13 @@ _ONCE = {
     "litter",
     "leave slowly",
 }
-"""Actions that last, so that repeating them in every solve would only take time."""
+"""Actions with a lasting effect, which need not be repeated in every solve."""
 
 _kept: list[object] = []
-"""What lives until its process ends."""
+"""Objects that are kept until the process ends."""
 
 _done: set[str] = set()
-"""Actions that this process has taken."""
+"""Actions that this process has already taken."""
 
 
 class SlowToGo:
@@ -94,7 +94,7 @@ class _Prepared:
         _done.add(self.action)
         return getattr(self, f"do_{self.action.replace(' ', '_')}")(solution)
 
-    # what it returns
+    # wrong return values
 
     def do_raise(self, solution: Solution) -> object:
         raise RuntimeError("the plugin gave up")
@@ -150,7 +150,7 @@ class _Prepared:
     def do_talk(self, solution: Solution) -> object:
         return Solution(solution.impulses, solution.status, solution.iterations, "m" * 2**25)
 
-    # what it does to its own process
+    # faults in its own process
 
     def do_exit(self, solution: Solution) -> object:
         os._exit(7)
@@ -257,7 +257,7 @@ class _Prepared:
         tempfile.mkstemp()
         return solution
 
-    # what it does to others
+    # attacks on other processes
 
     def do_start_threads(self, solution: Solution) -> object:
         for _ in range(4):  # a computation that lets other threads of Python work, and never ends
@@ -267,7 +267,7 @@ class _Prepared:
     def do_start_processes(self, solution: Solution) -> object:
         subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=True)
         _forked(lambda: time.sleep(1000))
-        _forked(lambda: _forked(_spin_deaf))  # its parent is gone at once
+        _forked(lambda: _forked(_spin_deaf))  # its parent ends immediately
         return solution
 
     def do_return_twice(self, solution: Solution) -> object:
@@ -275,7 +275,7 @@ class _Prepared:
         return solution
 
     def do_run_away(self, solution: Solution) -> object:
-        """Leave a process that is never the same: each one forks the next and is gone."""
+        """Start a chain of processes, in which each one forks the next and ends."""
         _forked(_run_away)
         return solution
 
@@ -292,7 +292,7 @@ class _Prepared:
         return solution
 
     def do_forge(self, solution: Solution) -> object:
-        """Write what it likes into every connection that it finds."""
+        """Write forged answers into every open connection."""
         for descriptor in range(3, 100):
             with contextlib.suppress(OSError):
                 socket.socket(fileno=os.dup(descriptor)).send(b"\x00" * 7 + b"\x04null" * 100)
@@ -300,7 +300,7 @@ class _Prepared:
 
 
 def patch_everything() -> None:
-    """Replace the judge, the store, the clock and the random numbers by what suits a solver."""
+    """Replace the judge, the store, the clock and the random numbers in favour of the solver."""
     import proxbench.bench.measure.contacts.case
     import proxbench.bench.store.outcome
     import proxbench.bench.store.store
@@ -321,7 +321,7 @@ def patch_everything() -> None:
 
 
 def unsettle() -> None:
-    """Change what a process has one of: random state, numpy's error state, garbage collection, environment."""
+    """Change the global state of a process: random state, numpy's error state, garbage collection, environment."""
     np.random.seed(0)  # noqa: NPY002
     random.seed(0)
     np.seterr(all="raise")

@@ -1,4 +1,4 @@
-"""Scenes of a plugin: a tower of balls, one with faults, a block given by functions, and scenes of our own again."""
+"""Scenes of a plugin: a tower of balls, a faulty tower, a block given by functions, and wrapped built-in scenes."""
 
 import os
 import time
@@ -18,7 +18,7 @@ from proxbench.problems.motion.scenes.scene import Scene, bare_scene
 from proxbench.problems.motion.state import State
 
 FAULTY_FROM = 60
-"""The call from which a faulty tower is at fault."""
+"""The call from which a faulty tower fails."""
 
 
 def tower(balls: int = 4, friction: float = 0.3) -> tuple[BallSystem, State]:
@@ -30,7 +30,7 @@ def tower(balls: int = 4, friction: float = 0.3) -> tuple[BallSystem, State]:
 
 
 class Faulty:
-    """A system that goes wrong in one of several ways."""
+    """A system with one of several faults."""
 
     def __init__(self, system: BallSystem, fault: str) -> None:
         self._system, self._fault, self._calls = system, fault, 0

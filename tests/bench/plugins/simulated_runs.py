@@ -1,4 +1,4 @@
-"""Runs from a model of noise, without measuring: processes, rounds, disturbances and whole runs scatter."""
+"""Runs from a model of noise, without measurements: processes, rounds, disturbances and whole runs scatter."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ PROCESS, ROUND, RUN = 0.05, 0.03, 0.03
 """Standard deviations of logarithms of times: between processes, rounds and runs."""
 
 DISTURBED, DISTURBANCE = 0.1, 0.5
-"""Share of the rounds that something disturbs, and the mean logarithm by which these take longer."""
+"""Share of disturbed rounds, and the mean logarithm of the factor by which they take longer."""
 
 SOLVERS = ("A", "B", "C", "D", "E", "F", "G", "H")
 PROBLEMS = tuple(f"p-{number}" for number in range(8))
@@ -46,7 +46,7 @@ def seconds_of(place: int) -> float:
 
 
 def rounds_of(chance: np.random.Generator, seconds: float, processes: FloatArray) -> list[Round]:
-    """Return two rounds of each pass, each pass in a process of its own."""
+    """Return two rounds of each pass, each pass in its own process."""
     rounds = []
     for (number, process), turn in itertools.product(enumerate(processes), range(2)):
         noise = process + chance.normal(0.0, ROUND)
@@ -64,7 +64,7 @@ def solved_point(tolerance: float, rounds: list[Round]) -> Point:
 def simulated_cases(
     seed: int, factors: Mapping[str, float] | None = None, passes: int = 3, solvers: tuple[str, ...] = SOLVERS
 ) -> list[CaseRecord]:
-    """Return the cases of a run, times of some solvers, or on one problem ("A on p-0"), times a factor."""
+    """Return the cases of a run; times of some solvers, or on one problem ("A on p-0"), are multiplied by a factor."""
     chance, factors = np.random.default_rng(seed), factors or {}
     of_run = float(np.exp(chance.normal(0.0, RUN)))
     cases = []
@@ -87,7 +87,7 @@ def store_run(
     problems: Sequence[ContactProblem] = (),
     **others: Any,
 ) -> Path:
-    """Write a run of these cases that carries some problems; return its folder.
+    """Write a run of these cases that stores some problems; return its folder.
 
     ``others`` are fields of its record, its limits and its number of passes.
     """

@@ -1,4 +1,4 @@
-"""Records of cases for tests, with what matters given and the rest as simple as it can be."""
+"""Records of cases for tests, with given fields and simple defaults."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -26,7 +26,7 @@ def timed_round(number: int, seconds: float, **others: Any) -> Round:
 
 
 def measured_in(rounds: Sequence[Round], **others: Any) -> Measured:
-    """Return what was measured in rounds, solved to 1e-7."""
+    """Return the measurements of rounds, solved to 1e-7."""
     plain = {"iterations": 3, "residual": 1e-7, "model_residual": 1e-7, "verdict": {}, "impulse_error": None}
     return Measured(**{**plain, **times_from_rounds(rounds), "rounds": list(rounds), **others})
 

@@ -1,4 +1,4 @@
-"""Solvers in other languages run in children, and what they do there is classed as what a plugin does."""
+"""Solvers in other languages run in child processes, and their faults are classified like those of plugins."""
 
 import pickle
 import shutil

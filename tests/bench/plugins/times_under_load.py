@@ -1,4 +1,4 @@
-"""Limits of times that other programs on the same core exceed, as tests do that run in parallel."""
+"""Time limits that other programs on the same core exceed, such as tests that run in parallel."""
 
 import math
 
@@ -18,7 +18,7 @@ LIMITS = {
 
 
 def ignore_load(patch: pytest.MonkeyPatch) -> None:
-    """Exclude no round because others use the core, and neither accuse a solver nor solve again by such times."""
+    """Disable these limits, so that load excludes no round, accuses no solver and repeats no solve."""
     for name in LIMITS:
         patch.setattr(f"proxbench.bench.{name}", math.inf)
 

@@ -1,4 +1,4 @@
-"""Shared: steps that are recorded, and recordings read back without the viewer."""
+"""Shared fixtures: recorded steps, and recordings read back without the viewer."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -52,7 +52,7 @@ def read_back() -> Callable[[Path], ReadBack]:
 
 
 def record_steps(recorder: SceneRecorder, steps: Sequence[Step], every: int = 1) -> None:
-    """Record steps that follow each other from the start of a scene, of which each such one is drawn."""
+    """Record consecutive steps from the start of a scene, and draw every ``every``-th one."""
     scene, begin, rows = recorder.scene, recorder.scene.start, []
     for step in steps:
         taken = AcceptedStep(begin, step.state, ((step, step.state.time - begin.time),))

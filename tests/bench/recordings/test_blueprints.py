@@ -1,4 +1,4 @@
-"""Cameras show all that moves, from as close as possible."""
+"""Cameras show all moving bodies, from as close as possible."""
 
 import numpy as np
 import pytest

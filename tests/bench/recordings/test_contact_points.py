@@ -1,4 +1,4 @@
-"""Places of contacts come back from the force directions alone."""
+"""Positions of contacts are reconstructed from the force directions alone."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_balls_in_contact_touch() -> None:
 
 
 def with_inertia(problem: ContactProblem, factor: float) -> ContactProblem:
-    """The same contacts of bodies that turn ``factor`` times as hard."""
+    """The same contacts, of bodies with ``factor`` times the moments of inertia."""
     assert problem.factors is not None
     inverse = problem.factors.inverse_mass.matrix.diagonal().reshape(-1, 6)
     inverse[:, 3:] /= factor

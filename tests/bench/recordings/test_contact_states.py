@@ -1,4 +1,4 @@
-"""Open, stick and slip follow from the impulses."""
+"""Contact states (open, stick, slip) follow from the impulses."""
 
 import numpy as np
 from proxbench.bench.recordings.contact_states import ContactState, contact_states, count_states

@@ -1,4 +1,4 @@
-"""A recording file is whole or not there, and never in the place of another one."""
+"""A recording file is complete or absent, and never replaces another file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Recordings draw the balls of a scene of one's own, which moves in a process of its own."""
+"""Recordings draw the balls of a plugin's scene, which is simulated in a separate process."""
 
 from collections.abc import Callable
 from pathlib import Path

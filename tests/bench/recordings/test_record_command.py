@@ -1,4 +1,4 @@
-"""``proxbench record``: a recording, or one sentence."""
+"""``proxbench record`` writes a recording, or prints one sentence."""
 
 import json
 import subprocess
@@ -57,11 +57,11 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Pa
     plugin = tmp_path / "hanging.py"
     plugin.write_text(HANGING)
     line = f"record hard-groove --solver Hanging --solve-seconds 1 --plugin {plugin} --output {tmp_path}/a.rrd"
-    program = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")  # plugins stay in a process
+    program = (sys.executable, "-c", "from proxbench.bench.cli.main import main; main()")  # plugins stay registered
     began = time.monotonic()
     done = subprocess.run([*program, *line.split()], capture_output=True, encoding="utf-8")
     assert done.returncode == 1
-    assert time.monotonic() - began < 40.0  # the limit, the grace, and the processes that start
+    assert time.monotonic() - began < 40.0  # the limit, the grace period, and the start of processes
     assert "It did not end at its time limit of 1 s." in done.stdout
 
 

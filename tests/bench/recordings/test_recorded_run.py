@@ -1,4 +1,4 @@
-"""``proxbench run --record``: what came through is recorded, one file a problem, in the folder of the run."""
+"""``proxbench run --record`` records the cases without faults, one file per problem, in the folder of the run."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A recording of solves shows what the solvers did, side by side."""
+"""A recording of solves shows the iterations of the solvers side by side."""
 
 from collections.abc import Callable
 from pathlib import Path

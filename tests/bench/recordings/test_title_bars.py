@@ -1,4 +1,4 @@
-"""Layouts of pictures: views without the viewer's panels and buttons, and where each of them is."""
+"""Layouts of pictures: views without the viewer's panels and buttons, and the positions of the views."""
 
 from typing import Any
 
@@ -58,7 +58,7 @@ def test_views_have_the_places_of_their_shares() -> None:
 
 
 def test_a_container_of_one_view_is_as_large_as_the_view() -> None:
-    # the viewer writes one value without its list
+    # the viewer writes a single value without a list
     fields = {"container_kind": "Vertical", "contents": "view/a", "row_shares": 2.0}
     layout = {
         "/viewport": LAYOUT["/viewport"],

@@ -1,4 +1,4 @@
-"""A trace holds what the solver did, first and last iterate included."""
+"""A trace contains the iterates of a solver, including the first and the last one."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Shared: the reference run, and the tables of its profiles."""
+"""Shared fixtures: the reference run, and the tables of its profiles."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What tables count and average: times beyond the limit count as the limit, and wrong claims as nothing."""
+"""What tables count and average: times above the limit count as the limit, and wrong claims do not count."""
 
 from dataclasses import replace as changed
 from io import StringIO
@@ -72,7 +72,7 @@ def test_times_are_compared_between_equal_numbers_of_threads(tmp_path: Path) -> 
 
 
 def test_a_solver_that_uses_fewer_threads_than_it_declares_is_compared_by_those_that_it_uses(tmp_path: Path) -> None:
-    """D uses both threads on the problem q, so that its time on p is not compared with those of one thread.
+    """D uses both threads on the problem q; its time on p is therefore not compared with those of one thread.
 
     B does not support q, where its number is unknown.
     """
@@ -131,7 +131,7 @@ def test_excluded_times_take_part_in_no_mean(tmp_path: Path) -> None:
 
 
 def test_files_mark_excluded_times(tmp_path: Path) -> None:
-    """A spreadsheet shows the columns of the CSV file alone."""
+    """A spreadsheet shows only the columns of the CSV file."""
     excluded, counted = timed_round(0, 0.1, excluded="preempted"), timed_round(0, 0.2)
     points = solved_point(1e-4, [excluded]), solved_point(1e-8, [counted])
     frames = load(store_run(tmp_path / "run", [case("A", *points), case("B", points[1])], limits=LIMITS))

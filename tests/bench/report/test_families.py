@@ -1,4 +1,4 @@
-"""Tables by family and by problem say what the cases say."""
+"""Tables by family and by problem agree with the cases."""
 
 from dataclasses import replace
 from io import StringIO
@@ -22,7 +22,7 @@ FAMILIES = {"hard-counterexample": "algebraic", "hard-immovable": "algebraic", "
 
 @pytest.fixture
 def grouped(finished_run: Path) -> RunFrames:
-    """The little run, two of its three problems in one family."""
+    """The small run, with two of its three problems in one family."""
     frames = load(finished_run)
     info = changed(frames.info, plan=changed(frames.info.plan, families=FAMILIES))
     cases, points = (frame.assign(family=frame["problem"].map(FAMILIES)) for frame in (frames.cases, frames.points))

@@ -1,4 +1,4 @@
-"""No result is written through a link out of its folder, and what cannot be written is still printed."""
+"""No result is written through a link out of its folder, and results that cannot be written are still printed."""
 
 import os
 import shutil
@@ -126,7 +126,7 @@ def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
     )
     assert printed.err.startswith(f"proxbench: cannot write {run}/tables/results.csv: ")
     assert printed.err.count("\n") == 1
-    assert run_command(f"report {run} --quiet".split()) == 2  # the files are all that is wanted
+    assert run_command(f"report {run} --quiet".split()) == 2  # only the files are wanted
     assert capsys.readouterr().out == ""
 
 

@@ -1,4 +1,4 @@
-"""Profiles are what their definitions say, over the problems and solvers of a table, whoever failed on what."""
+"""Profiles follow their definitions, over the problems and solvers of a table, for any pattern of failures."""
 
 import json
 import shutil
@@ -48,7 +48,7 @@ def random_seconds(seed: int, problems: int = 17, solvers: int = 5) -> pd.DataFr
 
 
 def on_stairs(corners: pd.DataFrame, column: str, solver: str, at: float) -> float:
-    """The height of a solver's staircase at a place."""
+    """The height of a solver's staircase at ``at``."""
     own = corners[corners["solver"] == solver]
     return float(own["share"][own[column] <= at].iloc[-1])
 
@@ -66,7 +66,7 @@ def declining(frames: RunFrames, problem: str, solver: str) -> RunFrames:
 
 @pytest.fixture
 def declined(finished_run: Path) -> RunFrames:
-    """The little run, in which ClarabelSOCP supports two of three problems."""
+    """The small run, in which ClarabelSOCP supports two of three problems."""
     return declining(load(finished_run), "funnel-30", "ClarabelSOCP")
 
 
@@ -114,7 +114,7 @@ needs_node = pytest.mark.skipif(
 
 
 def output_of_page(document: dict[str, Any], script: str) -> Any:
-    """What a script prints as JSON, after the model of the page has read a document as ``run``."""
+    """Return the JSON output of a script that runs after the page's own model has read a document as ``run``."""
     model = (Path(page_folder.__path__[0]) / "model.js").read_text()
     source = f"{model}\nconst run = decoded({json.dumps(document)});\n{script}"
     done = subprocess.run(["node", "-"], input=source, capture_output=True, text=True, check=True, timeout=60)
@@ -143,12 +143,12 @@ def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: s
 
 
 THREADS = {"A": 1, "B": 1, "C": 2, "D": 2}
-"""Solvers with the numbers of threads in which they compute."""
+"""Solvers with their numbers of threads."""
 
 
 @pytest.fixture
 def threaded(tmp_path: Path) -> RunFrames:
-    """A run of solvers in one and in two threads, of which one in two is the fastest."""
+    """A run of solvers with one and with two threads; one with two threads is the fastest."""
     cases = simulated_cases(0, {"C": 0.01}, solvers=tuple(THREADS))
     return load(store_run(tmp_path / "run", [replace_fields(case, threads=THREADS[case.solver]) for case in cases]))
 

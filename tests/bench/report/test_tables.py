@@ -1,4 +1,4 @@
-"""Tables say what was measured, and nothing that was not."""
+"""Tables show all measured results, and nothing else."""
 
 from dataclasses import replace
 from io import StringIO
@@ -74,7 +74,7 @@ def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> Non
 
 @pytest.mark.slow
 def test_what_an_interrupted_run_has_left_counts_among_no_failures(finished_run: Path) -> None:
-    """A case without the last point of its ladder, and one without any, are neither tried nor failed."""
+    """Cases without the last point of their ladder, or without any, count neither as attempts nor as failures."""
     whole = load(finished_run)
     of_case = {
         name: (whole.points["problem"] == "funnel-30") & (whole.points["solver"] == name)
@@ -140,7 +140,7 @@ def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
     assert summary.loc["Misbehaving(lie)", "success_1e-04"] == 1.0
     assert summary.loc["Misbehaving(lie)", "correct_1e-04"] == 0.0
     wrong = int((frames.points["outcome"] == Outcome.WRONG)[lies].sum())
-    assert summary.loc["Misbehaving(lie)", "wrong"] == wrong >= 8  # one of nine claims is wrong on some copies alone
+    assert summary.loc["Misbehaving(lie)", "wrong"] == wrong >= 8  # one of nine claims is wrong only on some copies
     assert summary.loc["SORprox(relaxation=0.5)", "correct_1e-06"] == pytest.approx(2 / 3)
 
 
@@ -155,12 +155,12 @@ def test_means_compare_only_what_all_solvers_support(finished_run: Path) -> None
     without = frames.cases[frames.cases["problem"] != "funnel-30"]
     none = summary_table(replace(frames, cases=without)).set_index("solver")
     assert (fewer["common"] == 2).all()
-    pd.testing.assert_frame_equal(fewer[means], none[means])  # one's gap leaves the problem out for all
+    pd.testing.assert_frame_equal(fewer[means], none[means])  # the gap of one solver omits the problem for all
     all_own = [f"own_{mean}" for mean in means]
     pd.testing.assert_frame_equal(fewer[all_own].drop("SORprox"), whole[all_own].drop("SORprox"))  # beside all its own
     assert fewer.loc["SORprox", all_own].tolist() == fewer.loc["SORprox", means].tolist()
     own = whole.index != "SORprox"
-    assert fewer[own]["correct_1e-04"].equals(whole[own]["correct_1e-04"])  # and takes no success from the others
+    assert fewer[own]["correct_1e-04"].equals(whole[own]["correct_1e-04"])  # the success of other solvers is unchanged
     assert (fewer[own]["problems"] == 3).all()
 
 
@@ -207,7 +207,7 @@ def test_tables_by_the_local_residual_hold_those_reached_by_it(finished_run: Pat
     }
     pd.testing.assert_frame_equal(made.results, results_table(local))
     assert "residuals are local" in (finished_run / "local" / "tables" / "summary.md").read_text()
-    assert not (finished_run / "local" / "tables" / "matrix.md").exists()  # of claims, which are judged
+    assert not (finished_run / "local" / "tables" / "matrix.md").exists()  # it shows claims about judged residuals
     chart = (finished_run / "local" / "charts" / "funnel-30.svg").read_text()
     assert "local residual (velocity error" in chart
 

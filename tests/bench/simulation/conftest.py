@@ -1,4 +1,4 @@
-"""Shared: a short pour with contacts from the first steps on."""
+"""Shared fixture: a short pour with contacts from the first steps on."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 
 @pytest.fixture
 def pour() -> Callable[..., SimulationPlan]:
-    """Make the plan of thirty balls settling, with steps long enough to meet contacts soon."""
+    """Return a function that makes the plan of thirty settling balls, with steps long enough for early contacts."""
 
     def make(steps: int = 200, **numbers: Any) -> SimulationPlan:
         options = {"balls": 30, **numbers.pop("options", {})}

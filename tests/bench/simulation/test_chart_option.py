@@ -13,7 +13,7 @@ both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variabl
 
 @pytest.fixture
 def broken_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every drawing fail."""
+    """Make every drawing fail."""
 
     def fail(specification: str) -> str:
         raise ValueError("nothing\ncan be drawn")

@@ -1,4 +1,4 @@
-"""The command: mistakes get one sentence, and no signal loses more than it must."""
+"""The command: mistakes get one sentence, and a signal loses at most the current step."""
 
 import json
 import os
@@ -160,7 +160,7 @@ def test_a_killed_simulation_leaves_a_whole_file_from_its_last_checkpoint(tmp_pa
     kept = read_simulation(file).n_steps
     assert kept > 20
     code = run_command(f"simulate --resume {file} --duration {(kept + 3) * 5e-4} --no-progress".split())
-    assert code in (0, 1)  # 1 where it was killed late enough to have met a step that is hard to solve
+    assert code in (0, 1)  # 1 if it was killed after a step that is not solved
     assert read_simulation(file).n_steps == kept + 3
 
 

@@ -1,4 +1,4 @@
-"""Result files hold everything, and one that does not is refused in one sentence."""
+"""Result files contain the whole simulation, and incomplete files are refused with one sentence."""
 
 import json
 import zipfile

@@ -1,4 +1,4 @@
-"""States that are kept: few, the first and the last, even over time, and the same whenever one stops in between."""
+"""Kept states: few, with the first and the last, evenly spaced in time, and independent of interruptions."""
 
 from collections.abc import Sequence
 
@@ -56,7 +56,7 @@ def test_steps_of_a_third_of_the_spacing_leave_distances_within_a_factor_of_two(
     kept_states = thinned(number, np.cumsum(steps).tolist())
     spacing = 2.0**kept_states.doublings
     assume(max(steps) <= spacing / 3.0)
-    # the first cell is half as long: it begins at the start, in its middle
+    # the first cell is half as long, because the start lies in its middle
     distances = np.diff(kept_times(kept_states))[1:-1]
     assert (distances > spacing * 2.0 / 3.0).all()
     assert (distances < spacing * 4.0 / 3.0).all()

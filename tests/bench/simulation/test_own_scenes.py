@@ -1,4 +1,4 @@
-"""Energy and balls of a scene of one's own are known as a whole, or are absent."""
+"""Energies and balls of a plugin's scene are known completely, or are absent."""
 
 import json
 from collections.abc import Iterator
@@ -40,12 +40,12 @@ class Uneven(Gravity):
 
 
 class Ground(Plane):
-    """A plane of a class of its own."""
+    """A plane of a new class."""
 
 
 @pytest.fixture(autouse=True)
 def in_use() -> Iterator[None]:
-    """Take the plugin into use for one test."""
+    """Register the plugin for one test."""
     use_plugin_files([PLUGIN])
     yield
     forget(PluginFile.read(PLUGIN))

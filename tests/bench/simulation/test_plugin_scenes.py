@@ -1,4 +1,4 @@
-"""A scene of a plugin moves as the same scene would here, in a process of its own, and its faults cost one step."""
+"""A plugin's scene moves in its own process as it would here, and its faults affect one step."""
 
 import runpy
 import sys
@@ -31,7 +31,7 @@ PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 
 @pytest.fixture(autouse=True)
 def in_use() -> Iterator[None]:
-    """Take the plugin into use for one test."""
+    """Register the plugin for one test."""
     use_plugin_files([PLUGIN])
     yield
     forget(PluginFile.read(PLUGIN))
@@ -111,7 +111,7 @@ def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_sto
 
 @pytest.mark.slow
 def test_a_motor_of_a_plugin_turns_its_body_in_the_same_bits_and_its_hinge_stays_closed() -> None:
-    """The target speed reaches the judge here, which would else find the motor's friction unsolved."""
+    """The judge here receives the target speed; otherwise it would find the friction of the motor unsolved."""
     plan = make_simulation_plan("wiper(speed=1.5)", stepper="Moreau(step=2e-3)", duration=0.24, tolerance=1e-10)
     reached = simulate(plan)
     scene = runpy.run_path(str(PLUGIN))["wiper"](1.5)

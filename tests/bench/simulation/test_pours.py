@@ -1,4 +1,4 @@
-"""A pour ends when the funnel is empty or jammed, every step is solved, and energy never grows where it must not."""
+"""A pour ends when the funnel is empty or jammed, every step is solved, and energy never grows against the laws."""
 
 import io
 from pathlib import Path
@@ -54,7 +54,7 @@ def test_a_narrow_outlet_jams_and_says_so(jam: Simulation) -> None:
 
 
 def test_a_jam_is_no_false_alarm_the_pile_stays_as_it_is(jam: Simulation) -> None:
-    """Half a second more from the same state: nothing passes, and no ball moves by a hundredth of its radius."""
+    """For another half second from the same state, nothing passes, and no ball moves by a hundredth of its radius."""
     plan, state = jam.plan, jam.state
     assert isinstance(plan.stepper, Moreau)
     rule = MidpointRule(
@@ -136,7 +136,7 @@ def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
     growth = np.diff(simulation.steps["kinetic_energy"] + simulation.steps["potential_energy"])
     mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.01**3
     impact = simulation.steps["impact_depth"]
-    # what ends too deep without having been in contact is lifted before it has been counted, at the next midpoint
+    # a ball that ends too deep without prior contact is lifted at the next midpoint, before it is counted
     lift = SMALL["balls"] * mass * 9.81 * 0.01 * np.maximum(impact[1:], np.append(impact[2:], 0.0))
     assert (growth <= lift + 1e-12).all()
 

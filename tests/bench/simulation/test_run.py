@@ -1,4 +1,4 @@
-"""Simulations take the stepper's steps, are judged by the judge, and go on in the same bits after an interruption."""
+"""Simulations take the stepper's steps, judge them, and resume bit for bit after an interruption."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ def assert_same_bits(one: Simulation, other: Simulation) -> None:
 
 
 def bare_rule(plan: SimulationPlan) -> MidpointRule:
-    """Moreau's rule as the plan has it, without anything else."""
+    """Moreau's rule with the settings of the plan, and nothing else."""
     assert isinstance(plan.stepper, Moreau)
     step = plan.stepper.shortest_step(plan.scene)
     return MidpointRule(plan.scene.system, plan.solver, plan.stop, step, depth=plan.scene.depth)
@@ -119,7 +119,7 @@ WELL = 8
 
 @dataclass(frozen=True)
 class Misled:
-    """A solver that goes wrong from its eighth problem on, in one of several ways."""
+    """A solver with one of several faults from its eighth problem on."""
 
     how: str
     calls: list[int]
@@ -253,9 +253,9 @@ def test_a_solver_may_be_given_no_limit_of_time(pour: Pour, solver: str) -> None
 def test_memory_that_does_not_suffice_for_a_step_and_the_states_is_named_before_the_first_step(
     states: int, kept: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At most twice as many states are kept as requested, and at most one more than steps; writing copies them.
+    """At most twice the requested number of states are kept, and at most one more than steps; writing copies them.
 
-    The first state is in memory.
+    The first state is already in memory.
     """
     plan = make_simulation_plan("pile", {"balls": 10}, duration=10.0 * make_scene("pile").step_size, states=states)
     start = plan.scene.start

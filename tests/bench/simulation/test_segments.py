@@ -1,4 +1,4 @@
-"""A result says which solver, tolerance, start and step made which steps."""
+"""A result records which solver, tolerance, start and step made which steps."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The named solver runs alone, and its start is what the plan says."""
+"""The named solver runs alone, with the start of the plan."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ Pour = Callable[..., SimulationPlan]
 
 @dataclass
 class Scripted:
-    """A solver that notes its solves and never converges."""
+    """A solver that records its solves and never converges."""
 
     name: str = "Scripted"
     model: Model = Model.COULOMB
@@ -63,7 +63,7 @@ def energy(problem: ContactProblem, impulses: np.ndarray) -> float:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_scaled_start_has_the_least_energy_of_all_parts_of_the_impulses(seed: int) -> None:
-    """Impulses of a third, once and three times the size of a solution."""
+    """The impulses are a third of a solution, the solution, and three times the solution."""
     problem = load("funnel-frictionless-30")
     solved = solve(problem, tolerance=1e-10).impulses
     noise = np.random.default_rng(seed).uniform(size=problem.n_rows) * solved.mean()

@@ -1,4 +1,4 @@
-"""What is compiled during a step is no part of its time."""
+"""Compilation during a step does not count as time of the step."""
 
 from collections.abc import Callable, Iterator
 from time import perf_counter
@@ -26,7 +26,7 @@ def compile_kernel() -> None:
 
 
 class Compiling:
-    """SORprox on a clock that compilation moves on by a thousand seconds, and each of its problems by one.
+    """SORprox on a clock that advances by a thousand seconds per compilation, and by one second per problem.
 
     Attributes:
         now: the clock.
@@ -55,7 +55,7 @@ class Compiling:
 
 
 class _MovingOn(event.Listener):  # type: ignore[misc]
-    """Moves the clock on while the compiler works."""
+    """Advances the clock while the compiler runs."""
 
     def __init__(self, solver: Compiling) -> None:
         self.solver = solver

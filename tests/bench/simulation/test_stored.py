@@ -1,4 +1,4 @@
-"""A result file alone gives table, chart and recording; one whose step failed says so, and loses nothing."""
+"""A result file suffices for table, chart and recording, also if its last step failed."""
 
 import json
 from collections.abc import Callable
@@ -18,13 +18,13 @@ from proxbench.solvers import Solution, Status, Stop, create
 FIXED = "simulate pile(balls=20) --duration 0.16 --stepper Moreau(step=1e-3) --no-progress --states 20"
 VARIABLE = "simulate woodpecker(start='cycle') --duration 0.02 --no-progress"
 SOLVERS = {FIXED: "MomentumFallback", VARIABLE: "SORprox"}
-"""What treats the steps of each where no other is given."""
+"""The default solver of each command."""
 
 both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variable"])
 
 
 class Broken:
-    """A prepared solver whose impulses are no numbers."""
+    """A prepared solver whose impulses are NaN."""
 
     def __init__(self, rows: int) -> None:
         self._rows = rows
@@ -35,7 +35,7 @@ class Broken:
 
 @pytest.fixture
 def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """Let every solver fail from its fortieth problem on."""
+    """Make every solver fail from its fortieth problem on."""
     prepare, calls = StepSolver.prepare, []
 
     def fail(solver: StepSolver, problem: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The woodpecker's switch_events in the order of the published table, and its period and descent."""
+"""Switching points of the woodpecker in the order of the published table, and its period and descent."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Simulations with variable steps: what is noted, stored, resumed, and what happens when a step fails."""
+"""Simulations with variable steps: stored data, resumption, and failed steps."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -41,9 +41,9 @@ def test_rows_describe_the_accepted_steps() -> None:
 
 
 def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a clock that a one-step solve moves on by a second, and nothing else at all, seconds are solves.
+    """On a clock that advances by a second only in one-step solves, seconds are numbers of solves.
 
-    A step is known to last only after the next one was tried, and what a search takes back has cost time as well.
+    A step is accepted only after the next one was tried, and rejected attempts of a search take time as well.
     """
     now, take = [0.0], StepCounter.take
 

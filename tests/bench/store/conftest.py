@@ -1,4 +1,4 @@
-"""Shared: records of a run and of a case, with numbers that JSON cannot write and names that are no file names."""
+"""Shared fixtures: records with numbers that JSON cannot represent and names that are not valid file names."""
 
 import math
 

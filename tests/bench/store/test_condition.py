@@ -1,4 +1,4 @@
-"""A run that lacks cases, or whose machine was not steady, says so above its numbers."""
+"""A run that lacks cases, or whose machine was not steady, reports this above its numbers."""
 
 import dataclasses
 import io
@@ -30,7 +30,7 @@ def stored(finished_run: Path) -> Run:
 
 
 def timed(run: Run, probes: tuple[float, float] = (1.0, 1.0), busy: float = 0.0, excluded: str = "") -> Run:
-    """Return the run with rounds whose probes took one of two times, and as many cores busy."""
+    """Return the run with rounds whose probes took one of two times, while ``busy`` cores were busy."""
     at = (run.rounds.index % 2).map(lambda odd: probes[odd])
     rounds = run.rounds.assign(probe_seconds=at, excluded=excluded)
     points = run.points.assign(is_excluded=bool(excluded))
@@ -94,7 +94,7 @@ def test_every_report_states_how_steady_the_machine_was_and_warns_above_a_limit(
 ) -> None:
     run = timed(stored, probes, busy, excluded)
     for page in shown(run, tmp_path):
-        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)  # of the rounds that count
+        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)  # of rounds in use
         assert f"other programs used {busy:.1f} cores" in page
         assert warning in page
         assert any(word in page for word in ("UNSTEADY", "BUSY", "EXCLUDED")) == bool(warning)

@@ -1,4 +1,4 @@
-"""The columns of the frames are the fields of the records, and their values those that were stored."""
+"""The columns of the frames are the fields of the records, with the stored values."""
 
 import dataclasses
 from collections.abc import Callable

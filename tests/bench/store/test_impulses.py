@@ -1,4 +1,4 @@
-"""Impulses that are kept are those that were judged, to the bit, and of several the worst."""
+"""Stored impulses equal the judged ones to the bit; of several answers, the worst is stored."""
 
 import zlib
 

@@ -1,4 +1,4 @@
-"""What a row says beside its numbers."""
+"""Notes of a row in addition to its numbers."""
 
 from typing import Any
 
@@ -122,7 +122,7 @@ def test_times_of_a_call_of_a_library_are_noted() -> None:
 
 
 def test_the_machine_explains_a_ratio_and_an_allowance() -> None:
-    """A long time by the ratio, one of nothing by the allowance, and no more than both."""
+    """The longest explained time is a multiple of the repeated one plus an allowance."""
     for repeated in (0.0, 1e-3, 10.0):
         longest = EXPLAINED_RATIO * repeated + ALLOWANCE_SECONDS
         assert is_explained(repeated, 0.999 * longest)
@@ -155,7 +155,7 @@ def test_first_solves_are_not_noted_if_one_is_explained_or_if_there_are_few() ->
 
 
 def test_the_fastest_first_solve_is_compared_with_the_slowest_repeated_ones() -> None:
-    """A core that is at times slow makes both slow, but not always both of a pair."""
+    """A core that is slow at times slows both down, but not always both solves of a pair."""
     assert note(**firsts([2.0, 2.0, 9.0], [0.5, 1.0, 1.5])) == "first solves take at least 1.3 times as long"
     assert note(**firsts([9.0, 2.0, 3.0], [2.0, 1.0, 1.0])) == ""
 

@@ -1,4 +1,4 @@
-"""The rule that separates right from wrong and relaxed."""
+"""The rule that distinguishes correct, wrong and relaxed answers."""
 
 from dataclasses import replace
 

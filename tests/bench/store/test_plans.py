@@ -1,4 +1,4 @@
-"""A plan knows the ladder, family and trajectory of each name, and refuses records that contradict each other."""
+"""A plan knows the ladder, family and trajectory of each name, and refuses inconsistent records."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Ratios of times are paired by rounds, and their intervals hold the true ratio as often as they say."""
+"""Ratios of times are paired by rounds, and their intervals have the stated coverage."""
 
 import os
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from proxbench.bench.store.ratios import (
 )
 
 RUNS = 1000
-"""Simulated runs; the share of intervals that hold a ratio is known from them to 0.01."""
+"""Number of simulated runs; they give the share of intervals that contain a ratio to 0.01."""
 
 IS_FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
 """Whether sizes between the smallest and the largest samples are tried too."""
@@ -67,7 +67,7 @@ def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_ro
     chance, n_runs, place = default_rng(passes), RUNS // 2, np.arange(2 * passes)
 
     def of_processes(solver: str, median: float) -> pd.DataFrame:
-        """The rounds of all simulated runs, each as a tolerance of its own."""
+        """Return the rounds of all simulated runs, with a separate tolerance for each run."""
         own = np.repeat(chance.normal(0.0, 0.05, (n_runs, passes)), 2, axis=1)
         times = median * np.exp(own + chance.normal(0.0, 0.02, own.shape))
         frame = rounds(times.ravel()).assign(number=np.tile(place // 2, n_runs), turn=np.tile(place % 2, n_runs))
@@ -205,7 +205,7 @@ def test_there_are_no_standings_where_nothing_is_reached() -> None:
 
 
 def test_without_pairs_the_smaller_sample_decides_how_wide_an_interval_is() -> None:
-    """Rounds that do not scatter add nothing to it, however many they are."""
+    """Rounds that do not scatter do not widen the interval, however many they are."""
     mine = rounds(np.exp(disturbed(default_rng(1), 20)))
     few, many = (ratio(mine, rounds(np.ones(n), session=1)) for n in (20, 400))
     assert many == pytest.approx(few, rel=1e-12)
@@ -216,6 +216,6 @@ def test_without_pairs_the_smaller_sample_decides_how_wide_an_interval_is() -> N
 
 
 def test_the_interval_of_six_pairs_is_the_range_of_all() -> None:
-    """Few pairs widen it: the plain percentile interval of their median would leave out both ends."""
+    """Few pairs widen the interval: the plain percentile interval of their median would leave out both ends."""
     found = ratio(rounds(2.0 ** np.arange(6.0)), rounds(np.ones(6)))
     assert (found.low, found.high) == pytest.approx((1.0, 32.0))

@@ -1,4 +1,4 @@
-"""A case is finished once its points are measured in all passes, but for those that the solver itself ended."""
+"""A case is finished once its points are measured in all passes, except for those that the solver itself ended."""
 
 import pytest
 from proxbench.bench.store.outcome import Outcome

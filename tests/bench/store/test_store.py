@@ -1,4 +1,4 @@
-"""Results survive what happens to files, and damage is noticed."""
+"""Results survive damage to other files, and damage is detected."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Stored plans of studies that do not hold together are refused, however their files come to be."""
+"""Inconsistent plans of stored studies are refused, whatever their origin."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from proxbench.bench.store.records import RunRecord
 
 @pytest.fixture
 def content() -> dict[str, Any]:
-    """What run.json says of a study."""
+    """The content of run.json of a study."""
     plan = make_study_plan("pile(balls=3)", members=(0, 1), methods={"Moreau with SORprox": (1e-3,)})
     trajectory = content_of(plan.record.trajectories[0])
     trajectory["known"] = [{"member": seed, "values": {"mean height": 1.0}} for seed in (0.0, 1.0)]

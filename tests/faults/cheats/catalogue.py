@@ -23,10 +23,10 @@ from tampering_solvers import CHANGES, Changing
 DECISION = Path(__file__).parents[3] / "docs" / "decisions" / "0014-nothing-spoils-a-run.md"
 
 ROW = re.compile(r"^\| `(\w+)` \|.*\| ([^|]+) \|$", re.MULTILINE)
-"""A row of the table: the name of a cheat, what it does, what it gains, and its verdict."""
+"""A row of the table: the name of a cheat, its action, its gain, and its verdict."""
 
 VERDICTS = dict(ROW.findall(DECISION.read_text(encoding="utf-8")))
-"""How each cheat ends: an outcome and, behind a colon, words of the reason or of a note."""
+"""The ending of each cheat: an outcome and, after a colon, words of the reason or of a note."""
 
 LADDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
@@ -43,7 +43,7 @@ def make_cheat(name: str, folder: Path) -> Honest:
 
 
 def measured(solver: Honest, problem_name: str = "", ladder: Iterable[float] = LADDER) -> CaseRecord:
-    """Measure a solver on the problem that it is tried on, or on another one, as a run does."""
+    """Measure a solver on its own problem or on another one, as a run does."""
     problem, spec = load(problem_name or solver.tried_on), solver_spec(solver)
     data, core = problem_bytes(problem.anonymous()), MeasuringCore.claim()
     record: CaseRecord | None = None

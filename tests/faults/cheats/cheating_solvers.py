@@ -1,4 +1,4 @@
-"""Solvers that look better than they are by what they answer or count; what each of them does stands in decision 14."""
+"""Solvers that cheat with their answers or iteration counts; decision 14 describes each of them."""
 
 import time
 from collections.abc import Callable
@@ -16,11 +16,11 @@ SHORT = Limits(solve_seconds=0.02, case_seconds=120.0)
 
 
 class Honest:
-    """SORprox under another name, for tricks to begin from.
+    """SORprox under another name, the base class of the cheats.
 
     Attributes:
         tried_on: the problem that it is measured on.
-        limits: of its case.
+        limits: limits of its case.
     """
 
     model: ClassVar[Model] = Model.COULOMB
@@ -29,7 +29,7 @@ class Honest:
 
     @classmethod
     def made(cls, folder: str) -> Self:
-        """Return one, which may keep files in a folder."""
+        """Return a solver that may store files in a folder."""
         return cls()
 
     @property
@@ -56,13 +56,13 @@ class Prepared:
 
 
 class OnBox(Honest):
-    """Tried on the problem with a known answer."""
+    """A solver that is measured on the problem with a known answer."""
 
     tried_on = BOX
 
 
 class SometimesZero(OnBox):
-    """Never in the last solves of a round."""
+    """Returns zero in some solves, but never in the last ones of a round."""
 
     is_randomised = True
 
@@ -111,19 +111,19 @@ class FewIterations(Honest):
 
 
 class LazySolution(Solution):
-    """A solution that is a promise."""
+    """A subclass of ``Solution``, which could compute its values later."""
 
 
 ANSWERS: dict[str, Callable[[int], Solution]] = {
     "Hopeless": lambda n_rows: Solution(np.zeros(n_rows), Status.INFEASIBLE, 1),
     "Lazy": lambda n_rows: LazySolution(np.zeros(n_rows), Status.SOLVED, 1),
 }
-"""What some cheats answer to every problem, by their names."""
+"""The answers of some cheats to every problem, by the names of the cheats."""
 
 
 @dataclass
 class Answering(OnBox):
-    """Gives one of ``ANSWERS`` without solving."""
+    """Returns one of ``ANSWERS`` without solving."""
 
     name: str = ""
 
@@ -142,7 +142,7 @@ class Reader(OnBox):
 
 
 class Elsewhere(OnBox):
-    """Works as a solver on a GPU does."""
+    """Finishes its answer in ``synchronise``, as a solver on a GPU does."""
 
     def prepare(self, problem: ContactProblem) -> Any:
         return PreparedElsewhere(self, problem)

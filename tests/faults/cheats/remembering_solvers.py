@@ -1,4 +1,4 @@
-"""Solvers that answer what they have solved before, or know already, and are honest about everything else."""
+"""Solvers that return stored or precomputed answers, and are honest otherwise."""
 
 import gc
 import hashlib
@@ -21,7 +21,7 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 @dataclass
 class AnswerFiles:
-    """Answers in files of a folder, for all processes and runs."""
+    """Answers in the files of a folder, shared by all processes and runs."""
 
     folder: str
 
@@ -40,7 +40,7 @@ class AnswerFiles:
 
 
 class Remembering(Honest):
-    """Keeps its answers, in units of its own, by a key of the problem and the tolerance."""
+    """Stores its answers, in its own units, by a key of the problem and the tolerance."""
 
     @cached_property
     def kept(self) -> Any:
@@ -50,7 +50,7 @@ class Remembering(Honest):
         return problem.digest
 
     def scale(self, problem: ContactProblem) -> float:
-        """Return the factor of impulses that makes them the same in whatever units."""
+        """Return the factor that makes impulses independent of units."""
         return 1.0
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
@@ -64,7 +64,7 @@ class Remembering(Honest):
 
 
 class WhateverUnits(Remembering):
-    """Knows a problem by its velocity over the largest entry."""
+    """Recognises a problem by its free velocity divided by the largest entry."""
 
     def key(self, problem: ContactProblem) -> Any:
         return (problem.free_velocity / np.abs(problem.free_velocity).max()).tobytes()
@@ -74,7 +74,7 @@ class WhateverUnits(Remembering):
 
 
 class Miscounting(WhateverUnits):
-    """Reports other iterations for each problem, so that no copy appears to take as many as the problem."""
+    """Reports different numbers of iterations for each problem, so that no copy takes as many as the problem."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         found = super().solve(problem, stop, observe)
@@ -96,7 +96,7 @@ class OnDisk(WhateverUnits):
 
 
 class Waiting(Remembering):
-    """Waits until a share of the time of a solve has passed, which it determines in its second solve of a problem."""
+    """Waits for a share of the time of a solve, which it measures in its second solve of a problem."""
 
     share: ClassVar[float] = 0.37
 
@@ -125,7 +125,7 @@ class WaitingLonger(Waiting):
 
 
 class Carrying(Remembering):
-    """Needs half a second."""
+    """Needs half a second for a first solve, beyond its limit, and then returns the stored answer."""
 
     tried_on = "funnel-30"
     limits = Limits(solve_seconds=0.3, case_seconds=120.0)
@@ -158,7 +158,7 @@ class FromLibraryInWhateverUnits(WhateverUnits):
 
 
 class WhateverOrder(WhateverUnits):
-    """Knows a problem by its relative normal velocities, up to a difference, and waits for some seconds."""
+    """Recognises a problem by its relative normal velocities up to ``difference``; answers after ``seconds`` [s]."""
 
     difference: ClassVar[float] = 1e-12
     seconds: ClassVar[float] = 2e-4
@@ -208,7 +208,7 @@ class WarmStarting(Honest):
 
 
 class WhenCollecting(Remembering):
-    """Solves to all tolerances while garbage is collected, which never happens on the clock, and is honest before."""
+    """Solves during garbage collection, which is never timed, and returns these answers later."""
 
     @cached_property
     def waiting(self) -> list[Any]:
@@ -237,7 +237,7 @@ class WhenCollecting(Remembering):
 
 
 class KnowsCopies(Remembering):
-    """Takes every process but the one that it was made in for a copy."""
+    """Takes every other process than its first one for one that solves a copy."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         key = self.key(problem), stop.tolerance

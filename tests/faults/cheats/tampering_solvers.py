@@ -1,4 +1,4 @@
-"""Solvers that work off the clock, spoil the clock, or leave something running or changed."""
+"""Solvers that work off the clock, change the clock, or leave processes or changes behind."""
 
 import _thread
 import builtins
@@ -57,7 +57,7 @@ CHANGES: dict[str, Callable[[], Any]] = {
     "SilentErrors": lambda: np.seterr(all="ignore"),
     "Preferred": lambda: os.setpriority(os.PRIO_PROCESS, 0, 5),
 }
-"""What some cheats change in their process, by their names."""
+"""The changes that some cheats make in their process, by the names of the cheats."""
 
 
 @dataclass
@@ -71,7 +71,7 @@ class Changing(Tampering):
 
 
 class Hiding(Tampering):
-    """Replaces the comparison of the process too, so that only what others count from outside shows it."""
+    """Also replaces the comparison of process states, so that only counts from outside reveal the change."""
 
     tried_on = LARGE
 
@@ -136,7 +136,7 @@ class Orphaning(Honest):
 
 
 class AheadInBareThread(Honest):
-    """Works on when it has warmed up."""
+    """Leaves a thread that runs on after the warm-up."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         if stop.max_iterations == 200:

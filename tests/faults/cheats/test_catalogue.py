@@ -1,4 +1,4 @@
-"""Every cheat of the catalogue ends as the table in decision 14 says, and honest solvers as they should."""
+"""Every cheat of the catalogue ends as the table in decision 14 states, and honest solvers are not accused."""
 
 from pathlib import Path
 
@@ -11,10 +11,10 @@ from proxbench.bench.store.records import CaseRecord
 from tampering_solvers import CHANGES
 
 TRIES = 3
-"""Runs of a cheat, of which one must end as the table says."""
+"""Number of runs of a cheat; one of them must end as the table states."""
 
 SPREAD = 1.15
-"""Largest ratio of two times of the same work on a machine that shows what a cheat gains."""
+"""Largest ratio of two times of the same work at which the machine is steady enough to reveal the gain of a cheat."""
 
 COMPARED = (
     "first solves",
@@ -25,10 +25,10 @@ COMPARED = (
 """Words of the verdicts that compare the times of undisturbed solves."""
 
 NAMED = "named"
-"""Verdict on a cheat that is accused or noted, as most of its control solves are undisturbed or preempted."""
+"""Verdict on a cheat that is either accused or noted, depending on whether its control solves are preempted."""
 
 FAMILIES = {"OnBox", "Answering", "Tampering", "Changing", "Hiding"}
-"""Classes that are no cheats of their own."""
+"""Base classes that are not cheats themselves."""
 
 
 @pytest.mark.parametrize("name", VERDICTS)

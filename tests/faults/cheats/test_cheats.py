@@ -1,4 +1,4 @@
-"""Tricks by which a solver would look faster, truer or surer than it is, and what a run says of each."""
+"""Tricks by which a solver would seem faster or more accurate than it is, and their verdicts in a run."""
 
 import pytest
 from catalogue import measured

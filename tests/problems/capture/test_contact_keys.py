@@ -1,4 +1,4 @@
-"""Names of contacts last from step to step."""
+"""Names of contacts persist from step to step."""
 
 import numpy as np
 from proxbench.problems.capture.contact_keys import distinct_keys, pair_of
@@ -7,7 +7,7 @@ CORNERS = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [1.0,
 
 
 def anchors(order: list[int], slide: float = 0.0) -> np.ndarray:
-    """Return corners of a box on a floor: at rest on the box, moved on the floor."""
+    """Return the corners of a box on a floor: fixed on the box, moved on the floor."""
     corners = CORNERS[order]
     return np.stack([corners + np.array([slide, 0.0, 0.0]), corners], axis=1)
 

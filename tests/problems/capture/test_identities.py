@@ -1,4 +1,4 @@
-"""What a captured problem has in common with MuJoCo: A, b, forces on coordinates, and the velocity after the step."""
+"""Identities between a captured problem and MuJoCo: A, b, forces on coordinates, and the velocity after the step."""
 
 import copy
 from itertools import product
@@ -44,7 +44,7 @@ def test_the_error_of_the_velocity_in_the_provenance_is_rounding(moved: tuple[An
 
 
 def test_a_stack_at_rest_is_captured() -> None:
-    """Its velocities are rounding errors of the terms that cancel in a step."""
+    """Its velocities are rounding errors of terms that cancel."""
     text = STACK.format(cone="elliptic", integrator="Euler", solver="Newton")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
@@ -98,7 +98,7 @@ def test_capturing_leaves_the_state_alone() -> None:
 
 
 def test_both_cones_give_one_contact_problem() -> None:
-    """The rows of a pyramid, combined, are those of the contact's frame."""
+    """Combinations of the rows of a pyramid are the rows of the contact's frame."""
     model, data = moving(EVERYTHING.format(cone="elliptic", integrator="Euler", solver="Newton", jacobian="auto"))
     elliptic = captured_step(model, data).problem
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL

@@ -1,4 +1,4 @@
-"""Without MuJoCo, or with an untried version, one sentence says what to install."""
+"""Without MuJoCo, or with an untested version, one sentence tells what to install."""
 
 import tomllib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Constraint rows become the laws that they mean, or are refused with the reason."""
+"""Constraint rows become the corresponding laws, or are refused with a reason."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -107,7 +107,7 @@ def test_a_row_of_an_unknown_type_is_refused_with_its_number(monkeypatch: pytest
 
 
 def with_other_number(name: str) -> Any:
-    """Return the module mujoco, in which a type of rows has a number that no row has."""
+    """Return the module mujoco with an unused number for one type of rows."""
     types = {one: getattr(mujoco.mjtConstraint, one) for one in dir(mujoco.mjtConstraint) if one.startswith("mjCNSTR")}
     changed = SimpleNamespace(**(types | {name: 99}))
     return SimpleNamespace(**{one: getattr(mujoco, one) for one in dir(mujoco)} | {"mjtConstraint": changed})

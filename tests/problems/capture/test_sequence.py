@@ -1,4 +1,4 @@
-"""A capture is a suite of steps with lasting names; a failure keeps the steps before it."""
+"""A capture is a suite of steps with persistent names; a failure keeps the steps before it."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -72,7 +72,7 @@ def test_a_failure_keeps_the_steps_before_it(boxes: Path, tmp_path: Path, monkey
 
     def failing(model: Any, data: Any) -> None:
         called.append(data)
-        if len(called) > 346:  # two calls a step, one of them on a copy
+        if len(called) > 346:  # two calls per step, one of them on a copy
             raise mujoco.FatalError("the arena is full")
         step(model, data)
 

@@ -1,4 +1,4 @@
-"""Known solutions fit their problem, and errors are distances to them."""
+"""Known solutions match their problem, and errors are distances to them."""
 
 from typing import Any
 

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 
 def blocks_of(problem: ContactProblem) -> np.ndarray:
-    """Return which contacts G couples, with the contact that bounds a friction, shape (n_contacts, n_contacts)."""
+    """Return which contacts are coupled, by G or by the bound of a friction law, shape (n_contacts, n_contacts)."""
     layout = problem.layout
     contact = layout.slot // layout.width
     coupled = np.eye(layout.n_blocks, dtype=bool)
@@ -22,7 +22,7 @@ def blocks_of(problem: ContactProblem) -> np.ndarray:
 
 
 def sparse_bodies(seed: int) -> ContactProblem:
-    """Frictional contacts, each between one or two of some bodies of 3 or 6 degrees of freedom."""
+    """Frictional contacts, each of one or two bodies with 3 or 6 degrees of freedom."""
     rng = np.random.default_rng(seed)
     n_contacts, n_bodies, size = int(rng.integers(1, 12)), int(rng.integers(1, 10)), int(rng.choice([3, 6]))
     directions = np.zeros((n_bodies * size, 3 * n_contacts))
@@ -59,7 +59,7 @@ def test_components_of_captured_steps_are_those_of_g(name: str) -> None:
 def test_friction_couples_its_contact_to_the_one_that_bounds_it() -> None:
     laws = Laws(
         np.array([0, 0, 1]), np.array([0, 1, 2]), np.array([0, 0, 0.5]), np.zeros(3), np.array([-1, -1, 0])
-    )  # the friction of law 2 stands behind law 1 and is bounded by law 0
+    )  # the friction law 2 follows law 1 and is bounded by law 0
     problem = ContactProblem.from_delassus(np.eye(3), -np.ones(3), laws=laws)
     component = components(problem)
     owner = problem.layout.slot // problem.layout.width

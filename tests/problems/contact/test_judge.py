@@ -1,4 +1,4 @@
-"""The judge: exact on cases by hand, zero at solutions, and the same in every description of the same contact."""
+"""The judge: exact on cases by hand, zero at solutions, and independent of the description of a contact."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def complementary(seed: int) -> tuple[ContactProblem, np.ndarray]:
 @pytest.mark.parametrize(
     ("c", "impulses", "violation"),
     [
-        ((-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0),  # approaching, nothing pushes: ξ_N = −1
+        ((-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0),  # approaching, no impulse: ξ_N = −1
         ((-1.0, 0.0, 0.0), (0.5, 0.0, 0.0), 0.0),  # Λ_N = 1/α stops it
         ((-1.0, 0.0, 0.0), (0.6, 0.0, 0.0), 0.2),  # pushed away at ξ_N = 0.2 < αΛ_N
         ((1.0, 0.0, 0.0), (-0.1, 0.0, 0.0), 0.2),  # pulling: α|Λ_N|
@@ -60,7 +60,7 @@ def complementary(seed: int) -> tuple[ContactProblem, np.ndarray]:
         ((-1.0, 2.0, 0.0), (0.5, -0.35, 0.0), 0.2),  # outside the cone by 0.1, times α
         ((-1.0, 0.4, 0.0), (0.5, -0.2, 0.0), 0.0),  # sticking inside the cone
         ((-1.0, 0.4, 0.0), (0.5, -0.1, 0.0), 0.2),  # slides with ξ_T = 0.2 although the bound is not reached
-        ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.25), 0.0),  # the second tangent is as good as the first
+        ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.25), 0.0),  # the second tangent is equivalent to the first
     ],
 )
 def test_one_contact_by_hand(c: tuple[float, float, float], impulses: tuple[float, ...], violation: float) -> None:
@@ -118,7 +118,7 @@ def test_units_contacts_order_and_tangent_frame_do_not_matter(seed: int) -> None
 
 @pytest.mark.parametrize("seed", range(5))
 def test_turning_tangents_of_equal_stiffness_does_not_matter(seed: int) -> None:
-    """With G_TT = α I in each contact, α does not depend on the frame, and neither does the residual."""
+    """With G_TT = α I in each contact, neither α nor the residual depends on the frame."""
     rng = np.random.default_rng(seed)
     angle = rng.uniform(0, 2 * np.pi)
     turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
@@ -205,7 +205,7 @@ def test_the_natural_map_is_that_of_de_saxce() -> None:
 
 
 def test_dissipated_energy_is_the_kinetic_energy_that_a_plastic_impact_takes() -> None:
-    """A mass m = 1/α at speed 1 that stops loses m/2 = 0.25."""
+    """A mass m = 1/α that stops from speed 1 loses the energy m/2 = 0.25."""
     assert judge(one_contact((-1.0, 0.0, 0.0)), (0.5, 0.0, 0.0)).dissipated_energy == pytest.approx(0.25)
 
 
@@ -224,7 +224,7 @@ def test_each_model_has_its_own_solutions() -> None:
 
 
 def test_a_pyramid_approaches_the_cone_with_the_square_of_its_sides() -> None:
-    """A slip direction in the middle of a side: the inscribed polygon gives up 1 − cos(π/k) of the bound."""
+    """For a slip direction in the middle of a side, the inscribed polygon loses 1 − cos(π/k) of the bound."""
     errors = []
     for sides in (8, 16, 32):
         angle = np.pi / sides
@@ -266,7 +266,7 @@ def rolling_contact(c: tuple[float, ...]) -> ContactProblem:
         ((-1.0, 0.0, 2.0), (0.5, 0.0, 0.0), 0.05),  # rolls without resistance: the whole bound is missing
         ((-1.0, 0.0, 0.2), (0.5, 0.0, 0.0), 0.04),  # 0.2 rad/s where there should be none
         ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.006), 0.01),  # outside the bound by 0.001
-        ((-1.0, 3.0, 2.0), (0.5, -0.25, -0.005), 0.0),  # slides and rolls at once
+        ((-1.0, 3.0, 2.0), (0.5, -0.25, -0.005), 0.0),  # slides and rolls at the same time
     ],
 )
 def test_rolling_friction_by_hand(c: tuple[float, ...], impulses: tuple[float, ...], violation: float) -> None:
@@ -383,7 +383,7 @@ def test_solvers_stop_on_the_residual_of_the_worst_component() -> None:
 @pytest.mark.parametrize("impulse", [-0.5, 0.0, 0.25, 0.5, 2.0])
 @pytest.mark.parametrize("free", [-2.0, 1.0])
 def test_without_friction_both_models_have_the_same_residual(impulse: float, free: float) -> None:
-    """It is |min(αΛ, ξ)| with α = 4, also beside a contact with friction."""
+    """The residual is |min(αΛ, ξ)| with α = 4, also next to a contact with friction."""
     laws = Laws.together([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
     problem = ContactProblem.from_delassus(np.diag([1.0, 1.0, 1.0, 4.0]), (0.0, 0.0, 0.0, free), laws=laws)
     violation = abs(min(4.0 * impulse, 4.0 * impulse + free)) / abs(free)

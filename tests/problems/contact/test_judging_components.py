@@ -1,4 +1,4 @@
-"""Nothing that stands in the same vector hides a violation, and no size of the numbers does."""
+"""No entry of a vector hides a violation in another one, at any magnitude of the numbers."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def test_the_local_residual_relates_each_contact_to_those_that_share_a_body_with
     # three contacts in a chain: the outer ones do not touch each other
     matrix = np.array([[2.0, 0.1, 0.0], [0.1, 2.0, 0.1], [0.0, 0.1, 2.0]])
     problem = ContactProblem.from_delassus(matrix, (-100.0, -1.0, -0.1), dim=1)
-    verdict = judge(problem, np.zeros(3))  # violated by 100, 1 and 0.1
+    verdict = judge(problem, np.zeros(3))  # violations of 100, 1 and 0.1
     assert verdict.residual == pytest.approx(1.0)
     assert [verdict.local_median, verdict.local_q99] == pytest.approx([0.1, 1.0])
     local = [100.0 / 100.0, 1.0 / 100.0, 0.1 / 1.0]

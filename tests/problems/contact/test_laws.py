@@ -1,4 +1,4 @@
-"""Laws hold together, and what does not is named."""
+"""Laws are consistent, and inconsistencies are named."""
 
 from dataclasses import fields
 
@@ -167,7 +167,7 @@ def test_counts_name_each_kind_of_law_that_occurs() -> None:
 @pytest.mark.parametrize("dim", [1, 2, 3])
 @pytest.mark.parametrize("n_contacts", [0, 1, 70, 128])
 def test_equal_contacts_have_the_layout_of_their_own_laws(dim: int, n_contacts: int) -> None:
-    """It is taken from the layout of a longer list of equal contacts."""
+    """The layout is taken from that of a longer list of equal contacts."""
     laws = Laws.contacts(0.3, dim, n_contacts)
     found, expected = layout_of(laws), BlockLayout.of(laws.fresh())
     for one in fields(BlockLayout):

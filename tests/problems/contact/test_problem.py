@@ -1,4 +1,4 @@
-"""Contact problems check what they are given, freeze it, and know their numbers by a digest."""
+"""Contact problems check and freeze their arguments, and a digest identifies their numbers."""
 
 from itertools import pairwise
 from typing import Any
@@ -122,7 +122,7 @@ def test_a_fresh_copy_is_equal_and_shares_no_memory() -> None:
 
 
 def random_laws(rng: np.random.Generator, n: int) -> Laws:
-    """Contacts of one to three rows, lone friction laws, and friction that follows another law than its partner."""
+    """Contacts of one to three rows, separate friction laws, and friction laws that do not follow their partner."""
     kind, partner, friction, fixed = [], [], [], []
     unilateral: list[int] = []
     for _ in range(n):
@@ -180,7 +180,7 @@ def test_blocks_hold_the_matrix_with_the_diagonal_first(seed: int, n: int) -> No
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 8))
 def test_the_largest_asymmetry_and_the_largest_minor_are_found_in_any_sparsity(seed: int, n: int) -> None:
-    """Against the dense differences; entries may stand on one side of the diagonal alone."""
+    """They are compared with dense differences; entries may be on one side of the diagonal only."""
     rng = np.random.default_rng(seed)
     dense = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
     np.fill_diagonal(dense, rng.uniform(0.0, 1.0, n))
@@ -213,7 +213,7 @@ def test_a_problem_shows_itself_in_one_line() -> None:
 
 
 def test_a_matrix_of_single_precision_stays_a_problem_under_another_name() -> None:
-    """Its rounding passes by the tolerances of single precision, which the copy in doubles must not lose."""
+    """Its rounding is within the tolerances of single precision, which must also hold for the copy in doubles."""
     rng = np.random.default_rng(3)
     root = rng.normal(size=(36, 6))
     problem = ContactProblem.from_delassus((root @ root.T).astype(np.float32), rng.normal(size=36), 0.5)

@@ -1,4 +1,4 @@
-"""Projections are nearest points: feasible, and at an obtuse angle to everything else that is."""
+"""Projections are nearest points: feasible, and at an obtuse angle to all other feasible points."""
 
 import numpy as np
 import pytest
@@ -168,7 +168,7 @@ def test_impulses_of_joints_stay_and_each_friction_keeps_its_own_bound(rolling_r
 
 
 def test_a_point_inside_a_cone_keeps_its_normal_part_to_the_last_bit() -> None:
-    """Methods take N = N₀ for the sign of a contact that sticks."""
+    """Methods take N = N₀ as the sign of a sticking contact."""
     rng = np.random.default_rng(5)
     normal, tangent = rng.uniform(0.0, 1.0, 10_000), rng.normal(size=(10_000, 2))
     mu = rng.uniform(0.05, 2.0, 10_000)

@@ -1,4 +1,4 @@
-"""Violations of single laws: by hand, the same beside other contacts, and with their rounding where friction slides."""
+"""Violations of single laws: by hand, next to other contacts, and with their rounding where friction slides."""
 
 import numpy as np
 import pytest

@@ -11,7 +11,7 @@ NAMES = ["hard-mixed-laws", "hard-sticking-box", "hard-tower-3", "hard-tresca-jo
 
 
 def moved(problem: ContactProblem) -> np.ndarray:
-    """Impulses that nothing is special about."""
+    """Return generic impulses."""
     return np.random.default_rng(3).normal(size=problem.n_rows)
 
 
@@ -27,7 +27,7 @@ def test_order_and_tangents_change_no_verdict(name: str) -> None:
         ours, theirs = judge(other.problem, impulses), judge(problem, other.impulses(impulses))
         assert ours.penetration_velocity == pytest.approx(theirs.penetration_velocity, rel=1e-12)
         assert ours.dissipated_energy == pytest.approx(theirs.dissipated_energy, rel=1e-12)
-        if name not in ("hard-mixed-laws", "hard-tresca-joint"):  # there α, the larger of two diagonals, turns too
+        if name not in ("hard-mixed-laws", "hard-tresca-joint"):  # there α, the larger diagonal entry, changes
             assert ours.residual == pytest.approx(theirs.residual, rel=1e-12)
 
 

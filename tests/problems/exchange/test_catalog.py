@@ -1,4 +1,4 @@
-"""Names lead to problems, wrong ones to the nearest right one, and the frozen library is whole and small."""
+"""Valid names give problems, invalid ones suggest the nearest name, and the frozen library is complete and small."""
 
 from importlib import resources
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Problems have the family that they say, or that of their name, and samples keep families in proportion."""
+"""Problems have their stated family, or that of their name, and samples preserve the proportions of families."""
 
 from collections import Counter
 
@@ -30,7 +30,7 @@ def test_a_name_has_the_family_of_its_group_or_its_beginning(name: str, family: 
 
 
 def test_no_group_of_bodies_has_the_name_of_a_group_of_hard_cases() -> None:
-    """Pages of one suite leave out its name."""
+    """Pages of one suite omit its name, so equal names would be ambiguous."""
     assert not set(BODY_GROUPS) & set(CASE_GROUPS)
 
 

@@ -1,4 +1,4 @@
-"""A folder as a suite: every file is a member or has a reason, in the order and the families that it says."""
+"""A folder as a suite: every file is a member or has a reason, in the stated order and families."""
 
 import shutil
 from pathlib import Path
@@ -10,7 +10,7 @@ from proxbench.problems.exchange.folder import FolderSuite, list_folder
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Five problems in two formats, one of them hidden, and files that are none."""
+    """Five problems in two formats, one of them hidden, and other files."""
     made = tmp_path / "library"
     problem = load("hard-sticking-box")
     for place in ("boxes-2.npz", "boxes-1.npz", "deep/rocks-1.npz", ".hidden.npz"):

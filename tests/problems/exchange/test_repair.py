@@ -1,4 +1,4 @@
-"""Matrices of files that miss symmetry or definiteness: each remedy does what it is named for, and says so."""
+"""Files with asymmetric or indefinite matrices: each remedy does what its name states, and is reported."""
 
 import pickle
 import re
@@ -27,7 +27,7 @@ COUPLED = M + 0.25 * (np.eye(6, k=3) + np.eye(6, k=-3))
 
 
 def crooked(by: float) -> Data:
-    """Return the local problem with one entry of W larger by a part of the largest."""
+    """Return the local problem with one entry of W increased by a fraction of the largest one."""
     matrix = W.copy()
     matrix[1, 4] += by * np.abs(W).max()
     return local_data(matrix=matrix)
@@ -133,7 +133,7 @@ def test_an_unknown_word_is_refused_with_the_known_ones(option: dict[str, Any], 
 
 
 def indefinite(least: float) -> np.ndarray:
-    """Return W with its least eigenvalue replaced by a part of the largest."""
+    """Return W with its least eigenvalue replaced by a fraction of the largest one."""
     values, vectors = np.linalg.eigh(W)
     values[0] = least * values[-1]
     matrix = (vectors * values) @ vectors.T

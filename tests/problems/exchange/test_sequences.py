@@ -1,4 +1,4 @@
-"""Steps of a sequence know the step before, and a start continues its impulses contact by contact."""
+"""Steps of a sequence know the previous step, and a warm start continues its impulses contact by contact."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -54,7 +54,7 @@ def test_the_digest_of_a_start_covers_the_numbers_of_earlier_steps_and_the_rows_
 
 
 class Recorder:
-    """A solver that keeps the start that it is given."""
+    """A solver that stores the given start."""
 
     def __init__(self) -> None:
         self.starts: list[np.ndarray | None] = []

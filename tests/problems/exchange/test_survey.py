@@ -1,4 +1,4 @@
-"""What a survey says of a file is what dense linear algebra says of its problem."""
+"""The survey of a file agrees with dense linear algebra on its problem."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_the_conditioning_is_that_of_the_block_of_a_contact() -> None:
 
 def test_a_survey_says_what_the_file_holds(tmp_path: Path) -> None:
     crooked = W.copy()
-    crooked[0, 1] = 0.3  # of 1.5, too much to be made symmetric
+    crooked[0, 1] = 0.3  # compared with 1.5, too much to be made symmetric
     stored = {"solution/r": IMPULSES, "guesses/number_of_guesses": np.array([2]), "fclib_local/info/title": b"stack"}
     local = survey(write_data(tmp_path / "l.hdf5", local_data(matrix=crooked), **stored))
     assert (local.form, local.title, local.contacts, local.rows, local.dofs) == ("G", "stack", 2, 6, None)

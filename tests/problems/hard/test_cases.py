@@ -1,4 +1,4 @@
-"""The known answers of the hard cases hold before the judge, and by algorithms that know nothing of them."""
+"""The known answers of the hard cases agree with the judge and with independent algorithms."""
 
 import os
 
@@ -12,10 +12,10 @@ from proxbench.problems.hard import CASE_GROUPS, GRAVITY, HARD_CASES, TIME_STEP,
 from proxbench.solvers import Status, create, solve
 
 SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "Refined(ClarabelCoulomb)")
-"""Pivoting, sweeps and cone programs: three ways to a solution that share nothing."""
+"""Pivoting, sweeps and cone programs: three independent ways to a solution."""
 
 MAX_ROWS = 600 if os.environ.get("PROXBENCH_PROFILE") == "full" else 40
-"""Of cases to which solutions are sought."""
+"""Largest number of rows of cases for which solutions are sought."""
 
 IMMOVABLE = [name for name in HARD_CASES if name.startswith("hard-immovable")]
 
@@ -31,7 +31,7 @@ def test_known_impulses_solve_the_problem_to_rounding() -> None:
         witnesses = [] if known.witness is None else [known.witness]
         for impulses in [*known.impulses, *witnesses]:
             assert judge(problem, impulses).residual <= 1e-13 + Residual(problem).rounding(impulses), problem.name
-            require_known_answer(problem, impulses)  # names the problem that it is not met on
+            require_known_answer(problem, impulses)  # names the failing problem
 
 
 def test_every_case_has_something_known() -> None:
@@ -42,7 +42,7 @@ def test_every_case_has_something_known() -> None:
 
 
 def last_bits(problem: ContactProblem, impulses: np.ndarray) -> float:
-    """Return the residual that four roundings of the largest impulse leave: no vector of doubles does much better."""
+    """Return the residual of four roundings of the largest impulse; no vector of doubles is much better."""
     residual = Residual(problem)
     return 4.0 * UNIT * residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
 
@@ -69,7 +69,7 @@ UNSOUGHT = {
     "hard-squeezed",
     *IMMOVABLE,
 }
-"""Cases that none of the three solves to 1e-9: no double is as accurate as that, or there is no solution."""
+"""Cases that none of the three solves to 1e-9: doubles are not accurate enough, or there is no solution."""
 
 
 @pytest.mark.slow

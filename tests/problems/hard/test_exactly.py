@@ -1,4 +1,4 @@
-"""Answers that rounding could spoil, checked in rational arithmetic on the numbers that the problems hold."""
+"""Answers that are sensitive to rounding, checked in rational arithmetic on the stored numbers."""
 
 from fractions import Fraction
 
@@ -61,7 +61,7 @@ def test_all_contacts_closed_is_the_exact_solution(name: str) -> None:
     assert problem.answer is not None
     exact = solved(exact_delassus(problem), [-Fraction(value) for value in problem.free_velocity.tolist()])
     assert all(value >= 0 for value in exact)
-    # c itself is rounded, and a stack multiplies that by the mass above, which a relative comparison forgives
+    # c is rounded, and a stack multiplies this error by the mass above; a relative comparison tolerates it
     assert problem.answer.impulses[0] == pytest.approx([float(value) for value in exact], rel=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Random problems hold the solution that was built into them, without rounding."""
+"""Random problems have the exact solution from which they are constructed."""
 
 from fractions import Fraction
 from typing import Any

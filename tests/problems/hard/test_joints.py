@@ -1,4 +1,4 @@
-"""Linked bodies move as the closed forms say, however many joints hold them, and by every solver that takes joints."""
+"""Linked bodies move according to closed forms, with any number of joints and any solver that supports joints."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ BOTH_LAWS = [
     "SORprox(form='factors')",
     "Refined(ClarabelCoulomb)",
 ]
-"""All but Jacobi's iterations with full steps, which oscillate, and the cone program of Clarabel by another way."""
+"""All solvers but Jacobi's iterations, which oscillate, and CvxpyCoulomb, which solves ClarabelCoulomb's programs."""
 
 
 def motion(problem: ContactProblem, impulses: np.ndarray) -> np.ndarray:

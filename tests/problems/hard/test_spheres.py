@@ -1,4 +1,4 @@
-"""Spheres that resist rolling stay, roll and slide as the closed forms say, and a pile of the library can be one."""
+"""Spheres with rolling resistance rest, roll and slide according to closed forms, also in a pile of the library."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Rigid bodies at rest with contacts given point by point, as exact references for scenes that find theirs."""
+"""Rigid bodies at rest with given contact points, as exact references for scenes that detect contacts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Point:
 def bodies_at_rest(
     centres: ArrayLike, masses: ArrayLike, inertias: ArrayLike, points: Sequence[Point], friction: float
 ) -> ContactProblem:
-    """Return one second from rest of bodies with moments of inertia (n, 3) in world axes, under gravity."""
+    """Return the problem of one second from rest under gravity, for moments of inertia in world axes, shape (n, 3)."""
     centre, mass, inertia = (np.asarray(given, dtype=np.float64) for given in (centres, masses, inertias))
     n_bodies = len(mass)
     chunks = np.full(2 * len(points), n_bodies, dtype=np.int64)

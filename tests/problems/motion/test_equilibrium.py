@@ -1,4 +1,4 @@
-"""Bodies can stand iff forces within the laws balance the loads, and a mechanism proves that they cannot."""
+"""Bodies can stand if and only if forces within the laws balance the loads; a mechanism proves that they cannot."""
 
 from dataclasses import replace
 from math import atan, cos, inf, radians, sin, tan
@@ -68,7 +68,7 @@ def test_a_block_stands_on_an_incline_iff_friction_is_the_tangent_of_the_slope(d
 
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 70.0])
 def test_a_ladder_leans_by_friction_at_both_ends(degrees: float) -> None:
-    """At the limit both ends slip: 2 μ tan θ = 1 − μ²."""
+    """At the limit, both ends slip: 2 μ tan θ = 1 − μ²."""
     angle = radians(degrees)
     assert least_friction(leaning_ladder(angle)) == pytest.approx((1.0 - sin(angle)) / cos(angle), rel=1e-6)
 
@@ -104,7 +104,7 @@ def test_walls_without_friction_carry_the_ball_by_their_known_forces() -> None:
 
 
 def test_a_ball_begins_to_roll_down_an_incline_as_it_does_in_motion() -> None:
-    """Rolling opens and slides nothing, so that the associated model agrees with Coulomb's."""
+    """In rolling, no contact opens or slides, so the associated model agrees with Coulomb's law."""
     scene = SphereOnIncline(0.3, 0.5)
     found = find_equilibrium(at_rest(scene))
     assert not found.can_stand
@@ -149,7 +149,7 @@ def test_a_general_system_has_a_margin_too() -> None:
 
 
 def random_pile(seed: int, friction: float) -> ContactProblem:
-    """Return a few balls thrown together in a groove, where they cannot stay."""
+    """Return a few randomly placed balls in a groove, which cannot stay at rest."""
     rng = np.random.default_rng(seed)
     planes = [Plane((0.0, 0.0, 0.0), (side, 0.0, 1.0)) for side in (-1.0, 1.0)]
     system = BallSystem(
@@ -197,7 +197,7 @@ def test_a_mechanism_proves_that_nothing_balances_the_loads(seed: int) -> None:
 @pytest.mark.parametrize("units", [(1e6, 1.0, 1.0), (1.0, 1e-3, 1.0), (1e-9, 1e3, 1e3)])
 def test_the_answer_does_not_depend_on_units(units: tuple[float, float, float]) -> None:
     for problem in (box_on_incline(0.3, 1.0, 1.0, 0.2), random_pile(0, 0.4), at_rest(Stack((1.0, 5.0), 0.2))):
-        # in_units changes what is a velocity only, so the mass of a rotation keeps its unit of length
+        # in_units changes only velocities, so the inertia of a rotation keeps its unit of length
         other = in_units(problem, *units).problem
         found, changed = find_equilibrium(problem), find_equilibrium(other)
         assert changed.imbalance == pytest.approx(found.imbalance, rel=1e-6, abs=1e-8)
@@ -224,7 +224,7 @@ def test_friction_of_fixed_bound_holds_up_to_its_bound() -> None:
 
 
 def test_a_joint_pulls_as_well_as_it_pushes() -> None:
-    """A pendulum hangs below its pivot; held by a contact instead it falls."""
+    """A pendulum hangs below its pivot; with a contact in place of the joint, it falls."""
     motion = np.array([0.0, -9.81])
     held = ContactProblem.from_factors(np.eye(2), np.ones(2), motion, laws=Laws.joints(2), free_motion=motion)
     assert find_equilibrium(held).can_stand

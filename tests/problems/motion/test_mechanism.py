@@ -1,4 +1,4 @@
-"""A mechanism names what moves: pairs of bodies in contact, and bodies without contacts."""
+"""A mechanism names the moving parts: pairs of bodies in contact, and bodies without contacts."""
 
 import numpy as np
 from proxbench.problems.motion.equilibrium import find_equilibrium, problem_at_rest
@@ -18,7 +18,7 @@ def test_a_ball_in_the_air_is_named_and_the_wall_below_it_stands() -> None:
 
 
 def test_motion_is_relative_to_the_fall_not_to_the_residue_of_the_cone_program() -> None:
-    """A contact that opens with a share of the free velocity c counts from a millionth on."""
+    """A contact counts if it opens with at least a millionth of the free velocity c."""
     scene = Stack((1.0, 1.0), None)
     problem = problem_at_rest(scene.system(), scene.start())
     fall = np.abs(problem.free_velocity).max()

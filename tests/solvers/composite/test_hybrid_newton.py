@@ -134,7 +134,7 @@ def test_a_relaxation_out_of_range_is_refused(relaxation: object) -> None:
 @pytest.mark.parametrize("solver", ["HybridNewton", "Lemke"])
 @pytest.mark.parametrize("count", [2, 10, 100])
 def test_a_mass_ratio_beyond_rounding_is_neither_solved_nor_infeasible(count: int, solver: str) -> None:
-    """At 1e8 the impulses known from theory have a residual above 1e-9 themselves: rounding leaves no better."""
+    """At 1e8, even the impulses known from theory have a residual above 1e-9, due to rounding."""
     for masses in ([1.0] * (count - 1) + [1e8], [1.0, 1e8] * (count // 2)):
         problem = stack(np.array(masses))
         assert problem.answer is not None

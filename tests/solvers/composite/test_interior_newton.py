@@ -11,7 +11,7 @@ from proxbench.solvers.composite.interior_newton import cone_programs, first_met
 
 @pytest.mark.parametrize("name", ["hard-duplicated-slider-mu10", "hard-scaled-tower-10", "hard-linked-redundant"])
 def test_it_solves_problems_that_interior_points_alone_do_not(name: str) -> None:
-    """Rounding and answers that are not strictly complementary keep an interior point from these digits."""
+    """Rounding, or a lack of strict complementarity, prevents interior points from reaching these digits."""
     problem = load(name)
     alone = solve(problem, "InteriorPoint", tolerance=1e-9, max_iterations=300)
     together = solve(problem, "InteriorNewton", tolerance=1e-9)
@@ -54,7 +54,7 @@ def test_the_best_impulses_of_all_methods_are_returned() -> None:
 
 
 def boxes_on_a_slope(per_pair: int, n_boxes: int) -> ContactProblem:
-    """Boxes that stand on each other, at ``per_pair`` points each, as a problem over bodies."""
+    """Return a problem of stacked boxes with ``per_pair`` contact points per pair, with factors."""
     rng = np.random.default_rng(2)
     columns = []
     for box in range(n_boxes):
@@ -73,7 +73,7 @@ def boxes_on_a_slope(per_pair: int, n_boxes: int) -> ContactProblem:
 
 @pytest.mark.parametrize(("per_pair", "form"), [(2, "delassus"), (4, "delassus"), (5, "factors"), (16, "factors")])
 def test_it_factorises_over_bodies_if_contacts_of_a_pair_are_redundant(per_pair: int, form: str) -> None:
-    """A pair moves in six ways; 6 rows do not over-determine it, 12 do twice, 15 more than twice."""
+    """A pair has six degrees of freedom: 6 rows do not overdetermine it, 12 are twice as many, 15 even more."""
     problem = boxes_on_a_slope(per_pair, 4)
     assert form_for(problem) == form
     assert solve(problem, "InteriorNewton", tolerance=1e-9).status is Status.SOLVED
@@ -82,7 +82,7 @@ def test_it_factorises_over_bodies_if_contacts_of_a_pair_are_redundant(per_pair:
 
 
 def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
-    """Balls that resist rolling: five rows a contact."""
+    """Balls with rolling resistance have five rows per contact."""
     problem = load("pile-100-rolling")
     assert problem.factors is not None
     assert problem.n_rows > 2 * problem.factors.n_dofs
@@ -91,7 +91,7 @@ def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
 
 @pytest.mark.parametrize(("name", "is_cheap"), [("bodies-stack-10", True), ("pile-400-mixed-1", False)])
 def test_cone_programs_are_tried_where_one_takes_the_work_of_a_few_steps(name: str, is_cheap: bool) -> None:
-    """20 f / 3 GHz against 20 steps: on a stack m decides, on a pile of balls f, which grows faster."""
+    """20 f / 3 GHz is compared with 20 steps: on a stack m decides; on a pile of balls, f, which grows faster."""
     problem = load(name)
     operations = first_method(problem).prepare(problem).system.flops
     assert (cone_programs(problem, operations) is not None) is is_cheap

@@ -46,7 +46,7 @@ def test_impulses_with_the_states_of_the_solution_are_corrected_to_rounding(scal
     near = np.array([1.0, -0.3, 0.0]) * (1.0 + scale)
     refinement = Refinement(problem, residual, Clock(60.0), 1e-14)
     first = residual(near, problem.relative_velocity(near))
-    assert np.array_equal(refinement.correct(near, first, False)[0], near)  # the first iterate of a phase is left
+    assert np.array_equal(refinement.correct(near, first, False)[0], near)  # the first iterate of a phase is unchanged
     corrected, reached = refinement.correct(near, first, False)
     assert corrected == pytest.approx([1.0, -0.3, 0.0], abs=1e-14)
     assert reached <= 1e-14

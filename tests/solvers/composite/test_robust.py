@@ -20,7 +20,7 @@ from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
 def test_flows_are_solved_by_sweeps_alone_with_the_same_bits(name: str) -> None:
     """No other method is prepared, and the impulses are those of as many sweeps to the last bit.
 
-    On few rows, where a check of the residual takes longer than a sweep, the residual is checked after other sweeps.
+    On few rows, where a check of the residual takes longer than a sweep, it is checked at different sweeps.
     """
     problem = load(name)
     solution, sweeps = solve(problem, tolerance=1e-8), select_sweeps(problem)
@@ -77,7 +77,7 @@ def test_sweeps_continue_after_useless_newton_steps() -> None:
 def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(
     name: str, tolerance: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without momentum, which makes these sweeps slow."""
+    """The sweeps have no momentum, so they are slow."""
     monkeypatch.setattr(sweep_selection, "FAST_MOMENTUM", 0.0)
     problem = load(name)
     solution = solve(problem, tolerance=tolerance, max_iterations=10**6)
@@ -110,7 +110,7 @@ def test_sweeps_are_not_accelerated_if_g_is_dense_or_contacts_are_uncoupled() ->
 
 
 def test_a_problem_without_a_solution_is_proved_infeasible() -> None:
-    """Two walls closer than the body between them: sweeps never end, interior points find the proof."""
+    """Two walls are closer than the body between them: sweeps never converge, and interior points find the proof."""
     assert solve(load("hard-squeezed"), tolerance=1e-8).status is Status.INFEASIBLE
 
 
@@ -139,7 +139,7 @@ def test_a_tighter_tolerance_begins_with_the_same_iterates() -> None:
 
 
 def test_the_best_impulses_of_all_parts_are_returned() -> None:
-    """At a limit in the middle of the path, whose iterates are far from the cones, the swept impulses are the best."""
+    """At a limit in the middle of the path, iterates are far from the cones, so the impulses of the sweeps are best."""
     problem = load("pile-100")
     sweeps = select_sweeps(problem).prepare(problem).solve(Stop(1e-15, 2300, math.inf))
     solution = create("Robust").prepare(problem).solve(Stop(1e-15, 2430, math.inf))
@@ -148,7 +148,7 @@ def test_the_best_impulses_of_all_parts_are_returned() -> None:
 
 
 def test_sweeps_use_the_factors_for_a_slab_on_many_supports() -> None:
-    """512 contacts of one body couple each with each: G has a million entries and more, and is not assembled."""
+    """All pairs of the 512 contacts of one body are coupled: G has over a million entries, and is not assembled."""
     assert select_sweeps(load("hard-sliding-block-512")).name == "SORprox(relaxation=1.5, form='factors')"
     assert "form" not in select_sweeps(load("funnel-1000")).name
 
@@ -164,7 +164,7 @@ def test_two_contacts_of_a_mass_ratio_of_1e8_are_solved() -> None:
 
 
 def heavy_top_stack(seed: int) -> ContactProblem:
-    """Two to five boxes of growing mass, each on four corners, that rest but for a small random velocity."""
+    """Two to five stacked boxes of growing mass on four corners each, at rest up to a small random velocity."""
     rng = np.random.default_rng(seed)
     n, ratio, friction = int(rng.integers(2, 6)), 10.0 ** rng.uniform(0.0, 5.0), rng.uniform(0.3, 0.9)
     masses = ratio ** (np.arange(n) / (n - 1))
@@ -189,7 +189,7 @@ def heavy_top_stack(seed: int) -> ContactProblem:
 
 @pytest.mark.parametrize("seed", [3, 58, 78, 132])
 def test_stacks_of_boxes_with_a_heavy_top_are_solved(seed: int) -> None:
-    """Redundant contacts, of which some open and slip slowly; sweeps end near 0.01 where masses differ."""
+    """Contacts are redundant, and some open or slip slowly; sweeps end near 0.01 if masses differ."""
     problem = heavy_top_stack(seed)
     solution = solve(problem, tolerance=1e-8)
     assert solution.status is Status.SOLVED

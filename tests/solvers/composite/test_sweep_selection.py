@@ -21,7 +21,7 @@ def by_matrix(coupling: float) -> ContactProblem:
 
 
 def by_factors(coupling: float) -> ContactProblem:
-    """Return two spatial contacts on a body each, of which the second also touches the first."""
+    """Return two spatial contacts on one body each; the second contact also touches the first body."""
     directions = np.eye(6)
     directions[0, 3] = coupling
     return ContactProblem.from_factors(directions, np.ones(6), [-1.0, 0.1, 0.0, -1.0, 0.0, 0.1], 0.3)

@@ -1,4 +1,4 @@
-"""Warm is its solver under a name that tells the start."""
+"""Warm is its solver with a name that shows the start."""
 
 import numpy as np
 import pytest

@@ -15,7 +15,7 @@ from proxbench.solvers.iteration.stopping import Clock
 
 
 def sequence_on(name: str) -> SolverSequence:
-    """A sequence that has not run anything."""
+    """Return a sequence before its first solver."""
     problem = load(name)
     return SolverSequence(problem, Residual(problem), {}, Stop(1e-8), None, Clock(math.inf))
 
@@ -58,7 +58,7 @@ def test_a_slow_window_is_shortened_once_and_not_below_its_constant_part(longest
 
 
 def test_windows_that_gain_a_digit_are_not_measured() -> None:
-    """The limit requires a prepared interior point method, which fast sweeps must not pay for."""
+    """The limit requires a prepared interior point method; fast sweeps must not spend time on this preparation."""
     window = Window(1000, 0, lambda: pytest.fail("the limit was computed"))
     assert not any(window.is_slow(sweep, 10.0 ** (-sweep / 300)) for sweep in range(0, 5000, 10))
 

@@ -72,7 +72,7 @@ def test_the_iteration_limit_does_not_change_the_cone_programs(name: str) -> Non
 NO_CONVEX_SOLUTION = random_problem(
     Family(n_contacts=5, dim=2, n_dofs=4, mass_exponent=0, density=0.6, friction=0.5, states=("slip",)), 1130
 )
-"""It has a Coulomb solution; its convex model has none, nor has any cone program near De Saxcé's plain iterates."""
+"""This problem has a Coulomb solution, but its convex model and cone programs near De Saxcé's iterates have none."""
 
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
@@ -88,7 +88,7 @@ def test_proximal_iterations_solve_problems_without_a_first_cone_program(form: F
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 def test_a_regularised_program_solves_the_problem_with_that_much_more_on_the_diagonal(form: Form) -> None:
-    """A block pulled along the ground, G = 1 + w: Λ_N = 1/(1 + w), Λ_T at most μΛ_N where the cone says so."""
+    """A block is pulled along the ground, G = 1 + w: Λ_N = 1/(1 + w), and Λ_T is at most μΛ_N."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 0.1, 0.0), 0.3)
     program = ClarabelProgram(problem, form).regularised(np.full(3, 0.25))
     impulses = program.run(problem.free_velocity, 1e-12, 1000, 10.0).impulses

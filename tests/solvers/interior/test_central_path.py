@@ -50,7 +50,7 @@ def test_the_path_of_an_infeasible_problem_has_ended() -> None:
 
 @pytest.mark.slow
 def test_the_path_never_reverses() -> None:
-    """Guided by the angle to the last tangent the path of this pile reversed at 1e-6, and rose to where it began."""
+    """If the direction were chosen by the angle to the last tangent, the path of this pile would reverse at 1e-6."""
     problem = load("pile-400-mixed-2")
     solution = solve(problem, "CentralPath", tolerance=1e-7, max_iterations=600, max_seconds=120.0)
     assert solution.status is Status.SOLVED

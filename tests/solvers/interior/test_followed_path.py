@@ -13,7 +13,7 @@ from proxbench.solvers.interior.progress import Progress
 
 @pytest.mark.parametrize("order", [2, 3, 5])
 def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order: int) -> None:
-    """What is left of the equations at a is O(aᴺ⁺¹): half of a leaves 2⁻⁽ᴺ⁺¹⁾ of it."""
+    """The residual of the equations at a is O(aᴺ⁺¹): halving a multiplies it by 2⁻⁽ᴺ⁺¹⁾."""
     problem = load("funnel-30")
     method = CentralPath(order=order)
     prepared = method.prepare(problem)

@@ -111,7 +111,7 @@ def test_a_matrix_that_is_not_symmetric_is_solved_as_it_is() -> None:
 
 
 def test_a_time_limit_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the processor's time of one thread, which other programs do not count into."""
+    """The limit is in processor time of one thread, which excludes other programs."""
     problem = load("pile-1000")
     prepared = create("InteriorPoint").prepare(problem)
     prepared.solve(Stop(1e-12, 1))
@@ -140,7 +140,7 @@ def test_an_unknown_form_is_refused_in_words() -> None:
 
 @pytest.mark.parametrize("small", [1e-9, 1e-6, 1.0, 1e6])
 def test_small_motions_are_not_taken_for_infeasibility(small: float) -> None:
-    """G d is compared with what its own terms add up to, however small both are beside c."""
+    """G d is compared with the size of its own terms, however small both are relative to c."""
     stack = load("hard-stack-2-top-1e8")
     pressed = replace(in_units(stack, mass=small, length=small).problem, name="pressed", answer=None)
     assert not proves_infeasibility(pressed, np.ones(pressed.n_rows))

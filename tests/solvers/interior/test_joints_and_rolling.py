@@ -1,4 +1,4 @@
-"""Interior points take joints, redundant ones too, and contacts that resist rolling, about any number of axes."""
+"""Interior points support joints, even redundant ones, and rolling resistance about any number of axes."""
 
 import numpy as np
 import pytest
@@ -84,7 +84,7 @@ def test_rolling_rows_without_resistance_have_no_impulse() -> None:
 
 @pytest.mark.parametrize("fixed", [0.0, 0.1])
 def test_a_fixed_part_of_the_bound_adds_to_what_the_normal_impulse_gives(fixed: float) -> None:
-    """G = I: Λ_N = 2, and sliding and rolling are stopped as far as μ Λ_N and a + μ_r Λ_N allow."""
+    """With G = I, Λ_N = 2, and sliding and rolling are stopped as far as μ Λ_N and a + μ_r Λ_N allow."""
     laws = Laws.in_order([0, 1, 4], np.array([0.0, 0.5, 0.25]), np.array([0.0, 0.0, fixed]), np.array([-1, 0, 0]))
     problem = ContactProblem.from_delassus(np.eye(3), (-2.0, 3.0, 1.0), laws=laws)
     solution = solve(problem, "InteriorPoint", tolerance=1e-10)

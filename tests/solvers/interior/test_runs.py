@@ -60,7 +60,7 @@ def test_a_single_run_has_the_name_and_the_refusals_of_its_method() -> None:
 
 @pytest.mark.parametrize("name", ["hard-sliding-block", "hard-sliding-block-32"])
 def test_short_steps_do_not_end_a_solve_without_successors(name: str) -> None:
-    """Five of a billionth of a Newton step in a row, and then long ones again."""
+    """There are five consecutive steps of a billionth of a Newton step, and then long ones again."""
     problem = load(name)
     single = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))
     solution = create("InteriorPoint").prepare(problem).solve(Stop(1e-12, 300))
@@ -89,7 +89,7 @@ def test_steps_without_gain_end_a_solve_as_stalled() -> None:
 
 
 def test_only_a_check_of_the_gain_ends_a_solve_without_one() -> None:
-    """The residual of a path may stay up for most of its length, while τ rises; Newton steps that gain nothing end."""
+    """The residual may stay large on most of a path while τ rises; Newton steps without gain end the solve."""
     problem = load("funnel-30")
     residual, rng = Residual(problem), np.random.default_rng(1)
     progress = Progress(problem, residual, Stop(1e-12, 10**6), None, flops=1.0, first=np.zeros(problem.n_rows))

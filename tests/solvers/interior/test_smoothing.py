@@ -1,4 +1,4 @@
-"""The manifold r∘û = τ e: every vector is on it in exactly one way, and its limit is the projection."""
+"""The manifold r∘û = τ e: every vector is r − û for exactly one of its points; the limit τ → 0 is the projection."""
 
 import numpy as np
 from hypothesis import given

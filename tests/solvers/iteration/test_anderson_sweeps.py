@@ -80,7 +80,7 @@ def test_observed_impulses_satisfy_the_cones() -> None:
 
 
 def test_an_extrapolation_that_misleads_is_undone() -> None:
-    """The map contracts towards 0; extrapolation reaches 0 at once, where a trap sends it far away."""
+    """The map contracts towards 0; extrapolation reaches 0 immediately, where a trap sends it far away."""
     mixed = AndersonSweeps(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + 100.0), np.ones(1)), np.ones(1), 1)
     mixed.sweep(3 * FIRST_WINDOW)
     assert mixed.impulses() == pytest.approx(100.0 * 0.9 ** (FIRST_WINDOW - 1), rel=1e-3)

@@ -61,7 +61,7 @@ def test_a_plateau_is_crossed_at_once_and_from_the_impulses_that_a_limit_returne
     "solver", ["SORprox", "SafeguardedSORprox", "NSGS", "PyramidPGS", "SemismoothNewton", "HybridNewton"]
 )
 def test_a_residual_at_the_rounding_limit_is_a_stall(solver: str, masses: list[float]) -> None:
-    """Ten blocks of mass ratio 10⁸, from the known impulses: sums of 10⁹ leave 10⁻¹¹ of c and more to rounding."""
+    """Ten blocks of mass ratio 10⁸, from the known impulses: the rounding of sums of 10⁹ is 10⁻¹¹ of c or more."""
     problem = stack(np.array(masses))
     assert problem.answer is not None
     noise = 1e-12 * np.random.default_rng(1).uniform(-1.0, 1.0, problem.n_rows)
@@ -84,7 +84,7 @@ def test_a_residual_at_the_rounding_limit_is_a_stall(solver: str, masses: list[f
 def test_rounding_is_not_a_stall_if_the_best_impulses_lead_to_the_solution(
     name: str, solver: str, tolerance: float
 ) -> None:
-    """Rows in units 10⁹ apart: sweeps rest at one Λ, and find in their own arithmetic that another one is the best."""
+    """Rows have units 10⁹ apart: sweeps stop at one Λ, but another Λ is the best in their own arithmetic."""
     problem = load(name)
     solution = create(solver).prepare(problem).solve(Stop(tolerance, 10**6))
     assert solution.status is Status.SOLVED
@@ -92,7 +92,7 @@ def test_rounding_is_not_a_stall_if_the_best_impulses_lead_to_the_solution(
 
 
 def test_a_failed_rounding_test_doubles_the_waiting_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Λ is constant, its ξ is rounding and the judge's residual is 1: judging a sweep costs as much as the sweep."""
+    """Λ is constant, its ξ is rounding and the judge's residual is 1: judging a sweep takes as long as the sweep."""
     problem, calls = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1), 0
 
     def judged(*arguments: object) -> float:

@@ -1,4 +1,4 @@
-"""Measured momentum: its memory grows where sweeps are slow, returns where growth does not help, and is never worse."""
+"""Measured momentum: its memory grows if sweeps are slow, shrinks if growth does not help, and never does harm."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ MEASURED = "SORprox(relaxation=1.1, momentum='measured', form='factors')"
 
 
 def memories(rate: float, sweeps: int, rule: MeasuredMomentum | None = None) -> list[float]:
-    """Return the memory after each tenth sweep, while the residual falls by exp(−rate) a sweep."""
+    """Return the memory after each tenth sweep, while the residual falls by exp(−rate) per sweep."""
     rule = rule or MeasuredMomentum()
     found = []
     for k in range(0, sweeps + 1, 10):
@@ -32,7 +32,7 @@ def test_a_slow_fall_doubles_the_memory_up_to_its_bound() -> None:
 
 
 def test_the_memory_stops_growing_at_that_of_critical_damping() -> None:
-    """That memory is 1/(2√δ) for a linear mode that falls by exp(−δm) a sweep."""
+    """That memory is 1/(2√δ) for a linear mode that falls by exp(−δm) per sweep."""
     decay = 1e-3
     rule, residual = MeasuredMomentum(), 1.0
     for k in range(0, 1001, 10):
@@ -58,7 +58,7 @@ def test_a_growth_that_makes_sweeps_slower_is_undone_and_the_next_trial_waits() 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-4])
 @pytest.mark.parametrize("name", ["funnel-1000", "funnel-planar-300", "pile-100", "pile-300"])
 def test_as_few_sweeps_as_the_better_constant_momentum(name: str, tolerance: float) -> None:
-    """Up to one interval between checks of the residual more."""
+    """It may take more sweeps by up to one interval between checks of the residual."""
     problem = load(name)
     constant = [f"SORprox(relaxation=1.1, momentum={beta}, form='factors')" for beta in (0.65, 0.8)]
     counts = [solve(problem, solver, tolerance, max_iterations=2000).iterations for solver in (*constant, MEASURED)]

@@ -86,7 +86,7 @@ def test_momentum_is_reduced_to_zero() -> None:
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize("name", ["funnel-1000", "funnel-planar-300", "pile-100"])
 def test_growing_momentum_needs_about_as_few_sweeps_as_short_and_long_memory(name: str, tolerance: float) -> None:
-    """Up to one interval between checks of the residual more; short memory alone takes up to three times as many."""
+    """The margin is one interval between checks of the residual; short memory alone takes up to three times as many."""
     problem = load(name)
     constant = [f"SORprox(relaxation=1.1, momentum={beta}, form='factors')" for beta in (0.65, 0.8)]
     growing = "SORprox(relaxation=1.1, momentum=0.8, momentum_delay=4, form='factors')"

@@ -68,7 +68,7 @@ def test_a_bound_of_zero_leaves_plain_sweeps() -> None:
 
 
 def test_momentum_restarts_where_sweeps_over_redundant_joints_grow() -> None:
-    """Twenty parallel cranks: without that rule impulses grow by many orders, and rounding leaves no digit."""
+    """Twenty parallel cranks: without restarts, impulses grow by many orders, and rounding destroys all digits."""
     problem = load("hard-four-bar-redundant-20")
     solution = solve(problem, "NesterovSORprox", tolerance=1e-8, max_iterations=1000)
     assert solution.status is Status.SOLVED

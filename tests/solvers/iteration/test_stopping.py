@@ -57,7 +57,7 @@ def test_slow_progress_does_not_end_a_solve_and_power_law_progress_is_lacking() 
 
 
 def test_progress_is_lacking_without_gain_in_the_last_three_quarters_of_the_sweeps() -> None:
-    """All digits are gained at sweep 3000: within the last three quarters up to sweep 12 000, and not beyond."""
+    """All digits are gained at sweep 3000, which is in the last three quarters up to sweep 12 000, but not later."""
     monitor, lacking = Monitor(Stop(1e-12, 10**9)), {}
     for n in range(10, 16_010, 10):
         assert status_of(monitor, n, 1.0 if n < 3000 else 1e-3) is None
@@ -107,7 +107,7 @@ def test_a_temporary_cycle_or_rest_does_not_count() -> None:
     for _ in range(4):
         assert monitor.check_cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None
         assert monitor.check_cycle(LAMBDA, 1.1 * LAMBDA, 1.2 * LAMBDA) is None
-    for size in (1.0, 2.0, 3.0):  # rests elsewhere every time
+    for size in (1.0, 2.0, 3.0):  # stops at another point every time
         assert monitor.check_cycle(size * LAMBDA, size * LAMBDA, size * LAMBDA) is None
 
 

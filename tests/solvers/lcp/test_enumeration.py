@@ -55,7 +55,7 @@ def test_on_hard_cases_claims_are_true_and_refusals_have_reasons() -> None:
 
 
 def test_a_problem_without_a_solution_is_infeasible() -> None:
-    """G = 0 under a unilateral law that closes: nothing can stop it."""
+    """With G = 0, nothing can stop a closing unilateral contact."""
     problem = ContactProblem.from_delassus(np.array([[0.0, 0.0], [0.0, 1.0]]), (-1.0, 0.0), 0.3, dim=2)
     assert solve(problem, "Enumeration").status is Status.INFEASIBLE
 

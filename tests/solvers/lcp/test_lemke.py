@@ -1,4 +1,4 @@
-"""Lemke's method on contact problems: exact where planar, a pyramid where spatial, never false."""
+"""Lemke's method on contact problems: exact for planar ones, a pyramid for spatial ones, and no false claims."""
 
 import itertools
 from functools import cache
@@ -75,7 +75,7 @@ def test_a_planar_funnel_step_of_unique_motion_agrees_with_sweeps() -> None:
 
 @cache
 def small() -> list[ContactProblem]:
-    """Hard cases of at most thirty rows, but for those that it declines."""
+    """Hard cases of at most thirty rows, except for those that Lemke does not support."""
     return [
         problem
         for problem in map(hard_case, HARD_CASES)
@@ -88,7 +88,7 @@ ROUNDED = {
     "hard-stack-10-growing-1e8",
     "hard-parallel-friction-1e-3",
 }
-"""Cases on which rounding decides: two beyond double precision, and normals so nearly parallel that pivots vanish."""
+"""Cases that rounding decides: two beyond double precision, and one with nearly parallel normals and tiny pivots."""
 
 
 @pytest.mark.parametrize("sides", [3, 4, 8])
@@ -195,7 +195,7 @@ def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
 
 @pytest.mark.parametrize("seed", [1, 372, 927, 1325, 1550, 2914, 2962])
 def test_a_ray_at_the_rounding_limit_proves_nothing(seed: int) -> None:
-    """Contacts that brace each other bear c = −G (λ, 0) by construction; paths through them may end on rays."""
+    """By construction, c = −G (λ, 0) with contacts that oppose each other; paths through them may end on rays."""
     if seed == 1:
         family = Family(n_contacts=6, dim=2, n_dofs=6, mass_exponent=4, density=1.0, friction=0.0)
     else:

@@ -1,4 +1,4 @@
-"""Lemke's pivoting against what theory says of linear complementarity problems."""
+"""Lemke's pivoting against the theory of linear complementarity problems."""
 
 import itertools
 
@@ -24,7 +24,7 @@ def violation(matrix: np.ndarray, vector: np.ndarray, unknowns: np.ndarray) -> f
 @settings(max_examples=80, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 12), rank=st.integers(0, 12))
 def test_a_feasible_semidefinite_problem_of_any_rank_is_solved(seed: int, n: int, rank: int) -> None:
-    """Copositive-plus: a solution is found whenever one exists, and here one is built in."""
+    """The matrix is copositive-plus: a solution is found if one exists, and here one exists by construction."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(min(rank, n), n))
     matrix = root.T @ root
@@ -67,7 +67,7 @@ def test_a_nonnegative_vector_needs_no_pivot() -> None:
 
 @pytest.mark.parametrize("n", [4, 30, 100])
 def test_complete_degeneracy_does_not_make_it_cycle(n: int) -> None:
-    """Equal rows throughout, and all ratios tied: n identical contacts under one weight."""
+    """All rows are equal and all ratios are tied: n identical contacts under one weight."""
     tableau = pivoted(np.ones((n, n)), -np.ones(n), most=3 * n)
     assert tableau.ending is Ending.SOLUTION
     assert tableau.solution().sum() == pytest.approx(1.0, abs=1e-14)

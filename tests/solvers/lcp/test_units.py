@@ -1,4 +1,4 @@
-"""Lemke's path does not depend on units: what counts as a tie is relative to the problem's own numbers."""
+"""Lemke's path does not depend on units: ties are relative to the problem's own numbers."""
 
 import pytest
 from proxbench.problems.contact.transformations import in_units

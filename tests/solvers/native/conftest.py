@@ -1,4 +1,4 @@
-"""Shared: the examples in C and Rust and faulty solvers, built once."""
+"""Shared fixtures: the examples in C and Rust and faulty solvers, built once."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A program without numpy that answers with Λ = 0, or does what its first argument says."""
+"""A program without numpy that answers with Λ = 0, or has the fault that its first argument names."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Solvers in C, Rust and Python, built as libraries and programs for tests; skipped where there is no compiler."""
+"""Solvers in C, Rust and Python, built as libraries and programs for tests; skipped if there is no compiler."""
 
 import shutil
 import stat
@@ -33,7 +33,7 @@ def build_in_rust(made: Path, source: Path) -> Path:
 
 
 def faulty_library(folder: Path) -> Path:
-    """Build the library that is as faulty as its options say."""
+    """Build the library whose faults are chosen by its options."""
     return build_in_c(folder / "libfaulty.so", FOLDER / "faulty.c")
 
 
@@ -48,7 +48,7 @@ def sweeps_as_program(folder: Path) -> Path:
 
 
 def faulty_program(folder: Path) -> Path:
-    """Make the program that is as faulty as its first argument says."""
+    """Make the program whose fault is chosen by its first argument."""
     script = folder / "faulty"
     script.write_text(f"#!{sys.executable}\n" + (FOLDER / "faulty_program.py").read_text())
     script.chmod(script.stat().st_mode | stat.S_IXUSR)

@@ -1,4 +1,4 @@
-"""Executables as solvers: they stay alive, end with their solver, and what they send is checked."""
+"""Executables as solvers: they keep running, end with their solver, and their output is checked."""
 
 import gc
 import os
@@ -40,7 +40,7 @@ def test_one_process_serves_all_solves_and_ends_with_the_solver(program: Path) -
     problems = [load("hard-stack-10"), load("hard-sliding-block")]
     prepared = [solver.prepare(problem) for problem in problems]
     first = [one.solve(Stop()) for one in prepared]
-    again = [one.solve(Stop()) for one in prepared]  # each prepares its problem once more
+    again = [one.solve(Stop()) for one in prepared]  # each one prepares its problem again
     assert all(np.array_equal(one.impulses, other.impulses) for one, other in zip(first, again, strict=True))
     assert len(children()) == len(before) + 1
     del solver, prepared

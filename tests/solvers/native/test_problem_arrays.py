@@ -1,4 +1,4 @@
-"""The plain arrays of a problem are the problem, in every form, and the structures are those of the header."""
+"""The plain arrays of a problem represent it in every form, and the structures agree with the header."""
 
 import ctypes
 import subprocess
@@ -100,7 +100,7 @@ def test_a_problem_that_holds_its_matrix_alone_has_no_factors() -> None:
 
 
 def test_the_structures_have_the_layout_of_the_header(tmp_path: Path) -> None:
-    """Sizes and offsets as the C compiler sees them."""
+    """Sizes and offsets are compared with those of the C compiler."""
     kinds = {"description": Description, "problem": Problem, "request": Request, "result": Result}
     lines = ['#include "proxbench.h"', "#include <stddef.h>", "#include <stdio.h>", "int main(void) {"]
     wanted = []

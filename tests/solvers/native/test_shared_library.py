@@ -1,4 +1,4 @@
-"""Shared libraries as solvers: what they are given, what is made of their answers, and what is refused."""
+"""Shared libraries as solvers: their arguments, the interpretation of their answers, and refused libraries."""
 
 import pickle
 import platform

@@ -18,7 +18,7 @@ from proxbench.solvers.newton.work import Work
 class Machine:
     """A machine whose time passes only by reading the clock [s] and by factorising.
 
-    It is slow: a part of 50 rows takes what one of 500 does elsewhere, so that small problems stand for large ones.
+    The machine is slow: a part of 50 rows takes as long as 500 rows elsewhere, so small problems replace large ones.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, seconds_per_entry_squared: float) -> None:
@@ -41,7 +41,7 @@ class Machine:
 
 
 def grid(side: int) -> LinearSystem:
-    """The equations of a grid in the plane, all of whose rows are active."""
+    """Return the equations of a grid in the plane with all rows active."""
     line = sp.diags_array([-1.0, 4.0, -1.0], offsets=[-1, 0, 1], shape=(side, side))
     along = sp.diags_array([-1.0, -1.0], offsets=[-1, 1], shape=(side, side))
     matrix = sp.csr_array(sp.kron(sp.eye_array(side), line) + sp.kron(along, sp.eye_array(side)))
@@ -75,7 +75,7 @@ def test_without_a_time_limit_no_part_is_factorised(monkeypatch: pytest.MonkeyPa
 def test_a_factorisation_that_would_miss_the_deadline_is_not_started(
     limit: float, whole: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Time grows with the square of the entries, less than assumed: no factorisation ends after the limit."""
+    """Time grows with the square of the entries, more slowly than assumed: no factorisation ends after the limit."""
     system = grid(100)
     machine = Machine(monkeypatch, whole / system.matrix.nnz**2)
     clock = Clock(limit)
@@ -103,7 +103,7 @@ def test_parts_do_not_change_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_time_limit_holds_for_any_duration_of_a_factorisation(
     limit: float, whole: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Steps of ``whole`` seconds, and looks of some 4 ms, on a pile that is not solved in the time."""
+    """A step takes ``whole`` seconds and a check some 4 ms, on a pile that is not solved within the limit."""
     problem = load("pile-300")
     prepared = create("HybridNewton").prepare(problem)
     machine = Machine(monkeypatch, whole / problem.delassus().nnz ** 2)

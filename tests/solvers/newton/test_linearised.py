@@ -14,8 +14,8 @@ from proxbench.solvers.newton.linearised import Equations
 from proxbench.solvers.newton.work import Work
 
 KIND = np.array([0, 0, 1, 0, 2, 2, 0, 1, 3, 0, 1, 4, 0, 2, 5, 0, 6])
-"""Lone unilateral, planar and spatial contacts, a joint of fixed bound, and friction apart from its partner; a
-bilateral row, and rolling about one axis, two and three."""
+"""A frictionless contact, planar and spatial contacts, a joint of fixed bound, a friction law that does not follow its
+partner, a bilateral row, and rolling about one, two and three axes."""
 
 PARTNER = np.array([-1, -1, 1, -1, 3, -1, -1, 0, -1, -1, 9, 9, -1, 12, 12, -1, 15])
 FRICTION = np.array([0, 0, 0.4, 0, 0.3, 0, 0, 0.5, 0, 0, 0.4, 0.1, 0, 0.3, 0.1, 0, 0.2])
@@ -25,7 +25,7 @@ FIRST_ROW, ROWS, N = LAWS.first_row, ROWS_OF_KIND[KIND], LAWS.n_rows
 
 
 def mixed_problem(seed: int, impulses: np.ndarray) -> ContactProblem:
-    """Every unilateral law is closed at ``impulses``; friction sticks or slips, by chance."""
+    """Return a problem in which unilateral laws are closed at ``impulses``, and friction sticks or slips at random."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(40, N))
     delassus, velocity = root.T @ root, rng.normal(size=N) * np.abs(impulses).max() * rng.choice([3.0, 30.0])
@@ -35,7 +35,7 @@ def mixed_problem(seed: int, impulses: np.ndarray) -> ContactProblem:
 
 
 def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) -> np.ndarray:
-    """prox(Λ − ξ/α) over rows, law by law."""
+    """Return prox(Λ − ξ/α), law by law."""
     laws, velocity = problem.laws, problem.relative_velocity(impulses)
     result = np.empty_like(impulses)
     for law, kind in enumerate(laws.kind):
@@ -56,7 +56,7 @@ def projected(problem: ContactProblem, alpha: np.ndarray, impulses: np.ndarray) 
 
 
 def equations(problem: ContactProblem, dense: bool = True) -> Equations:
-    """Return the equations, dense as those of small problems are, or sparse as those of large ones."""
+    """Return the equations, dense as for small problems, or sparse as for large ones."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(linearised, "MAX_DENSE_ROWS", problem.n_rows if dense else 0)
         return Equations(problem, Residual(problem))

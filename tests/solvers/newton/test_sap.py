@@ -1,4 +1,4 @@
-"""The semi-analytic primal method: its derivatives, and the convex model's answers where masses differ."""
+"""The semi-analytic primal method: its derivatives, and its answers to the convex model with unequal masses."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from scipy.optimize import approx_fprime
 @pytest.mark.parametrize("name", ["funnel-30-early", "funnel-planar-30"])
 @given(seed=st.integers(0, 2**20))
 def test_derivatives_of_projections_agree_with_differences(name: str, seed: int) -> None:
-    """Differences over a kink of the projection are no derivative, so points near one may be far off: few are."""
+    """Differences over a kink of the projection are not a derivative, so a few points may deviate."""
     cone, chance = ConeProblem.of(load(name)), np.random.default_rng(seed)
     layout = cone.layout
     point, direction = chance.normal(size=(2, layout.n_blocks, layout.width))

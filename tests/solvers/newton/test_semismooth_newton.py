@@ -21,7 +21,7 @@ def residuals(problem: ContactProblem, start: np.ndarray) -> list[float]:
 
 @pytest.mark.parametrize("masses", [[1.0] * 100, [1.0] * 9 + [1e4], list(np.logspace(0, 4, 10))])
 def test_a_stack_of_any_masses_takes_at_most_one_step_per_contact(masses: list[float]) -> None:
-    """From zero each step closes one contact more at least, and once all are closed the equations are linear."""
+    """From zero, each step closes at least one more contact, and once all are closed, the equations are linear."""
     problem = stack(np.array(masses))
     assert problem.answer is not None
     solution = solve(problem, "SemismoothNewton", tolerance=1e-9)
@@ -32,7 +32,7 @@ def test_a_stack_of_any_masses_takes_at_most_one_step_per_contact(masses: list[f
 
 @pytest.mark.parametrize("seed", range(5))
 def test_it_converges_quadratically_where_contacts_slip_in_space(seed: int) -> None:
-    """The direction of slip is the one curvature; Λ_N known, the residual is squared by every step."""
+    """Only the direction of slip is nonlinear; with known Λ_N, every step squares the residual."""
     problem = random_problem(Family(6, dim=3, n_dofs=60, friction=0.5, states=("slip",)), seed)
     assert problem.answer is not None
     witness = np.asarray(problem.answer.witness)
@@ -53,7 +53,7 @@ def test_known_answers_are_met(name: str) -> None:
 
 
 def test_it_finishes_what_sweeps_have_begun() -> None:
-    """Two blocks, the upper 10⁴ times heavier: sweeps pass on 10⁻⁴ of the weight each."""
+    """Two blocks, the upper one 10⁴ times heavier: each sweep passes on 10⁻⁴ of the weight."""
     problem = load("hard-stack-2-top-1e4")
     swept = solve(problem, "SORprox", tolerance=1e-10, max_iterations=5000)
     solution = solve(problem, "Fallback(SORprox, SemismoothNewton)", tolerance=1e-10, max_iterations=5000)

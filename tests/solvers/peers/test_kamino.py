@@ -1,4 +1,4 @@
-"""Kamino's solver reaches the judge's residual, as far as single precision does."""
+"""Kamino's solver reaches small judged residuals, within single precision."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_coulomb_friction_is_solved_to_the_judge(name: str, problem: str) -> Non
 
 
 def test_all_laws_find_their_rows() -> None:
-    """Bilateral rows, bounded friction, a unilateral law and contacts, in an order that is not Kamino's."""
+    """Bilateral rows, bounded friction, a unilateral law and contacts, in another order than Kamino's."""
     kinds = [
         LawKind.UNILATERAL,
         LawKind.SPATIAL_FRICTION,
@@ -83,6 +83,6 @@ def test_options_out_of_range_are_refused(options: str, words: str) -> None:
 
 @pytest.mark.slow
 def test_it_passes_the_conformance_tests_but_for_hard_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its kernels compile for each size of problem, and hard cases have many sizes."""
+    """Its kernels are compiled for each size of problem, and hard cases have many sizes."""
     monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
     assert all(subject["passed"] for subject in run_checks("KaminoPADMM"))

@@ -1,4 +1,4 @@
-"""MuJoCo's constraint solvers solve the convex program of a problem: of a captured step, that of its engine."""
+"""MuJoCo's constraint solvers solve the convex program of a problem; for a captured step, that of its engine."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -57,7 +57,7 @@ def test_compliance_is_the_residual_of_one_contact() -> None:
 
 
 def test_all_laws_find_their_rows() -> None:
-    """Bilateral rows, bounded friction and planar and spatial contacts, in an order that is not MuJoCo's."""
+    """Bilateral rows, bounded friction, and planar and spatial contacts, in another order than MuJoCo's."""
     kinds = [
         LawKind.UNILATERAL,
         LawKind.SPATIAL_FRICTION,
@@ -159,7 +159,7 @@ def test_options_out_of_range_are_refused() -> None:
 
 @pytest.fixture(params=["elliptic", "pyramidal"])
 def captured(request: pytest.FixtureRequest, tmp_path: Path) -> CapturedStep:
-    """Two boxes that settle, and a pendulum with friction whose tip touches the floor, as a file keeps the step."""
+    """A step, read from a file, of two settling boxes and a pendulum with friction whose tip touches the floor."""
     (tmp_path / "stack.xml").write_text(STACK.format(cone=request.param))
     summary = capture(tmp_path / "stack.xml", tmp_path / "steps", CaptureOptions(duration=0.05, every=20))
     return read_step(summary.files[-1])

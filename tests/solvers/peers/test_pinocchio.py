@@ -1,4 +1,4 @@
-"""Pinocchio's solvers reach the judge's residual that they claim."""
+"""Pinocchio's solvers reach the judged residual that they claim."""
 
 import threading
 import time
@@ -29,7 +29,7 @@ def test_coulomb_friction_is_solved_to_the_judge(name: str, problem: str) -> Non
     assert judge(posed, solution.impulses).residual <= 1e-6
 
 
-@pytest.mark.parametrize("name", SOLVERS[:3])  # over-relaxed sweeps cycle here, as ours do
+@pytest.mark.parametrize("name", SOLVERS[:3])  # over-relaxed sweeps cycle here, as those of SORprox do
 def test_impulses_are_those_of_another_method_where_they_are_unique(name: str) -> None:
     posed = ContactProblem.from_delassus(np.diag([1.0, 2.0, 3.0]) + 0.1, (-1.0, 0.5, -0.2), 0.4)
     known = create("NSGS").prepare(posed).solve(Stop(1e-13)).impulses

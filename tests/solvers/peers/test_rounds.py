@@ -1,4 +1,4 @@
-"""The judge's residual, not the claim of an external solver, ends a solve in rounds."""
+"""A solve in rounds ends by the judge's residual, not by the claim of an external solver."""
 
 import time
 from collections.abc import Callable
@@ -15,7 +15,7 @@ ANSWER = create("NSGS").prepare(PROBLEM).solve(Stop(1e-14)).impulses
 
 
 class Outside(PreparedRounds):
-    """A solver whose error falls as ``error(iterations done, own tolerance)`` says, and its claims with it."""
+    """A solver with the error ``error(iterations done, own tolerance)``, from which its claims follow."""
 
     def __init__(self, error: Callable[[int, float], float], claims: bool, seconds: float = 0.0) -> None:
         super().__init__(PROBLEM)

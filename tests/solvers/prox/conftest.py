@@ -1,4 +1,4 @@
-"""Shared by the Jacobi iterations: problems, and how an iteration begins on them."""
+"""Shared fixtures of the Jacobi iterations: problems, and first iterates."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ def random_spatial() -> Callable[[int], ContactProblem]:
 
 @pytest.fixture
 def first_iterates() -> Callable[[ContactProblem, str, int], np.ndarray]:
-    """Return the first so many iterates of a solver on a problem, shape (count, n_rows)."""
+    """Return the first ``count`` iterates of a solver on a problem, shape (count, n_rows)."""
 
     def iterates(problem: ContactProblem, solver: str, count: int) -> np.ndarray:
         seen: list[np.ndarray] = []

@@ -24,7 +24,7 @@ def random_contacts(dim: int, seed: int, friction: float, n_contacts: int = 4) -
 
 
 def unguarded(problem: ContactProblem, relaxation: float = 1.0) -> Prepared:
-    """The sweeps of NSGS alone."""
+    """Return the sweeps of NSGS without its safeguard."""
     sweep = BlockSweep.over(problem, relaxation)
     return PreparedIteration(problem, Residual(problem), lambda start: BlockIterates(sweep, start))
 
@@ -96,7 +96,7 @@ def test_known_answers_are_met(name: str) -> None:
 
 
 def test_a_bound_from_another_contact_is_satisfied() -> None:
-    """A friction law on rows apart from its unilateral law, with a fixed part in its bound: Λ_T = −(0.1 + 0.5 · 2)."""
+    """Friction with a remote partner, and with a fixed part of its bound: Λ_T = −(0.1 + 0.5 · 2)."""
     kind = np.array([LawKind.UNILATERAL, LawKind.UNILATERAL, LawKind.PLANAR_FRICTION])
     laws = Laws(kind, np.arange(3), np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.1]), np.array([-1, -1, 0]))
     problem = ContactProblem.from_delassus(np.eye(3), (-2.0, 1.0, 5.0), laws=laws)

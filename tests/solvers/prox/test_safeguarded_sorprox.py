@@ -67,7 +67,7 @@ def test_it_takes_no_more_sweeps_than_fast_plain_sweeps(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["SafeguardedSORprox", "SafeguardedSORprox(relaxation=1.0)", "NSGS(relaxation=1.5)"])
 def test_an_observer_changes_nothing_when_steps_are_reduced(name: str) -> None:
-    """Observed sweeps are done one by one; a reduction must act at the same sweep."""
+    """Observed sweeps run one by one, but a reduction must occur at the same sweep."""
     for problem in [counterexample(10.0), *(high_friction(2, seed) for seed in range(5))]:
         seen: list[int] = []
         prepared = create(name).prepare(problem)
@@ -79,7 +79,7 @@ def test_an_observer_changes_nothing_when_steps_are_reduced(name: str) -> None:
 
 
 def test_two_solves_of_one_preparation_are_the_same() -> None:
-    """The step sizes that one solve has cut are not those that the next begins with."""
+    """The next solve does not begin with the step sizes that the previous one has reduced."""
     prepared = create("SafeguardedSORprox").prepare(counterexample(4.0))
     first, second = prepared.solve(Stop(1e-12)), prepared.solve(Stop(1e-12))
     assert first.iterations == second.iterations > 20

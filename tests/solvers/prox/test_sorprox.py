@@ -24,7 +24,7 @@ def random_factors(dim: int, seed: int = 0, n_contacts: int = 20) -> ContactProb
 
 
 def mixed_laws(seed: int = 0) -> ContactProblem:
-    """Lone unilateral, planar and spatial contacts, a joint of fixed bound, and friction apart from its partner."""
+    """Frictionless, planar and spatial contacts, a joint of fixed bound, and friction with a remote partner."""
     rng = np.random.default_rng(seed)
     kind = [0, 0, 1, 0, 2, 2, 0, 1]
     partner = [-1, -1, 1, -1, 3, -1, -1, 0]
@@ -121,7 +121,7 @@ def test_factor_form_declines_a_problem_without_factors() -> None:
 
 
 def test_counterexample_oscillates_at_full_relaxation() -> None:
-    """Theory: one slipping contact converges iff |1 − ω(1 + μ|G_NT|/G_NN)| < 1; at μ = 2, ω = 1 it is 1.45."""
+    """In theory, a slipping contact converges only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1; at μ = 2, ω = 1 this is 1.45."""
     solution = solve(counterexample(2.0), "SORprox", tolerance=1e-10)
     assert solution.status is Status.OSCILLATING
 

@@ -1,4 +1,4 @@
-"""Splittings and gradient methods over cones agree with other methods, and decline other laws."""
+"""Splittings and gradient methods over cones agree with other methods, and do not support other laws."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ OVER_CONES = ["ProximalADMM", "APGD"]
 
 
 def slider(friction: float) -> ContactProblem:
-    """A point of 2 kg that slides at 1 m/s over the ground and is pushed onto it by 0.5 N s."""
+    """A point of 2 kg slides at 1 m/s on the ground, and a normal impulse of 0.5 N s presses it down."""
     return ContactProblem.from_factors(np.eye(3), np.full(3, 0.5), [-0.25, 0.6, -0.8], friction)
 
 
@@ -24,7 +24,7 @@ def test_a_sliding_point_is_braked_by_mu_times_its_normal_impulse_and_does_not_l
 
 @pytest.mark.parametrize("name", [*COULOMB, "APGD", "SAP"])
 def test_a_point_that_friction_can_hold_stops(name: str) -> None:
-    """Here both models agree: −ξ = 0 lies in every normal cone."""
+    """Both models agree here: −ξ = 0 lies in every normal cone."""
     solution = solve(slider(5.0), name, tolerance=1e-9)
     assert solution.impulses == pytest.approx([0.5, -1.2, 1.6], abs=1e-7)
 

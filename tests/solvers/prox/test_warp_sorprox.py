@@ -1,4 +1,4 @@
-"""The kernels of Warp do the sweeps of the compiled kernels; they run on the processor here."""
+"""Warp's kernels give the same sweeps as the compiled kernels; here they run on the processor."""
 
 import numpy as np
 import pytest

@@ -13,7 +13,7 @@ CASES = [(dim, joints, rolling) for dim in (1, 2, 3) for joints, rolling in ((2,
 
 
 def by_the_book(problem: ContactProblem, count: int, relaxation: float, row_sum: bool, jacobi: bool) -> np.ndarray:
-    """Λ after ``count`` sweeps; Jacobi's take ξ of the sweep before, and bounds from the newest Λ_N."""
+    """Return Λ after ``count`` sweeps; Jacobi's take ξ of the previous sweep, and bounds from the newest Λ_N."""
     delassus, c, laws = problem.delassus().toarray(), problem.free_velocity, problem.laws
     length = np.repeat(Residual(problem).lengths, ROWS_OF_KIND[laws.kind])
     impulses = np.zeros(problem.n_rows)
@@ -68,7 +68,7 @@ def test_jacobi_sweeps_are_those_of_the_paper(dim: int, joints: int, rolling: in
 @pytest.mark.parametrize("solver", ["SORprox", "SORprox(form='factors')", "JORprox(relaxation=0.3)", "NSGS"])
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_an_uncoupled_joint_does_not_change_the_iterates_of_contacts(dim: int, solver: str) -> None:
-    """Contacts alone are swept by other kernels than contacts beside a joint."""
+    """Different kernels sweep contacts with and without joints."""
     rng = np.random.default_rng(dim)
     directions, c = rng.normal(size=(30, 6 * dim)), rng.normal(size=6 * dim)
     alone = ContactProblem.from_factors(directions, np.ones(30), c, 0.4, dim=dim)
@@ -91,7 +91,7 @@ def test_methods_for_contacts_alone_decline_joints_and_rolling_with_the_reason(n
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 def test_temporarily_large_impulses_leave_no_rounding_in_the_residual(form: str) -> None:
-    """Momentum blows the impulses of redundant joints up to 1e4 times their last size and more."""
+    """Momentum increases the impulses of redundant joints to over 1e4 times their final size."""
     problem, largest = parallelogram(20, 0.4), []
     solver = f"SORprox(relaxation=1.1, momentum=0.8, form={form!r})"
     found = (

@@ -25,14 +25,14 @@ def one_contact(delassus: np.ndarray, free: np.ndarray, friction: float, fixed: 
 
 
 def random_block(dim: int, seed: int, rank: int, spread: int) -> tuple[np.ndarray, np.ndarray]:
-    """A block of the given rank, directions of strengths up to 10^spread apart, and a free velocity in its range."""
+    """Return a block of given rank with eigenvalues up to 10^spread apart, and a free velocity in its range."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(rank, dim)) * np.logspace(0, spread, rank)[:, None]
     return root.T @ root, root.T @ rng.normal(size=rank)
 
 
 def violation(delassus: np.ndarray, free: np.ndarray, friction: float, fixed: float, impulses: np.ndarray) -> float:
-    """The judge's residual, relative to the largest of the terms whose sum ξ is, for they are rounded."""
+    """Return the judge's residual relative to the largest term of the sum ξ, which limits its rounding."""
     problem = one_contact(delassus, free, friction, fixed)
     terms = np.abs(free).max() + (np.abs(delassus) @ np.abs(impulses)).max()
     residual = judge(problem, impulses).residual
@@ -77,7 +77,7 @@ def test_a_planar_contact_of_full_rank_is_solved_to_rounding(
 def test_a_rank_deficient_block_is_solved_if_its_velocity_is_in_the_range(
     seed: int, dim: int, rank: int, friction: float, fixed: float, warm: bool
 ) -> None:
-    """The free velocity lies in the range of G, as it does for every contact of bodies: so there is a solution."""
+    """The free velocity lies in the range of G, as for every contact of bodies, so there is a solution."""
     rank = min(rank, dim - 1)
     delassus, free = random_block(dim, seed, rank, 0)
     old = np.abs(np.random.default_rng(seed + 1).normal(size=dim)) * warm
@@ -101,7 +101,7 @@ def test_a_planar_answer_is_among_all_that_enumeration_finds(
 @settings(max_examples=60, deadline=None)
 @given(seed=SEEDS, friction=MU, fixed=FIXED)
 def test_a_spatial_answer_is_that_of_a_search_over_all_directions(seed: int, friction: float, fixed: float) -> None:
-    """Brute force over 20 000 directions of slip: a slip that is answered is among those that nearly fit."""
+    """Brute force over 20 000 directions of slip: a returned slip is one of those that nearly satisfy the law."""
     delassus, free = random_block(3, seed, 3, 0)
     impulses = spatial(delassus, free, friction, fixed, np.zeros(3))
     nn, coupling, rest = delassus[0, 0], delassus[0, 1:], delassus[1:, 1:]
@@ -123,7 +123,7 @@ def test_a_spatial_answer_is_that_of_a_search_over_all_directions(seed: int, fri
 
 
 def test_every_direction_of_slip_is_found() -> None:
-    """Zeros of f chosen first, two or four of them, then f made from them."""
+    """Two or four zeros are chosen, and f is constructed from them."""
     rng = np.random.default_rng(5)
     for _ in range(2000):
         chosen = np.sort(rng.uniform(-np.pi, np.pi, 4))
@@ -148,7 +148,7 @@ def test_every_direction_of_slip_is_found() -> None:
 @settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, friction=MU, turn=st.floats(0.0, 6.28))
 def test_the_answer_turns_with_the_tangents(seed: int, friction: float, turn: float) -> None:
-    """Where the solution is unique: with friction below the one at which a contact can jam."""
+    """The solution is unique because friction is below the value at which a contact can jam."""
     delassus, free = random_block(3, seed, 3, 0)
     delassus += 3.0 * max(friction, 1.0) * np.trace(delassus) * np.eye(3)
     rotation = np.eye(3)
@@ -161,7 +161,7 @@ def test_the_answer_turns_with_the_tangents(seed: int, friction: float, turn: fl
 @settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, friction=MU, mass=STRENGTH, speed=STRENGTH)
 def test_the_answer_scales_with_the_units(seed: int, friction: float, mass: int, speed: int) -> None:
-    """In the same bits: powers of four scale a problem, and the square roots in it, without rounding."""
+    """The bits are equal: powers of four scale a problem, and the square roots in it, without rounding."""
     delassus, free = random_block(3, seed, 3, 0)
     plain = spatial(delassus, free, friction, 0.0, np.zeros(3))
     scaled = spatial(delassus * 4.0**-mass, free * 4.0**speed, friction, 0.0, np.zeros(3))
@@ -176,7 +176,7 @@ def test_a_frictionless_contact_closes_only_against_approach(delassus: float, sp
 
 
 def test_painleve_contacts_keep_their_state() -> None:
-    """The rod with three solutions stays open if it was, and stays closed if it bore an impulse."""
+    """The rod with three solutions stays open if it was open, and closed if it had an impulse."""
     delassus = np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])
     free = np.array([0.01, -1.0])
     assert planar(delassus, free, 2.0, 0.0, np.zeros(2))[0] == 0.0
@@ -187,7 +187,7 @@ def test_painleve_contacts_keep_their_state() -> None:
 def test_a_planar_slip_that_goes_on_is_found_before_the_other_one_is_tried(
     side: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It costs one evaluation, that of the open contact; the violation of the other slip is not even looked at."""
+    """It takes one evaluation, that of the open contact; the violation of the other slip is not computed."""
     calls: list[None] = []
 
     def counted(*given: float) -> float:
@@ -202,7 +202,7 @@ def test_a_planar_slip_that_goes_on_is_found_before_the_other_one_is_tried(
 
 
 def test_of_the_slips_that_fit_a_spatial_contact_takes_the_nearest_to_the_one_that_was() -> None:
-    """Where a contact can jam two directions of slip fit; each is kept by the histories next to it."""
+    """If a contact can jam, two directions of slip are solutions; the one next to the previous impulse is kept."""
     delassus = np.array([[1.35, 0.17, 3.06], [0.17, 0.14, 0.17], [3.06, 0.17, 8.08]])
     free = np.array([0.93, -0.52, 4.04])
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
@@ -216,7 +216,7 @@ def test_of_the_slips_that_fit_a_spatial_contact_takes_the_nearest_to_the_one_th
 
 
 def test_friction_that_leads_nowhere_is_drawn_back_until_its_contact_pushes() -> None:
-    """S = 0 and a > 0: Λ_N = n0 − hᵀΛ_T ends at 0 along the present Λ_T, for here n0 = 0.1 and h = (5, 0)."""
+    """With S = 0 and a > 0, Λ_N = n0 − hᵀΛ_T reaches 0 along the present Λ_T; here n0 = 0.1 and h = (5, 0)."""
     root = np.array([1.0, 5.0, 0.0])
     delassus, free = np.outer(root, root), -0.1 * root
     impulses = spatial(delassus, free, 0.0, 1.0, np.array([0.1, 0.5, 0.5]))
@@ -225,7 +225,7 @@ def test_friction_that_leads_nowhere_is_drawn_back_until_its_contact_pushes() ->
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_friction_without_curvature_changes_as_little_as_its_bound_requires(friction: float) -> None:
-    """G = 0 and q = 0: every impulse in the cone is right."""
+    """With G = 0 and q = 0, every impulse in the cone is a solution."""
     held = spatial(np.zeros((3, 3)), np.zeros(3), friction, 0.4, np.array([0.0, 0.1, 0.2]))
     drawn_back = spatial(np.zeros((3, 3)), np.zeros(3), friction, 0.4, np.array([0.0, 3.0, 4.0]))
     assert held == pytest.approx([0.0, 0.1, 0.2])
@@ -239,7 +239,7 @@ def test_a_block_of_rank_one_keeps_undetermined_friction() -> None:
 
 
 def scattered_blocks(rng: np.random.Generator, count: int, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks with eigenvalues of any size within 12 decades; half of the free velocities are in proportion to them."""
+    """Return blocks with eigenvalues within 12 decades; half of the free velocities are in proportion to them."""
     turned = np.linalg.qr(rng.normal(size=(count, dim, dim)))[0]
     root = 10.0 ** rng.uniform(-3.0, 3.0, size=(count, dim, 1)) * turned
     blocks = root.transpose(0, 2, 1) @ root
@@ -252,9 +252,9 @@ def scattered_blocks(rng: np.random.Generator, count: int, dim: int) -> tuple[np
 @pytest.mark.parametrize(("dim", "n_blocks"), [(3, 100_000), (2, 20_000)])
 @pytest.mark.parametrize("warm", [False, True])
 def test_all_of_a_hundred_thousand_blocks_are_solved(dim: int, n_blocks: int, warm: bool) -> None:
-    """Any spectrum within 12 decades and any μ up to 10: what is left is rounding of the terms that ξ is made of.
+    """Any spectrum within 12 decades and any μ up to 10: the residual is the rounding of the terms of ξ.
 
-    Contacts that nothing couples are problems of their own to the judge, so a thousand are judged at once.
+    The judge treats uncoupled contacts as separate problems, so a thousand are judged at once.
     """
     rng, at_once, worst = np.random.default_rng(1), 1000, 0.0
     for _ in range(n_blocks // at_once):

@@ -1,4 +1,4 @@
-"""Which state of one contact is taken: the usual one, a slip that is refined, or the least wrong of all candidates."""
+"""The selected state of one contact: the usual one, a refined slip, or the least wrong of all candidates."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def known_contact(rng: np.random.Generator, state: str, friction: float) -> tupl
 
 @pytest.mark.parametrize("state", ["open", "stick", "slip"])
 def test_the_usual_state_of_a_regular_block_is_the_known_one(state: str) -> None:
-    """With so little coupling the solution is unique."""
+    """With weak coupling, the solution is unique."""
     rng = np.random.default_rng(0)
     for _ in range(50):
         delassus, free, impulses = known_contact(rng, state, 0.3)

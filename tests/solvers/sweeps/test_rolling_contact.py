@@ -22,7 +22,7 @@ def one_contact(delassus: np.ndarray, c: np.ndarray, sliding: int, mu: float, mu
 
 
 def block(seed: int, sliding: int, rolling: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """G of a contact of random bodies, whose rolling rows have angular velocities, and a free velocity."""
+    """Return G of a contact of random bodies, with angular velocities in its rolling rows, and a free velocity."""
     rng = np.random.default_rng(seed)
     size = 1 + sliding + rolling
     root = rng.normal(size=(size + 4, size))
@@ -51,7 +51,7 @@ def test_the_answer_solves_the_contact(
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**31), mu=st.sampled_from([0.1, 0.5]))
 def test_uncoupled_sliding_and_rolling_are_solved_separately(seed: int, mu: float) -> None:
-    """Rolling rows that nothing couples follow in closed form; the others are the spatial contact."""
+    """Uncoupled rolling rows follow in closed form; the other rows are the spatial contact."""
     delassus, c = block(seed, 2, 1, 1.0)
     delassus[3, :3] = delassus[:3, 3] = 0.0
     found = solved(delassus, c, 2, mu, 0.2, np.zeros(4))

@@ -1,4 +1,4 @@
-"""Steps are cut where successive increments of a sweep oppose each other, and for no other reason."""
+"""Steps are reduced only if successive increments of a sweep oppose each other."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from proxbench.problems import ContactProblem
 from proxbench.solvers.sweeps.safeguarded import CUT, INTERVALS, SafeguardedIterates
 
 FIRST = INTERVALS[0]
-"""Sweeps to the first comparison."""
+"""Number of sweeps before the first comparison."""
 
 
 class Scripted:
@@ -51,7 +51,7 @@ def test_a_step_is_cut_where_the_last_two_increments_oppose_each_other_and_do_no
 
 
 def test_increments_are_compared_rarely_and_ever_more_rarely_while_nothing_is_cut() -> None:
-    """An oscillation between two comparisons is not seen; one that lasts is cut at each of them."""
+    """An oscillation between two comparisons is not detected; a lasting one is reduced at each of them."""
     assert swept([0.0] * (FIRST - 3) + [1.0, -1.0, 0.0]).cuts == 0
     assert swept([0.0] * (FIRST + INTERVALS[1] - 2) + [1.0, -1.0]).cuts == 1
     assert swept([(-1.0) ** k for k in range(3 * FIRST)]).cuts == 3

@@ -1,4 +1,4 @@
-"""``proxbench compare`` fails on what it is called to fail on, and says every mistake in one sentence."""
+"""``proxbench compare`` fails on the conditions of ``--fail-on``, and reports every mistake in one sentence."""
 
 import json
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from simulated_runs import simulated_cases, store_run
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
-    """A run, another of the same, and one in which A is slower."""
+    """A run, a second run of the same cases, and one in which A is slower."""
     folder = tmp_path_factory.mktemp("runs")
     factors = ({}, {}, {"A": 1.5})
     folders = [store_run(folder / f"run-{n}", simulated_cases(n, one)) for n, one in enumerate(factors)]

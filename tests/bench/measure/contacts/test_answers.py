@@ -1,4 +1,4 @@
-"""Of all answers the worst counts, under the model of the solver and under Coulomb's law; every claim is held."""
+"""The worst answer counts, under the solver's own model and under Coulomb's law; every claim is checked."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def test_the_worst_answer_counts_under_either_law(order: int) -> None:
         ([SLIDES, SLIDES], Model.COULOMB, Status.SOLVED, Outcome.SOLVED),
         ([SLIDES, 2.0 * SLIDES, SLIDES], Model.COULOMB, Status.SOLVED, Outcome.WRONG),
         ([2.0 * SLIDES, SLIDES], Model.COULOMB, Status.TIME_LIMIT, Outcome.WRONG),
-        ([SLIDES, 2.0 * SLIDES], Model.COULOMB, Status.TIME_LIMIT, Outcome.TIME_LIMIT),  # the last one claims nothing
+        ([SLIDES, 2.0 * SLIDES], Model.COULOMB, Status.TIME_LIMIT, Outcome.TIME_LIMIT),  # the last one makes no claim
         ([ASSOCIATED], Model.CONVEX, Status.SOLVED, Outcome.RELAXED),
         ([ASSOCIATED, ASSOCIATED], Model.CONVEX, Status.STALLED, Outcome.STALLED),
     ],

@@ -1,4 +1,4 @@
-"""A case repeats what others disturbed, judges all answers, ends at its first failure, and trusts no count."""
+"""A case repeats disturbed rounds, judges all answers, ends at its first failure, and verifies reported counts."""
 
 from collections.abc import Sequence
 from dataclasses import replace as spec_replace
@@ -93,7 +93,7 @@ def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_i
     late = point(1e-2, Outcome.TIME_LIMIT, "time limit", "preempted")
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="")
     assert made_case(late, number=1).is_pending(0)
-    assert not made_case(late, rest, number=1).is_pending(1)  # as long as it is the last word
+    assert not made_case(late, rest, number=1).is_pending(1)  # while the time limit is the latest result
     assert made_case(point(1e-2, passes=2), rest, number=1).is_pending(1)
     assert not made_case(point(1e-2, Outcome.TIME_LIMIT, "time limit"), number=1).is_pending(0)
 
@@ -155,7 +155,7 @@ def test_claimed_iterations_are_corrected_by_those_that_were_observed() -> None:
 
 
 class Scripted:
-    """A process whose answers are given, with what it has worked and how many processes it has started."""
+    """A process with given answers, processor time and number of started processes."""
 
     process, busy_seconds, peak_memory_bytes = 0, 1.5, 2**20
 
@@ -194,7 +194,7 @@ def begun(monkeypatch: pytest.MonkeyPatch, process: Scripted) -> Case:
 
 
 def answered(numbers: Any, **changes: Any) -> dict[str, Any]:
-    """Return the answer to a request for a round of two solves, which take next to no time."""
+    """Return the answer to a request for a round of two solves, which take almost no time."""
     return {"round": (msgspec.to_builtins(timed(1e-9, 2, **changes)), numbers)}
 
 
@@ -231,7 +231,7 @@ def test_threads_that_a_prepared_solver_names_are_recorded_beside_those_that_are
 def test_a_solver_that_works_in_more_threads_than_it_names_misbehaves(
     named: int, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It works for 1.5 ms in next to no time; 1 ms is granted to each thread."""
+    """Its processor time is 1.5 ms in almost no wall time; each thread may use 1 ms."""
     case = begun(monkeypatch, Scripted(answered(SOLUTION, threads=named, processor=[0.75e-3] * 2)))
     monkeypatch.setattr(case, "solver", spec_replace(case.solver, threads=2))
     for name in ("pin", "holds", "is_steady"):
@@ -255,7 +255,7 @@ def test_a_round_is_asked_for_at_its_tolerance_within_the_limits(monkeypatch: py
 def test_work_that_its_clock_does_not_count_is_misbehaviour_unless_the_round_is_excluded(
     waited: float, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its process works for ten seconds in a round that its own clock says took nanoseconds."""
+    """Its process uses ten seconds of processor time in a round that takes nanoseconds by its own clock."""
     case = begun(monkeypatch, Scripted(answered(SOLUTION, waited=waited, involuntary=1), worked=[1.0, 11.0]))
     case.measure(1e-4, 0)
     assert case.outcome is outcome

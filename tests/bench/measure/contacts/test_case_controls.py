@@ -1,4 +1,4 @@
-"""A case compares its times and answers with first solves and with copies of its problem."""
+"""A case compares its times and answers with those of first solves and of solves of copies of its problem."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +28,7 @@ def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Controlled:
-    """First solves that are as given, and a list of those that were asked for."""
+    """First solves with given results, and a list of the requested ones."""
 
     def __init__(self, first: Callable[[Stop], ControlSolve], copy: Callable[[Stop], ControlSolve]) -> None:
         self._first, self._copy = first, copy

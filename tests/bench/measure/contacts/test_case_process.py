@@ -1,4 +1,4 @@
-"""What is charged to a solver is its preparing and its solving, exactly, and nothing of the harness."""
+"""A solver is charged exactly for its preparation and its solves, not for the harness."""
 
 import _thread
 import builtins
@@ -29,7 +29,7 @@ SORTED, ERRORS = sorted, np.geterr()
 
 @dataclass
 class Clock:
-    """A clock that stands still, but for what moves it; each reading of it takes ``reading`` seconds."""
+    """A clock that advances only when it is moved; each reading of it takes ``reading`` seconds."""
 
     now: float = 100.0
     reading: float = 0.0
@@ -41,7 +41,7 @@ class Clock:
 
 @dataclass
 class Timed:
-    """A solver whose preparing and solving move the clock by known times."""
+    """A solver that moves the clock by known times in ``prepare`` and ``solve``."""
 
     clock: Clock
     prepare_seconds: float = 0.0
@@ -126,7 +126,7 @@ TAMPERING: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
     ),
     "builtins.sorted": (lambda: setattr(builtins, "sorted", list), lambda: setattr(builtins, "sorted", SORTED)),
 }
-"""What a solver may change in its process, and how the test puts it back."""
+"""Changes that a solver may make in its process, and how the test reverts each."""
 
 
 def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
@@ -155,7 +155,7 @@ def test_a_round_goes_on_until_its_time_is_up_and_charges_every_solve(clock: Clo
 def test_solves_of_the_known_problem_warm_the_caches_before_first_solves(
     clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are repeated for 20 s and are not counted; each takes 7 s, including the copy of the problem."""
+    """Warm-up solves are repeated for 20 s and not counted; each takes 7 s, including the copy of the problem."""
     monkeypatch.setattr(measure, "WARM_SECONDS", 20.0)
     solver, new = Timed(clock, solve_seconds=1.0), load("hard-groove")
     measurement = measured(solver)
@@ -199,7 +199,7 @@ def test_a_thread_that_is_started_without_the_module_threading_is_refused() -> N
     lock.acquire()
     before = _thread._count()
     _thread.start_new_thread(lock.acquire, ())
-    while _thread._count() == before:  # until it has begun
+    while _thread._count() == before:  # until the thread has started
         time.sleep(1e-3)
     try:
         with pytest.raises(MisbehaviourError, match="leaves 1 thread running"):
@@ -233,7 +233,7 @@ def test_an_observed_solve_is_not_timed(clock: Clock) -> None:
     clock.reading = 1.0
     measured(solver).observe(STOP)
     assert solver.observed == [True]
-    assert clock.now == 100.0 + 7.0 + 3.0  # copy and solve, and no reading
+    assert clock.now == 100.0 + 7.0 + 3.0  # a copy and a solve, but no reading
 
 
 @pytest.mark.parametrize("raises", [False, True])

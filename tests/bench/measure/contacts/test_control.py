@@ -1,4 +1,4 @@
-"""First solves in fresh processes show what repeated ones hide, and what the processor works shows the clock."""
+"""First solves in fresh processes reveal what repeated solves hide, and processor times what the clock misses."""
 
 import contextlib
 import io
@@ -64,7 +64,7 @@ def controls(request: pytest.FixtureRequest) -> Iterator[Controls]:
 
 
 def test_a_solver_that_remembers_is_accused_with_both_times() -> None:
-    problem = load("funnel-1000")  # ten milliseconds, which no noise makes microseconds
+    problem = load("funnel-1000")  # ten milliseconds, far above any noise
     controls = Controls(problem, warm_up_data(problem), solver_spec(Wrapped("remember")), LIMITS)
     with contextlib.closing(controls), pytest.raises(Fault) as found:
         controls.first_solves(STOP, 8 * MICROSECOND, lambda: 8 * MICROSECOND)
@@ -94,7 +94,7 @@ def test_a_solver_that_loads_a_kernel_on_the_problem_alone_is_not_accused(contro
 @pytest.mark.parametrize("controls", [Wrapped()], indirect=True)
 def test_the_impulses_of_a_first_solve_are_those_of_the_problem(controls: Controls) -> None:
     expected = create("SORprox").prepare(PROBLEM).solve(STOP)
-    for found in controls.first_solves(STOP, 1.0, never):  # each in a fork that knows nothing of the others
+    for found in controls.first_solves(STOP, 1.0, never):  # each in its own fork
         assert found.impulses.tobytes() == expected.impulses.tobytes()
 
 
@@ -147,7 +147,7 @@ class Scripted(Controls):
 
 
 class Noting(Scripted):
-    """First solves of which the problem and the start are kept."""
+    """First solves that store their problem and start."""
 
     def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
         assert start is not None
@@ -175,7 +175,7 @@ def test_first_solves_follow_until_enough_more_of_them_are_explained_than_not(
 
 
 def test_only_slow_first_solves_and_slow_copies_are_compared_with_one_more_round() -> None:
-    """A round directly after each, as the machine may have become slower since."""
+    """One more round follows directly, because the machine may have become slower since."""
     again = iter([0.3, 0.002, 0.4])
     found = Scripted([0.1, 0.01, 0.3, 0.01, 0.01]).first_solves(STOP, 0.01, lambda: next(again))
     assert [(one.seconds, one.repeated) for one in found] == [(0.1, 0.3), (0.01, 0.01)]
@@ -189,7 +189,7 @@ def test_kernels_are_loaded_for_slow_copies_alone_and_only_as_often_as_a_copy_ma
 ) -> None:
     calls: list[None] = []
     monkeypatch.setattr(Controls, "_load_kernels", lambda _: calls.append(None))
-    monkeypatch.setattr(MeasuringCore, "is_steady", lambda *_: False)  # which alone asks for more copies
+    monkeypatch.setattr(MeasuringCore, "is_steady", lambda *_: False)  # only this requests more copies
     assert len(Scripted([0.1], after_another=0.1).copies(STOP, seconds, lambda: seconds)) == 6
     assert len(calls) == loaded
 
@@ -246,8 +246,8 @@ def test_slow_first_solves_accuse_after_copies_that_are_as_long_or_after_variant
 @pytest.mark.parametrize("of_copies", [4, 20])
 def test_the_first_run_of_code_that_no_copy_runs_accuses_nobody(of_copies: int) -> None:
     found = OtherWay(of_copies, 1e-3).first_solves(STOP, 1e-3, lambda: 1e-3)
-    assert {solve.seconds for solve in found if solve.is_first} == {0.1}  # which a note shows
-    assert {solve.seconds for solve in found if not solve.is_first} == {1e-3}  # which are judged
+    assert {solve.seconds for solve in found if solve.is_first} == {0.1}  # reported in a note
+    assert {solve.seconds for solve in found if not solve.is_first} == {1e-3}  # these are judged
 
 
 def test_a_single_round_that_repeats_no_answer_acquits_nobody() -> None:

@@ -1,4 +1,4 @@
-"""The matrix reports how every solver ended on every problem, and the reason of each failure."""
+"""The matrix reports the ending of every solver on every problem, and the reason for each failure."""
 
 import json
 import time
@@ -137,7 +137,7 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str)
     )
     assert [hung.outcome for hung in found] == [Outcome.TIMEOUT] * 2
     assert {hung.reason for hung in found} == {"it did not end at its time limit of 1 s"}
-    assert 2.0 < ended[1] - ended[0] < 8.0  # the limit, the grace, and a process that starts
+    assert 2.0 < ended[1] - ended[0] < 8.0  # the limit, the grace period, and the start of a process
 
 
 def test_preparing_counts_towards_the_time_limit_of_a_solve() -> None:

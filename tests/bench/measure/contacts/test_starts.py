@@ -1,4 +1,4 @@
-"""A warm case starts from its own answers to the steps before; a cold one, and the same numbers alone, from zero."""
+"""A warm case starts from its own answers to the previous steps; a cold case starts from zero."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""In units of powers of two a solver takes the same steps; a copy keeps what makes a problem hard, and no number."""
+"""Scaling units by powers of two keeps a solver's steps; a copy keeps the difficulty of a problem but no number."""
 
 import numpy as np
 import pytest
@@ -69,7 +69,7 @@ def test_a_moved_copy_has_another_solution() -> None:
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8])
 def test_no_stored_answer_of_a_problem_solves_its_disguised_copy(tolerance: float) -> None:
-    """Equal contacts on bodies of their own: order and axes hide nothing, and units are powers of two."""
+    """The contacts are equal and on separate bodies: order and axes hide nothing, and units are powers of two."""
     problem = ContactProblem.from_delassus(np.eye(20), -np.ones(20), 0.0, dim=1)
     copy = disguised_copy(problem, tolerance)
     speed = 2.0 ** np.round(np.log2(np.abs(copy.free_velocity).mean()))

@@ -1,4 +1,4 @@
-"""A real dask cluster: a worker that is killed costs its problem a second measuring, and nothing is lost or changed."""
+"""A real dask cluster: if a worker is killed, its problem is measured again, and nothing is lost or changed."""
 
 import os
 import signal

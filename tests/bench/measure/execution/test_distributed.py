@@ -1,4 +1,4 @@
-"""A run on an executor is the run on one machine: each problem is a task, and lost tasks are done again or named."""
+"""A run on an executor equals a run on one machine: each problem is a task, and lost tasks are repeated or named."""
 
 import multiprocessing
 import shutil
@@ -23,7 +23,7 @@ SOLVERS = ["NSGS", "SORprox"]
 
 
 class Inline(Executor):
-    """Does each task at once, or what is put in its place."""
+    """Executes each task immediately, or a replacement of it."""
 
     def __init__(self, *instead: Callable[[Any], Any]) -> None:
         self.instead, self.parts = list(instead), list[problem_task.ProblemTask]()
@@ -55,7 +55,7 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture(scope="module")
 def processes() -> Iterator[Executor]:
-    """Two processes that know only what a task tells them."""
+    """Two processes that know only the content of their tasks."""
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
         yield executor
 
@@ -121,7 +121,7 @@ def test_what_is_lost_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -
 
 
 class Broken(Inline):
-    """Takes one task, and then no more."""
+    """Accepts one task, and then no more."""
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         if self.parts:
@@ -202,7 +202,7 @@ def test_threads_of_one_process_measure_one_after_the_other(monkeypatch: pytest.
 
 @pytest.fixture
 def begun_elsewhere(away: Run, tmp_path: Path) -> Path:
-    """A run of which one problem is measured with one solver of two, on another machine."""
+    """A run in which one problem is measured with one of two solvers, on another machine."""
     folder = Path(shutil.copytree(away.folder, tmp_path / "it"))
     next((folder / "cases").glob("hard-groove-*NSGS*.json")).unlink()
     return folder

@@ -1,4 +1,4 @@
-"""A run on this machine visits every problem in every pass, reports each event once, and keeps what is finished."""
+"""A local run visits every problem in every pass, reports each event once, and keeps finished results."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ def round_of_each_level(cases: Sequence[LadderCase[Any]], keep: Any, core: Any) 
 
 @pytest.fixture
 def visited(monkeypatch: pytest.MonkeyPatch) -> list[list[tuple[str, str]]]:
-    """The problems and solvers of each visit, without measuring any."""
+    """The problems and solvers of each visit, without measurements."""
     visits: list[list[tuple[str, str]]] = []
 
     def measure(cases: Sequence[LadderCase[Any]], keep: Any, core: Any) -> None:

@@ -1,4 +1,4 @@
-"""What a solver or scene of others does in a study costs its own curve; a killed study goes on from its points."""
+"""A fault of a plugin in a study affects only its own curve; a killed study resumes from its points."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ GOOD = "Moreau with SORprox"
 
 @pytest.fixture
 def scenes() -> Iterator[None]:
-    """Scenes of a plugin, for one test."""
+    """Register the scenes of a plugin for one test."""
     use_plugin_files([Path(scene_plugin.__file__)])
     yield
     for file, _ in registered():

@@ -1,4 +1,4 @@
-"""Methods are known by one name, which leads back to them, and say what varies over their ladder."""
+"""Each method has a unique name, from which it can be created again, and which tells what its ladder varies."""
 
 import pytest
 from proxbench.bench.measure.trajectories.methods import make_method, scaled_stepper, stored_method

@@ -1,4 +1,4 @@
-"""A study has methods that suit its scene, and what is wrong with it is said before anything starts."""
+"""A study has methods that suit its scene, and errors in its plan are reported before it starts."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +21,7 @@ from proxbench.problems.motion.scenes.woodpecker import PERIOD
 
 @pytest.fixture
 def scenes() -> Iterator[None]:
-    """Scenes of a plugin, for one test."""
+    """Register the scenes of a plugin for one test."""
     use_plugin_files([Path(scene_plugin.__file__)])
     yield
     for file, _ in registered():

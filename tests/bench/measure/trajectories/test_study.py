@@ -1,4 +1,4 @@
-"""A study is a run: errors that fall with their order, results that are kept, frames and tables, and resumption."""
+"""A study is a run: errors fall with the order of the method; results are stored, shown in tables and resumed."""
 
 import io
 from itertools import pairwise
@@ -53,7 +53,7 @@ def point(run: Run, solver: str, value: float) -> "pd.Series[Any]":
 
 
 def test_the_position_of_a_bouncing_ball_converges_with_first_order(tmp_path: Path) -> None:
-    """An impact is found up to one step late, which shifts the flight after it by so much."""
+    """An impact is found up to one step late, which delays the following flight by as much."""
     steps = (8e-3, 1e-3)
     run = study(
         "bouncing_ball", results=tmp_path, duration=0.7, methods={"Moreau with SORprox": steps}, tolerance=1e-10

@@ -1,4 +1,4 @@
-"""The times of a study are those of the clocks, and of its undisturbed members."""
+"""The times of a study are read from the clocks, in its undisturbed members."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ VALUES = {"q": 1.0}
 
 @pytest.fixture
 def case() -> TrajectoryCase:
-    """A curve over three members, of which nothing is measured."""
+    """A curve over three members without measurements."""
     problem = TrajectoryProblem("sliding_sphere", 0.02, (0.9, 1.0, 1.1), EndPosition(VALUES, 1.0))
     method = make_method("Holding in Moreau(step=1e-3)", [1e-6], given=solver_spec(Holding()))
     return TrajectoryCase(problem, method, LIMITS, None, CasePass())

@@ -1,4 +1,4 @@
-"""A recording of balls shows where they are, how they turn, and what pushes them."""
+"""A recording of balls shows their positions, rotations and the impulses on them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +25,7 @@ RADIUS, SPEED, MASS, DT = 0.05, 0.3, 0.2, 1e-3
 
 
 def scene_of(system: BallSystem, start: State, **fields: Any) -> Scene:
-    """The scene of a system, with some fields of its own."""
+    """Return the scene of a system, with some fields replaced."""
     return replace(bare_scene("balls", {"gravity": 9.81}, system, start), **fields)
 
 

@@ -1,4 +1,4 @@
-"""The loaded contacts of two bodies are joined to one line."""
+"""The loaded contacts of two bodies are joined into one line."""
 
 from itertools import pairwise
 

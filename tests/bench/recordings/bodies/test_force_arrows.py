@@ -1,4 +1,4 @@
-"""Lengths of arrows suit most forces of a recording."""
+"""The lengths of arrows suit most forces of a recording."""
 
 import numpy as np
 from proxbench.bench.recordings.bodies.force_arrows import MAX_RATIO, NO_FORCES, RADII, ForceArrows

@@ -1,4 +1,4 @@
-"""A recording of joints shows where they are, and the forces that they exert."""
+"""A recording of joints shows their positions and forces."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Meshes lie on what they show, and orientations follow angular velocities exactly."""
+"""Meshes lie on the surfaces that they show, and orientations follow angular velocities exactly."""
 
 import numpy as np
 from proxbench.bench.recordings.bodies.meshes import (

@@ -1,4 +1,4 @@
-"""A recording of rigid bodies shows each by its shape, where it is, and what pushes it."""
+"""A recording of rigid bodies shows the shape, position and forces of each body."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,7 +26,7 @@ GREY = int.from_bytes(bytes(WALL_COLOUR))
 
 @pytest.fixture
 def slide(tmp_path: Path, record: Callable[..., None]) -> tuple[Path, list[Step]]:
-    """A box that slides on level ground, turned about the vertical."""
+    """A box, turned about the vertical, that slides on level ground."""
     scene = make_scene("thrown_box(turn=0.3)")
     stepper = MidpointRule(scene.system, create("Robust"), Stop(1e-12, 1000), DT)
     steps = list(stepper.steps(scene.start, 20))

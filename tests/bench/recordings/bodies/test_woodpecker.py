@@ -1,4 +1,4 @@
-"""A recording of the woodpecker shows sleeve and bird where they are, and pushes where they touch the pole."""
+"""A recording of the woodpecker shows sleeve and bird at their positions, and impulses where they touch the pole."""
 
 from collections.abc import Callable
 from dataclasses import replace

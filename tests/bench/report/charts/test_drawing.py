@@ -1,4 +1,4 @@
-"""What all charts share."""
+"""Properties that all charts share."""
 
 import altair as alt
 import pandas as pd

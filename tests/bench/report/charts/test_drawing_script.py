@@ -1,4 +1,4 @@
-"""The script that draws charts is bundled once, and again where its stored file is damaged or cannot be written."""
+"""The script that draws charts is bundled once, and again if its stored file is damaged or cannot be written."""
 
 from collections.abc import Iterator
 from importlib import metadata
@@ -10,7 +10,7 @@ from proxbench.bench.report.charts.drawing_script import drawing_script
 
 
 class Bundler:
-    """Stands for the library that bundles, and counts its calls."""
+    """A substitute for the bundling library that counts its calls."""
 
     calls = 0
 
@@ -30,7 +30,7 @@ def bundler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bundler
 
 
 def asked_again() -> str:
-    """Return the script as another process would."""
+    """Return the script as another process would get it."""
     drawing_script.cache_clear()
     return drawing_script()
 

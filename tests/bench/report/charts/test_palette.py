@@ -1,4 +1,4 @@
-"""Solvers can be distinguished in every chart, by readers with any eyes."""
+"""Solvers can be distinguished in every chart, also by colour-blind readers."""
 
 from itertools import combinations
 
@@ -19,7 +19,7 @@ DICHROMATS = {
         [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
-"""Linear RGB as these eyes see it (Machado, Oliveira & Fernandes 2009, severity 1)."""
+"""Matrices of linear RGB by the missing cones (Machado, Oliveira & Fernandes 2009, severity 1)."""
 
 TO_XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
@@ -28,7 +28,7 @@ WHITE = np.array([0.95047, 1.0, 1.08883])
 
 
 def lab(colour: str, eyes: str) -> NDArray[np.float64]:
-    """CIELAB coordinates of a colour as these eyes see it."""
+    """CIELAB coordinates of a colour as a reader with these eyes sees it."""
     share = np.array(rgb(colour)) / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     x, y, z = TO_XYZ @ np.clip(DICHROMATS[eyes] @ linear, 0.0, 1.0) / WHITE

@@ -1,4 +1,4 @@
-"""One call draws a problem, a profile or a convergence, or says why it cannot."""
+"""One call draws a problem, a profile or a convergence, or raises an error with the reason."""
 
 import json
 from pathlib import Path

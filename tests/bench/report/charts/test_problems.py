@@ -1,4 +1,4 @@
-"""Charts show judged residuals, in files that open anywhere."""
+"""Charts show judged residuals, in self-contained files."""
 
 import json
 from dataclasses import replace

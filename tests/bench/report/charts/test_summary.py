@@ -1,4 +1,4 @@
-"""Charts of a whole run show what its summary table says."""
+"""Charts of a whole run agree with its summary table."""
 
 import json
 from dataclasses import replace

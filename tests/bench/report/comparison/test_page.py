@@ -1,4 +1,4 @@
-"""A comparison is shown as Markdown and JSON, in which names of others stay text."""
+"""A comparison is shown as Markdown and JSON, with names from others escaped."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Only what means the same in both runs is compared, the rest is named, and what is no run is refused in a sentence."""
+"""Only comparable parts of two runs are compared, omitted parts are named, and invalid runs are refused."""
 
 from pathlib import Path
 
@@ -83,7 +83,7 @@ def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Pat
 
 
 def with_rounds(folder: Path, **changes: object) -> Path:
-    """Store the run with other fields of its rounds."""
+    """Store the run with changed fields of its rounds."""
     cases = msgspec.to_builtins(simulated_cases(1))
     for point in (point for case in cases for point in case["points"]):
         point["measured"]["rounds"] = [{**one, **changes} for one in point["measured"]["rounds"]]
@@ -92,7 +92,7 @@ def with_rounds(folder: Path, **changes: object) -> Path:
 
 @pytest.mark.slow
 def test_under_load_there_is_no_verdict(tmp_path: Path, before: Path) -> None:
-    """One run had the machine to itself, the other one did not: neither is slower by that."""
+    """Only one of the runs had the machine to itself, so neither can be called slower."""
     session = Session(started="2026-01-01", core=1, busy_cores=[1.0, 1.0], machine=MACHINE)
     busy = store_run(tmp_path / "busy", simulated_cases(1, dict.fromkeys("ABCD", 2.4)), sessions=[session])
     found = {

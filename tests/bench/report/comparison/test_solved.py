@@ -1,4 +1,4 @@
-"""What is newly and no longer solved is said, except where a limit of time decides that a shared core can explain."""
+"""Newly solved and no longer solved problems are reported, unless a shared core can explain a time limit."""
 
 from pathlib import Path
 

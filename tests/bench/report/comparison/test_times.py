@@ -1,4 +1,4 @@
-"""Two runs of the same program differ in nothing, a slowdown is found, and what is the machine's is taken out."""
+"""Runs of the same program do not differ, a slowdown is found, and the effect of the machine is removed."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from simulated_runs import MACHINE, PROBLEMS, SOLVERS, simulated_cases, solved_p
 from stored_cases import case_record, timed_round
 
 PAIRS = 20
-"""Of simulated runs."""
+"""Number of pairs of simulated runs."""
 
 OTHER_SOURCE = msgspec.structs.replace(MACHINE, source="1" * 64)
 
@@ -26,7 +26,7 @@ OTHER_SOURCE = msgspec.structs.replace(MACHINE, source="1" * 64)
 def pair_of_runs(
     folder: Path, seed: int, factors: Mapping[str, float], passes: int = 3, is_same: bool = False
 ) -> Comparison:
-    """Return the comparison of a run with another one in which some times are multiplied by factors."""
+    """Return the comparison of a run with a second one, in which some times are multiplied by factors."""
     before = store_run(folder / f"before-{seed}", simulated_cases(2 * seed, passes=passes))
     machine = MACHINE if is_same else OTHER_SOURCE
     after = store_run(folder / f"after-{seed}", simulated_cases(2 * seed + 1, factors, passes), machine)
@@ -138,7 +138,7 @@ def test_where_all_common_times_are_excluded_the_verdict_says_so(tmp_path: Path)
 
 @pytest.mark.slow
 def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) -> None:
-    """The machine of the record is where a run was begun; its rounds may be of a worker elsewhere."""
+    """The record names the machine on which a run was started; a worker on another one may have measured its rounds."""
     elsewhere = msgspec.structs.replace(MACHINE, processor="Q", cores=64, host="far")
     session = Session(started="2026-01-01", machine=elsewhere)
     before = store_run(tmp_path / "before", simulated_cases(0))
@@ -162,7 +162,7 @@ def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_pa
 
 @pytest.mark.parametrize("factor", [0.6, 1.6])
 def test_what_all_solvers_of_another_program_gain_or_lose_is_theirs(tmp_path: Path, factor: float) -> None:
-    """No solver is known to be the same, so a drift in either direction beyond that of machines is no scale."""
+    """No solver is known to be unchanged, so a drift in either direction beyond ``MAX_DRIFT`` gives no scale."""
     names = SOLVERS[:3]
     runs = [
         store_run(tmp_path / name, simulated_cases(seed, dict.fromkeys(names, change), solvers=names), machine)
@@ -178,7 +178,7 @@ def test_what_all_solvers_of_another_program_gain_or_lose_is_theirs(tmp_path: Pa
 def test_the_interval_of_a_case_follows_from_the_scatter_of_its_passes(
     passes: int, efficiency: float, tmp_path: Path
 ) -> None:
-    """Medians of three passes and more scatter by π/2 times as much as means; of two, they are the mean."""
+    """The variance of a median of three or more passes is π/2 times that of a mean; of two, both are equal."""
     offsets = np.linspace(-0.1, 0.1, passes)
     rounds = [timed_round(number, 0.01 * float(np.exp(offset))) for number, offset in enumerate(offsets)]
     cases = [case_record(points=[solved_point(1e-2, rounds)])]

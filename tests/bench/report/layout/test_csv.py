@@ -1,4 +1,4 @@
-"""CSV files hold no formula that a spreadsheet runs, and every number and harmless text as it is."""
+"""CSV files contain no formula that a spreadsheet executes, and keep numbers and harmless texts unchanged."""
 
 import io
 import re

@@ -1,4 +1,4 @@
-"""LaTeX tables escape what LaTeX would run, and keep bold and ties."""
+"""LaTeX tables escape commands, and keep bold text and ties."""
 
 import pandas as pd
 from proxbench.bench.report.layout.text import latex_table

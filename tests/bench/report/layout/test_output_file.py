@@ -1,4 +1,4 @@
-"""Files are refused before any work, written with the permissions of any new file, and no picture costs a result."""
+"""Invalid files are refused before any work, files get default permissions, and a failed picture loses no result."""
 
 import os
 import stat
@@ -15,7 +15,7 @@ from proxbench.problems.exchange.files.atomic_file import replacing
 
 @pytest.fixture(params=[0o022, 0o077], ids=oct)
 def mask(request: pytest.FixtureRequest) -> Iterator[int]:
-    """Let new files of this process lack these permissions."""
+    """Set the umask of this process."""
     wanted = int(request.param)
     before = os.umask(wanted)
     yield wanted

@@ -1,4 +1,4 @@
-"""Tables fit their width, columns of little value are left out first, and no cell is cut."""
+"""Tables fit their width: the least important columns are omitted first, and no cell is truncated."""
 
 from io import StringIO
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""A headless Chromium that opens pages from disk, over the pipe of its debugging protocol: no driver is needed."""
+"""A headless Chromium that opens pages from disk through the pipe of its debugging protocol, without a driver."""
 
 import base64
 import fcntl
@@ -14,7 +14,7 @@ from typing import Any, Self
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 SECONDS = 120.0
-"""That a call may take: other programs may keep the machine busy."""
+"""Time limit of a call [s], long because other programs may keep the machine busy."""
 
 SWITCHES = (
     "--headless=new",
@@ -33,7 +33,7 @@ SWITCHES = (
 
 
 def chromium() -> str:
-    """Return the program, that of PROXBENCH_CHROMIUM first; empty without one."""
+    """Return the path of the program, preferably that of PROXBENCH_CHROMIUM; empty if there is none."""
     return os.environ.get("PROXBENCH_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), "")
 
 
@@ -41,7 +41,7 @@ class Chromium:
     """The program, with one page.
 
     Attributes:
-        errors: what was said in the console as an error, or thrown, by the pages.
+        errors: errors that the pages wrote to the console or threw.
         requests: addresses that pages requested.
     """
 
@@ -80,7 +80,7 @@ class Chromium:
         self._folder.cleanup()
 
     def open(self, file: Path) -> None:
-        """Open a page and wait until its script has run, or said why not."""
+        """Open a page and wait until its script has run or failed."""
         self.call("Page.navigate", url=file.absolute().as_uri())
         until = time.monotonic() + SECONDS
         while not self.evaluate("Boolean(window.proxbench)") and not self.errors:
@@ -97,7 +97,7 @@ class Chromium:
         return answer["result"].get("value")
 
     def picture(self, file: Path, width: int, height: int, mobile: bool = False) -> None:
-        """Write what the page looks like in a window of that size."""
+        """Write a picture of the page in a window of a given size [pixels]."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
         time.sleep(0.5)
         file.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=False)["data"]))
@@ -108,7 +108,7 @@ class Chromium:
         file.write_bytes(base64.b64decode(printed["data"]))
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Call a method of the protocol, and note the events that come meanwhile."""
+        """Call a method of the protocol, and record the events that arrive before its answer."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
         if self._session:

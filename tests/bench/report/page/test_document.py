@@ -1,4 +1,4 @@
-"""What a page knows of a run compares with accuracies as the run does, is small, and stays in its place in the file."""
+"""The data of a page agree with the run on accuracies, are small, and cannot leave their element of the file."""
 
 import json
 import re
@@ -27,7 +27,7 @@ REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
 def enlarged(frames: RunFrames, problems: int, solvers: int) -> RunFrames:
-    """A run with copies of problems, and one more of the solvers, so that it has so many of both."""
+    """A run with copies of its problems and solvers, to obtain these numbers of both."""
     plan = frames.info.plan
     names = [f"{plan.problems[k % len(plan.problems)]}-{k}" for k in range(problems)]
     more = [*plan.solvers, *(f"Other{k}" for k in range(solvers - len(plan.solvers)))]

@@ -1,4 +1,4 @@
-"""The page as a browser shows it: no errors, no requests, filters give what the tables compute, texts stay texts."""
+"""The page in a browser: no errors, no requests; filters agree with the tables, and texts are not interpreted."""
 
 import json
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ MEANS = ("mean_time", "own_mean_time")
 """Prefixes of the means of a summary."""
 
 PROFILES_OVER = "#filters label:nth-of-type(3) select"
-"""The choice of the problems that profiles are over."""
+"""Selector of the field that chooses the problems of profiles."""
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def opened(browser: Chromium, file: Path) -> None:
 
 
 def uncheck(browser: Chromium, names: list[str]) -> None:
-    """Uncheck what has these labels, and wait for the charts."""
+    """Uncheck the boxes with these labels, and wait for the charts."""
     for name in names:
         find = f"[...document.querySelectorAll('#filters label')].find((one) => one.textContent === {json.dumps(name)})"
         assert browser.evaluate(f"{find}.querySelector('input').click(), true")
@@ -84,7 +84,7 @@ def shown(browser: Chromium, place: str) -> pd.DataFrame:
 
 
 def without(frames: RunFrames, solvers: list[str], families: list[str]) -> RunFrames:
-    """What is left of a run when solvers and families are taken away."""
+    """Return a run without some solvers and families."""
     plan = frames.info.plan
     kept = frames.only([name for name in plan.problems if plan.families[name] not in families])
     tables = {name: getattr(kept, name) for name in ("cases", "points", "rounds", "iterations")}

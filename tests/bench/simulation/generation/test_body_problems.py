@@ -1,4 +1,4 @@
-"""Problems of rigid bodies are what their names say: redundant, of known mass ratios, standing or falling."""
+"""Problems of rigid bodies have the properties that their names state: redundant, of known mass ratio, or falling."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Generating is deterministic, and remakes what the library holds."""
+"""Generation is deterministic, and reproduces the library."""
 
 import json
 import os

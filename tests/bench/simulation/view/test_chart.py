@@ -1,4 +1,4 @@
-"""The chart of a fixed step says of the simulation what is true of it."""
+"""The chart of a simulation with a fixed step agrees with its data."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The figure shows what means something: named coordinates with dots, or energies and numbers of switching points."""
+"""The chart shows named coordinates with dots, or energies and numbers of switching points."""
 
 from typing import Any
 

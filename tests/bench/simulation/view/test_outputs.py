@@ -1,4 +1,4 @@
-"""A stored result does not say where else files are replaced."""
+"""A stored result cannot cause files outside its folder to be replaced."""
 
 from pathlib import Path
 

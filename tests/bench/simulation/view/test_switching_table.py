@@ -1,4 +1,4 @@
-"""What is printed of a variable step counts periods, sections and switching points in words that agree."""
+"""Printed counts of periods, sections and switching points agree with the motion."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""The table gathers steps by simulated time, and never hides a step that is not solved."""
+"""The table aggregates steps by simulated time, and never hides an unsolved step."""
 
 import io
 import json
@@ -38,7 +38,7 @@ def made(times: np.ndarray, **columns: object) -> Simulation:
 
 
 def test_a_row_is_a_tenth_of_a_second_whatever_rounding_does_to_its_border() -> None:
-    times = np.cumsum(np.full(3000, 1e-4))  # the border 0.1 is met as 0.10000000000000184
+    times = np.cumsum(np.full(3000, 1e-4))  # the border 0.1 is reached at 0.10000000000000184
     rows = list(windows(made(times, contacts=np.arange(3000))))
     assert [row.steps for row in rows] == [1000, 1000, 1000]
     assert [row.contacts for row in rows] == [499.5, 1499.5, 2499.5]
@@ -152,7 +152,7 @@ def test_no_head_and_no_number_is_cut(width: int) -> None:
 
 def test_the_summary_relates_the_time_of_steps_alone_to_simulated_time() -> None:
     simulation = made(np.array([1.0, 2.0]), seconds=1.5)
-    simulation.wall_seconds = 1000.0  # starting and compiling
+    simulation.wall_seconds = 1000.0  # start and compilation
     assert summary(simulation)["step_seconds_per_simulated_second"] == pytest.approx(1.5)
     assert "3 s wall: 1.5 s per simulated second" in printed(simulation, 80)
 

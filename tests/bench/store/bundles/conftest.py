@@ -1,4 +1,4 @@
-"""Shared: a finished run of four solvers on three problems, one of which it carries, and its bundle."""
+"""Shared fixtures: a finished run of four solvers on three problems, one of which it stores, and its bundle."""
 
 from pathlib import Path
 
@@ -40,5 +40,5 @@ def file(made: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def honest(file: Path) -> Bundle:
-    """What the bundle holds."""
+    """The content of the bundle."""
     return read_bundle(file)

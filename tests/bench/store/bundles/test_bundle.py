@@ -1,4 +1,4 @@
-"""A bundle is a whole run that holds together, and nothing in it leads anywhere or runs anything."""
+"""A bundle is a complete and consistent run without links and executable code."""
 
 import dataclasses
 import shutil

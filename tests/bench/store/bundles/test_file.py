@@ -1,4 +1,4 @@
-"""A file that is not a bundle, or was changed, is refused in one sentence, and unpacks to no more than the limit."""
+"""An invalid or changed bundle is refused in one sentence, and is never unpacked beyond the size limit."""
 
 import gzip
 import tracemalloc

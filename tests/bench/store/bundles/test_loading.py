@@ -1,4 +1,4 @@
-"""A bundle is loaded, reported and compared like the folder that it was packed from."""
+"""A bundle is loaded, reported and compared like the folder from which it was packed."""
 
 import shutil
 from pathlib import Path
@@ -13,7 +13,7 @@ from proxbench.bench.store.outcome import FAULTS
 
 @pytest.fixture
 def copy(file: Path, tmp_path: Path) -> Path:
-    """The bundle in a folder of its own."""
+    """A copy of the bundle in a separate folder."""
     return Path(shutil.copy(file, tmp_path / "it.bundle"))
 
 

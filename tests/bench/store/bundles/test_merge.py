@@ -1,4 +1,4 @@
-"""Merged runs are one run: each case once, each problem from one machine, and nothing half written."""
+"""Merged runs are one run: each case once, each problem from one machine, and no incomplete result."""
 
 import dataclasses
 import itertools
@@ -17,7 +17,7 @@ from stored_cases import solved_case
 
 
 def part(packed: Bundle, path: Path, problems: list[str], host: str = "", **plan: Any) -> Path:
-    """Write the part of a bundle that some problems are, as measured on a machine of that name."""
+    """Write the part of a bundle with some problems, as if measured on a machine with the name ``host``."""
     machine = replace(packed.run.machine, host=host)
     carried = {name: problem for name, problem in packed.carried.items() if name in problems}
     made = replace(

@@ -1,4 +1,4 @@
-"""What does not hold together is not made a bundle of."""
+"""Inconsistent runs are not packed into bundles."""
 
 from pathlib import Path
 

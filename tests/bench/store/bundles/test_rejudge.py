@@ -1,4 +1,4 @@
-"""What a bundle reports about its impulses is checked, whoever computed its checksum."""
+"""The reported residuals of a bundle are checked against its impulses, whatever its checksum."""
 
 import dataclasses
 import re
@@ -39,7 +39,7 @@ def with_measured(case: CaseRecord, **changes: Any) -> CaseRecord:
 
 
 def with_impulses(case: CaseRecord, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> CaseRecord:
-    """Replace the impulses and leave what is said of them."""
+    """Replace the impulses, but not the residuals reported for them."""
     measured = finest(case)[1]
     nothing = verdicts(ContactProblem.from_delassus(np.eye(3), (-1.0, 0.0, 0.0), 0.3), np.zeros(3), Model.COULOMB)
     kept = [
@@ -50,7 +50,7 @@ def with_impulses(case: CaseRecord, change: Callable[[np.ndarray[Any, Any]], np.
 
 
 def claimed(case: CaseRecord, factor: float, outcome: Outcome = Outcome.SOLVED) -> CaseRecord:
-    """Say smaller residuals everywhere they stand, and solved where they would make it so."""
+    """Multiply all reported residuals by a factor, and report points as solved that would then be solved."""
     level, measured = finest(case)
     kept = [
         replace(one, residual=factor * (one.residual or 0.0), model_residual=factor * (one.model_residual or 0.0))
@@ -81,7 +81,7 @@ def coarse(**changes: Any) -> Attack:
 
 
 def others(bundle: Bundle, case: CaseRecord) -> CaseRecord:
-    """Take the impulses of another solver."""
+    """Replace the impulses by those of another solver."""
     other = next(one for one in bundle.cases if one.problem == case.problem and one.solver != case.solver)
     return with_measured(case, impulses=[replace(finest(other)[1].impulses[0])])
 
@@ -161,7 +161,7 @@ def forged(bundle: Bundle, indices: Sequence[int], attack: Attack, path: Path) -
 
 
 def is_lie(name: str, case: CaseRecord) -> bool:
-    """Whether an attack says something else than what is true, up to rounding."""
+    """Whether an attack makes a false statement, beyond rounding."""
     measured = finest(case)[1]
     impulses = measured.impulses[0].unpacked(case.n_rows)
     if name == "a right claim that counts as wrong":

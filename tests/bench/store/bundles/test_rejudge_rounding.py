@@ -1,4 +1,4 @@
-"""Judging again on another machine agrees up to rounding of its sums, however small a residual is, and no further."""
+"""Rejudging on another machine agrees up to rounding of the sums, however small a residual is, and no further."""
 
 from dataclasses import replace as with_changes
 from pathlib import Path
@@ -29,7 +29,7 @@ RUN = RunRecord(
 
 
 def bundle_that_says(judged: np.ndarray, sent: np.ndarray, problem: ContactProblem = PROBLEM) -> Bundle:
-    """Return a bundle with some impulses, and with what the judge finds in others."""
+    """Return a bundle that contains the impulses ``sent`` with the residuals of the impulses ``judged``."""
     verdict = judge(problem, judged)
     measured = measured_in(
         [timed_round(0, 1.0)],

@@ -2,9 +2,9 @@
 
     python tests/problems/contact/judging/adversary.py 100000 SEED
 
-makes that many trials. Problems are random ones with contacts, joints and rolling friction, by G or by factors, in
-units that are many orders apart, and small ones of the library. Impulses brace each other, cancel, nearly do, are
-subnormal, have signed zeros, stand on the friction bound or are not finite. The exact residual is a rational number.
+runs that many trials. Problems are random ones with contacts, joints and rolling friction, by G or by factors, in units
+that are many orders apart, and small ones of the library. Impulses oppose each other, cancel exactly or nearly, are
+subnormal, have signed zeros, are on the friction bound, or are not finite. The exact residual is a rational number.
 """
 
 import sys
@@ -21,21 +21,21 @@ from proxbench.problems.exchange.catalog import suite_members
 from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 
 FACTOR, ROUNDING = 2.5, 2e-15
-"""A certificate of r is right where the exact residual is at most ``FACTOR`` r + ``ROUNDING``."""
+"""A certificate r is correct if the exact residual is at most ``FACTOR`` r + ``ROUNDING``."""
 
 TOLERANCE = 1e-2
-"""Impulses of a judged residual up to this are judged exactly."""
+"""Largest judged residual of impulses that are judged exactly."""
 
 IMPULSES = 50
-"""Trials on one problem."""
+"""Number of trials on one problem."""
 
 MAX_ROWS = 40
-"""Rows of the problems of the library that take part."""
+"""Largest number of rows of the problems from the library."""
 
 
 @dataclass
 class Search:
-    """What a search found: how many trials, how many of them judged exactly, and the wrong certificates."""
+    """The result of a search: the numbers of trials and of exactly judged ones, and the wrong certificates."""
 
     trials: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
@@ -61,7 +61,7 @@ class Search:
 
 
 def search(trials: int, seed: int) -> Search:
-    """Return what so many trials find."""
+    """Run trials and return the result."""
     found, rng = Search(), np.random.default_rng(seed)
     library = small_problems()
     while found.trials < trials:
@@ -75,7 +75,7 @@ def search(trials: int, seed: int) -> Search:
 
 
 def small_problems() -> list[tuple[ContactProblem, np.ndarray]]:
-    """Return small problems of the library, with impulses that are known to solve them where there are any."""
+    """Return small problems of the library, with known solutions if there are any."""
     problems = []
     for name in suite_members("hard") + suite_members("woodpecker"):
         problem = load(name)
@@ -179,7 +179,7 @@ def in_other_units(
 def adversaries(
     problem: ContactProblem, answer: np.ndarray, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield impulses [N s] to judge, with what kind they are."""
+    """Yield impulses [N s] to judge, with the names of their kinds."""
     delassus, n = problem.delassus().toarray(), problem.n_rows
     size = max(float(np.abs(answer).max(initial=0.0)), typical_impulse(problem, delassus))
     braces = null_vectors(delassus)
@@ -215,14 +215,14 @@ def adversaries(
 
 
 def typical_impulse(problem: ContactProblem, delassus: np.ndarray) -> float:
-    """Return the largest |c|/G_ii [N s], 1 where there is none."""
+    """Return the largest |c|/G_ii [N s], 1 if there is none."""
     diagonal, free = np.diag(delassus), np.abs(problem.free_velocity)
     found = (free[diagonal > 0.0] / diagonal[diagonal > 0.0]).max(initial=0.0)
     return float(found) if 0.0 < found < np.inf else 1.0
 
 
 def null_vectors(delassus: np.ndarray) -> np.ndarray:
-    """Return Λ that G takes to rounding, shape (any, n_rows)."""
+    """Return Λ for which GΛ is zero up to rounding, shape (any, n_rows)."""
     if not np.isfinite(delassus).all() or not delassus.any():
         return np.zeros((0, len(delassus)))
     values, vectors = np.linalg.eigh(delassus / np.abs(delassus).max())

@@ -1,4 +1,4 @@
-"""The judge's residual in rational numbers: another algorithm on the same numbers."""
+"""The judge's residual in rational numbers: another algorithm on the same values."""
 
 import math
 from collections.abc import Sequence

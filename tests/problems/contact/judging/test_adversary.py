@@ -1,4 +1,4 @@
-"""No impulses get a certificate that exact arithmetic refuses."""
+"""The judge gives no impulses a certificate that exact arithmetic refutes."""
 
 import numpy as np
 import pytest

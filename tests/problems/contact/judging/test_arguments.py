@@ -1,4 +1,4 @@
-"""The judge refuses what is not a problem or impulses, and names the remedy."""
+"""The judge refuses invalid problems and impulses, with the remedy."""
 
 import numpy as np
 import pytest

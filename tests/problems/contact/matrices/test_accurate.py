@@ -1,4 +1,4 @@
-"""Sums in twice the working precision are the same numbers where kernels run as Python."""
+"""Sums in twice the working precision give the same numbers if kernels run as Python."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The error bound of an accurate velocity holds, also where products underflow, and is as small as promised."""
+"""The error bound of an accurate velocity holds, even if products underflow, and is as small as documented."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -23,7 +23,7 @@ def is_within_bound(problem: ContactProblem, impulses: np.ndarray) -> bool:
     ids=["W Λ", "M⁻¹ W Λ", "Wᵀ M⁻¹ W Λ", "the last two"],
 )
 def test_the_bound_covers_each_product_that_underflows(impulse: int, pushed: int, inverse_mass: int, seen: int) -> None:
-    """One row pushes a body and another sees it move; where numbers are powers of two, products are exact."""
+    """One row pushes a body and another measures its velocity; products of powers of two are exact."""
     rng = np.random.default_rng(0)
     for mantissas in np.where(rng.random((20, 4)) < 0.5, 1.0, rng.uniform(1.0, 2.0, (20, 4))):
         factors = mantissas * 2.0 ** np.array([impulse, pushed, inverse_mass, seen])

@@ -1,4 +1,4 @@
-"""Records of contacts between balls are the same matrix as their pieces."""
+"""Records of contacts between balls represent the same matrix as their pieces."""
 
 import pickle
 
@@ -14,7 +14,7 @@ from proxbench.problems.contact.matrices.pieces import Pieces
 
 
 def contacts_of_balls(seed: int, n_contacts: int, n_balls: int) -> BallContacts:
-    """Contacts of two balls each, or of a ball and a surface, in any direction."""
+    """Contacts between two balls, or a ball and a surface, in any direction."""
     rng = np.random.default_rng(seed)
     chunks = np.array([rng.choice(n_balls, 2, replace=False) for _ in range(n_contacts)]).astype(np.int64)
     chunks[rng.random(n_contacts) < 0.3, 1] = n_balls

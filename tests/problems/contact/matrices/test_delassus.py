@@ -1,4 +1,4 @@
-"""A given matrix is gathered into blocks whole, whatever entries it stores."""
+"""A given matrix is converted completely into blocks, whatever entries it stores."""
 
 import numpy as np
 import scipy.sparse as sp

@@ -1,4 +1,4 @@
-"""The inverse of a mass matrix: block by block, whatever the order of the degrees of freedom, and M kept beside it."""
+"""The inverse of a mass matrix is found block by block in any order of the degrees of freedom, and M is kept."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""Memory that does not suffice is reported in one sentence before an array is allocated."""
+"""Insufficient memory is reported in one sentence before an array is allocated."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,12 +19,12 @@ GROUP_FILES = {
     "2": {"memory.max": "1000\n", "memory.current": "900\n", "memory.stat": STATISTICS},
     "1": {"memory.limit_in_bytes": "1000\n", "memory.usage_in_bytes": "900\n", "memory.stat": STATISTICS},
 }
-"""Files of a group by the version of control groups; 400 bytes are left."""
+"""Files of a control group, by version of control groups; 400 bytes are available."""
 
 
 @pytest.fixture
 def leave(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Leave so many bytes of memory, and ask for them before every allocation."""
+    """Return a function that limits the available memory [bytes], which is then checked before every allocation."""
 
     def leave_bytes(available: float) -> None:
         for module in (memory, delassus):
@@ -35,7 +35,7 @@ def leave(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 
 
 def grains_on_slab(n_grains: int) -> ContactProblem:
-    """Return grains that rest on one movable slab, so that every two contacts are coupled."""
+    """Return grains at rest on one movable slab, so that all pairs of contacts are coupled."""
     grain = np.arange(n_grains)
     rows = np.concatenate([3 * grain + k for k in (2, 0, 1)])
     dofs = [np.concatenate([3 * grain + k for k in range(3)]), np.repeat(3 * n_grains + np.arange(3), n_grains)]
@@ -134,7 +134,7 @@ def test_control_groups_restrict_the_memory(
 
 
 def replace_file(monkeypatch: pytest.MonkeyPatch, replaced: str, text: str | None) -> None:
-    """Let a file have another text, or be missing."""
+    """Replace the text of a file, or remove it."""
     read = Path.read_text
 
     def read_text(path: Path, *arguments: Any, **options: Any) -> str:

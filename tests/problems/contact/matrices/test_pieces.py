@@ -1,4 +1,4 @@
-"""Force directions in pieces are the same matrix as in columns."""
+"""Force directions in pieces represent the same matrix as in columns."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ from proxbench.problems.contact.matrices.pieces import Pieces, cut_into_pieces
 
 
 def pairs(seed: int, n_blocks: int, width: int, length: int, n_chunks: int) -> Pieces:
-    """Blocks of two pieces on chunks of their own choice, the second one idle for some."""
+    """Blocks of two pieces on random chunks; some of the second pieces are absent."""
     rng = np.random.default_rng(seed)
     chunks = np.concatenate([rng.choice(n_chunks, 2, replace=False) for _ in range(n_blocks)]).astype(np.int64)
     values = rng.normal(size=(len(chunks), width, length))

@@ -1,4 +1,4 @@
-"""A matrix with a negative eigenvalue is refused from the tolerance on, and one within it passes, at any size."""
+"""A matrix is refused if it has a negative eigenvalue beyond the tolerance, at any size."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_a_matrix_of_few_eigenvalues_is_read_to_the_end() -> None:
 @pytest.mark.parametrize("change", ["none", "mirrored", "alone", "minor", "diagonal"])
 @pytest.mark.parametrize("part", [0.5, 2.0])
 def test_a_matrix_is_as_sound_in_entries_as_it_is_in_one_array(change: str, part: float) -> None:
-    """An entry is not its mirror image, has none or exceeds √g_ii √g_jj, or g_ii < 0, within and beyond a tolerance."""
+    """One change violates symmetry, a 2 × 2 minor or the sign of a diagonal entry, within or beyond a tolerance."""
     rng, tolerance = np.random.default_rng(7), 1e-3
     for _ in range(20):
         n = int(rng.integers(2, 8))
@@ -79,7 +79,7 @@ def test_entries_that_differ_across_the_diagonal_are_refused_at_any_size(n: int,
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_quick_look_at_a_sparse_matrix_finds_what_the_detailed_checks_find(seed: int) -> None:
-    """Symmetric ones pass, and one entry that is changed, or has no mirror, makes the answer false."""
+    """Symmetric matrices pass; one changed entry, or one without its mirror image, makes the answer false."""
     rng = np.random.default_rng(seed)
     root = sp.random_array((80, 80), density=0.05, rng=rng, format="csr")
     matrix = sp.csr_array(root @ root.T + sp.eye_array(80))

@@ -1,4 +1,4 @@
-"""Matrices are read as scipy reads them, whatever their form, and refused where compiled code could not trust them."""
+"""Matrices are read as in scipy, whatever their form, and refused if compiled code cannot trust them."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_every_form_of_a_matrix_is_read_as_the_same_arrays(seed: int, rows: int,
         part = slice(shuffled.indptr[row], shuffled.indptr[row + 1])
         for array in (shuffled.indices, shuffled.data):
             array[part] = array[part][::-1].copy()
-    shuffled.has_canonical_format = shuffled.has_sorted_indices = True  # as a stale flag would have it
+    shuffled.has_canonical_format = shuffled.has_sorted_indices = True  # simulates a stale flag
     for form in (dense, np.asfortranarray(dense), wanted, sp.csc_array(wanted), shuffled):
         found = read_matrix(form, "A", sp.csr_array)
         for name in ("data", "indices", "indptr"):
@@ -34,7 +34,7 @@ def test_duplicates_are_added_up() -> None:
 
 
 def eye_with_index(form: str, index: int) -> sp.sparray:
-    """The identity whose last entry points to a row or column that is not there."""
+    """The identity, with a last entry in a row or column that does not exist."""
     matrix = sp.eye_array(3, format=form)
     indices = np.array([0, 1, index], dtype=np.int64)
     if form == "coo":

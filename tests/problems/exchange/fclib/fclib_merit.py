@@ -1,4 +1,4 @@
-"""The merit of FCLIB and Siconos, contact by contact from its formula."""
+"""The merit function of FCLIB and Siconos, evaluated contact by contact from its formula."""
 
 from itertools import product
 
@@ -6,9 +6,9 @@ import numpy as np
 
 
 def onto_cone(point: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
-    """Return the nearest point of {‖x_k‖ ≤ μ_k N} to (N, x_1, …), the x_k of two rows each, one for each μ_k.
+    """Return the nearest point of {‖x_k‖ ≤ μ_k N} to (N, x_1, …), with one x_k of two rows for each μ_k.
 
-    Among the points that are nearest on one face of the cone each, the nearest that lies in the cone.
+    Of the nearest points on each face of the cone, this is the nearest one that lies in the cone.
     """
     normal, parts = point[0], [point[1 + 2 * k : 3 + 2 * k] for k in range(len(coefficients))]
     lengths = [float(np.linalg.norm(part)) for part in parts]

@@ -1,12 +1,12 @@
-"""FCLIB files made by hand, data set by data set, of a problem whose solution is known.
+"""FCLIB files, written data set by data set, of a problem with a known solution.
 
-Two point masses stand on each other and on the ground, three degrees of freedom each. Contact 1 is between the ground
-and the lower one, contact 2 between the two. All numbers are sums of few powers of two, so that every form gives the
-same bits. At rest, M v = 0 = H r + f gives r.
+Two point masses with three degrees of freedom each rest on each other and on the ground. Contact 1 is between the
+ground and the lower mass, contact 2 between the masses. All numbers are sums of few powers of two, so that every form
+gives the same bits. At rest, M v = 0 = H r + f gives r.
 
-With joints, a wall holds the lower mass along T1, and a bar ties the two along T2: M v = 0 = H r + G λ + f gives f.
-With rolling friction, two bodies with M = H = 1 stand apart on the ground: the first slides along (3, 4) and rolls
-about (−4, 3), the second sticks. A joint moves the last degree of freedom at −b, and w takes that from its row.
+With joints, a wall holds the lower mass along T1, and a bar ties both masses along T2: M v = 0 = H r + G λ + f gives f.
+With rolling friction, two separate bodies with M = H = 1 are on the ground: the first slides along (3, 4) and rolls
+about (−4, 3), the second sticks. A joint moves the last degree of freedom at −b, and w subtracts this from its row.
 """
 
 from pathlib import Path
@@ -46,7 +46,7 @@ def matrix_data(matrix: np.ndarray, kind: str) -> Data:
     if kind == "packed":
         return {**matrix_data(np.tril(matrix), "columns"), "symmetric_packed": 1}
     if kind == "triplets":
-        found = [(i, j) for j in range(columns) for i in range(rows) if matrix[i, j]][::-1]  # in no special order
+        found = [(i, j) for j in range(columns) for i in range(rows) if matrix[i, j]][::-1]  # in arbitrary order
         i, p, nz = [i for i, _ in found], [j for _, j in found], len(found)
         x = [matrix[at] for at in found]
     else:
@@ -109,7 +109,7 @@ def rolling_data(kind: str = "triplets") -> Data:
 
 
 def write_data(path: Path, data: Data, **changes: Any) -> Path:
-    """Write data sets into a new HDF5 file; a value of None leaves one out, ``symmetric_packed`` is an attribute."""
+    """Write data sets into a new HDF5 file; a value of None omits one, ``symmetric_packed`` is an attribute."""
     with h5py.File(path, "w") as file:
         for name, value in {**data, **changes}.items():
             folder, _, last = name.rpartition("/")

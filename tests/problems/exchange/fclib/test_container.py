@@ -1,4 +1,4 @@
-"""Only plain arrays of the file itself are read, and nothing that is larger than it."""
+"""Only plain arrays of the file itself are read, and nothing larger than the file."""
 
 import os
 from collections.abc import Callable
@@ -15,7 +15,7 @@ Look = Callable[[Group], Any]
 
 
 def secret(folder: Path) -> Path:
-    """Return a file elsewhere that nothing may be read from."""
+    """Return a file elsewhere that must not be read."""
     path = folder / "secret.hdf5"
     with h5py.File(path, "w") as file:
         file["v"] = np.arange(4.0)

@@ -1,4 +1,4 @@
-"""The conventions of FCLIB and ours are the same, and its merit is the judge's."""
+"""FCLIB has the same conventions as Proxbench, and its merit function agrees with the judge."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def test_what_is_said_of_a_problem_survives(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_free_motion_is_written_so_that_every_bit_of_c_is_found_again(seed: int) -> None:
-    """c = Hᵀ M⁻¹ f + w is added up by the reader, so f and w are chosen for what rounding makes of that sum."""
+    """The reader computes c = Hᵀ M⁻¹ f + w, so f and w are chosen for the rounding of this sum."""
     rng = np.random.default_rng(seed)
     directions, motion = rng.normal(size=(12, 12)), rng.normal(size=12)
     c = directions.T @ motion + 0.1 * rng.normal(size=12)

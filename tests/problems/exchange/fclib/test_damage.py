@@ -1,6 +1,6 @@
-"""Damaged files are refused in one sentence or give what was written: no crash, no hang, no other numbers.
+"""Damaged files are refused in one sentence or read as written: no crash, no hang, no other numbers.
 
-A file from elsewhere has no checksum, so that a changed number which still makes sense gives another problem.
+A file of another program has no checksum, so a changed number that is still valid gives another problem.
 """
 
 import os
@@ -14,13 +14,13 @@ from handmade_fclib import Data, global_data, global_jointed_data, jointed_data,
 from proxbench.problems import ContactProblem, ProblemError, load, read_fclib, write_fclib
 
 MUTATIONS = [100, pytest.param(1000 if os.environ.get("PROXBENCH_PROFILE") == "full" else 250, marks=pytest.mark.slow)]
-"""How many damaged files are read; other numbers give other damage."""
+"""Number of damaged files, each with different damage."""
 METADATA = re.compile(rb"TREE|HEAP|SNOD|\x89HDF|\x01\x00.\x00\x01\x00\x00\x00", re.DOTALL)
-"""Where parts of the file's structure begin: signatures, and headers of data sets and groups."""
+"""Beginnings of the parts of a file's structure: signatures, and headers of data sets and groups."""
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
-    """Return the file cut short, with flipped bits anywhere, or with other bytes in its structure."""
+    """Return the file truncated, with flipped bits anywhere, or with other bytes in its structure."""
     chance, changed = rng.random(), bytearray(content)
     if chance < 0.25:
         return content[: rng.integers(len(content))]
@@ -84,8 +84,8 @@ def test_a_number_changed_in_a_file_of_ours_is_noticed(tmp_path: Path) -> None:
 
 
 def peak_of_reading(path: Path) -> int:
-    """Return the most memory that reading takes beyond what there is [bytes]."""
-    outcome(path)  # what is imported and compiled does not count
+    """Return the largest additional memory that reading takes [bytes]."""
+    outcome(path)  # imports and compilation do not count
     tracemalloc.start()
     outcome(path)
     peak = tracemalloc.get_traced_memory()[1]

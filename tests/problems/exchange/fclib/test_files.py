@@ -1,4 +1,4 @@
-"""FCLIB files: every storage is one problem, what is written is read bit by bit, and mistakes get one sentence."""
+"""FCLIB files: every storage gives the same problem, files are read back bit by bit, and errors get one sentence."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ def test_every_storage_is_the_same_problem_with_the_known_solution(form: str) ->
 
 @pytest.mark.parametrize("form", ["local", "global"])
 def test_a_file_with_the_structure_of_public_ones_is_the_same_problem(form: str, tmp_path: Path) -> None:
-    """The public library states no licence, so that none of its files is among those of the tests."""
+    """The public library states no licence, so the tests contain none of its files."""
     problem = read_fclib(write_as_siconos(tmp_path / "public.hdf5", form))
     assert problem.digest == read_fclib(SHIPPED / f"{form}-rows.hdf5").digest
     assert problem.provenance["title"] == "Box_stacks"
@@ -51,7 +51,7 @@ def test_a_global_problem_becomes_factors_and_a_local_one_a_delassus_matrix() ->
 
 
 def test_an_exported_file_of_an_earlier_version_is_read() -> None:
-    problem = read_fclib(SHIPPED / "sticking-box.hdf5")  # which compares the digest
+    problem = read_fclib(SHIPPED / "sticking-box.hdf5")  # reading compares the digest
     known = hard_case("hard-sticking-box")
     assert problem.name == "sticking-box"
     assert np.abs((problem.delassus() - known.delassus()).toarray()).max() < 1e-12
@@ -81,9 +81,9 @@ def test_a_problem_of_ours_comes_back_with_the_same_digest(name: str, tmp_path: 
 
 
 def test_a_file_written_again_has_every_bit_of_its_arrays(tmp_path: Path) -> None:
-    """By way of a problem file, with full inertias, whose inverse of an inverse has other bits.
+    """The copy goes through a problem file, with full inertias; inverting these twice changes bits.
 
-    c is between half and twice what f adds to it, whatever its last bits are, so that a difference has no rounding.
+    c is between half and twice the part that f adds, whatever its last bits, so their difference has no rounding.
     """
     rng = np.random.default_rng(4)
     half = rng.normal(size=(6, 6))
@@ -116,7 +116,7 @@ def test_a_file_written_again_has_every_bit_of_its_arrays(tmp_path: Path) -> Non
 
 
 def test_a_free_motion_that_would_cost_bits_of_c_is_left_out(tmp_path: Path) -> None:
-    c = np.array([1e-20, 0.0, 0.0])  # which is no sum of 1/3 and another double
+    c = np.array([1e-20, 0.0, 0.0])  # no sum of 1/3 and another double
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), c, 0.5, free_motion=[1 / 3, 0.0, 0.0])
     write_fclib(problem, tmp_path / "p.hdf5")
     again = read_fclib(tmp_path / "p.hdf5")
@@ -149,7 +149,7 @@ def test_the_same_problem_gives_the_same_bytes_in_a_format_that_old_libraries_re
         types = {array.dtype for array in arrays if array.dtype.kind != "S"}
         assert types == {np.dtype("<i4"), np.dtype("<f8")}
         title = file["fclib_global/info/title"]
-        assert title.dtype.itemsize == len(problem.name) + 1  # C expects the zero
+        assert title.dtype.itemsize == len(problem.name) + 1  # C expects a terminating zero
 
 
 @pytest.mark.parametrize("form", ["local", "global"])

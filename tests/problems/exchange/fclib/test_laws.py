@@ -1,4 +1,4 @@
-"""Joints and rolling friction in FCLIB files: known answers, FCLIB's equations, every bit, one sentence each."""
+"""Joints and rolling friction in FCLIB files: known answers, FCLIB's equations, unchanged bits, clear errors."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ def test_a_contact_that_slides_and_rolls_has_the_known_solution_in_every_storage
 
 
 def test_a_planar_contact_with_rolling_friction_has_three_rows(tmp_path: Path) -> None:
-    """Λ_N = 2; it slides at 3 m/s less μ Λ_N, and rolls at 1 rad/s less μ_r Λ_N."""
+    """Λ_N = 2; the body slides at 3 m/s less μ Λ_N, and rolls at 1 rad/s less μ_r Λ_N."""
     identity = {
         f"fclib_global_rolling/{label}/{name}": value
         for label in "MH"
@@ -63,7 +63,7 @@ def test_a_planar_contact_with_rolling_friction_has_three_rows(tmp_path: Path) -
     path = write_data(tmp_path / "p.hdf5", {"fclib_global_rolling/spacedim": np.array([3]), **data})
     problem = read_fclib(path)
     assert problem.laws.kind.tolist() == [LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_ROLLING]
-    assert judge(problem, np.array([2.0, -1.0, -0.5])).residual < 1e-15  # what rounding may hide
+    assert judge(problem, np.array([2.0, -1.0, -0.5])).residual < 1e-15  # the limit of rounding
     write_fclib(problem, tmp_path / "again.hdf5")
     assert read_fclib(tmp_path / "again.hdf5").digest == problem.digest
 
@@ -79,7 +79,7 @@ def body_inertias(rng: np.random.Generator) -> np.ndarray:
 def random_global(rng: np.random.Generator, rolling: bool) -> Data:
     """Return the data sets of two contacts and two joints with random numbers, as a global problem.
 
-    w and b are small, so that c less what f moves has all its bits, and f need not be left out when it is written.
+    w and b are small, so that c minus the part due to f keeps all bits, and f can be written.
     """
     root, rows = ("fclib_global_rolling", 5) if rolling else ("fclib_global", 3)
     matrices = {"M": body_inertias(rng), "H": rng.normal(size=(9, 2 * rows)), "G": rng.normal(size=(9, 2))}
@@ -112,7 +112,7 @@ def random_local(rng: np.random.Generator) -> Data:
 
 
 def by_the_equations(data: Data, r: np.ndarray, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and what the joints miss, from FCLIB's equations in the letters of its files."""
+    """Return u and the residuals of the joints, from FCLIB's equations with the symbols of its files."""
     given = {name.rpartition("/")[2]: value for name, value in data.items() if "/vectors/" in name or "dense/" in name}
     if "W" in given:
         W, V, R = given["W"], given["V"], given["R"]
@@ -124,7 +124,7 @@ def by_the_equations(data: Data, r: np.ndarray, joints: np.ndarray) -> tuple[np.
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("form", ["local", "global", "rolling"])
 def test_the_natural_map_of_the_judge_is_that_of_fclibs_equations(form: str, seed: int, tmp_path: Path) -> None:
-    """Contacts by the projection onto their cone, joints by what their equation misses."""
+    """It is the projection onto the cone for contacts, and the residual of their equation for joints."""
     rng = np.random.default_rng(seed)
     data = random_local(rng) if form == "local" else random_global(rng, form == "rolling")
     problem = read_fclib(write_data(tmp_path / "p.hdf5", data))
@@ -222,7 +222,7 @@ def test_a_problem_of_ours_with_both_laws_comes_back_with_the_same_digest(rollin
 
 
 def test_an_exported_file_of_an_earlier_version_is_read() -> None:
-    problem = read_fclib(SHIPPED / "joint-and-rolling.hdf5")  # which compares the digest
+    problem = read_fclib(SHIPPED / "joint-and-rolling.hdf5")  # reading compares the digest
     assert judge(problem, ROLLING).residual <= 1e-15
     assert problem.answer is not None
 
@@ -274,7 +274,7 @@ def test_rolling_friction_without_factors_is_refused(tmp_path: Path) -> None:
 
 
 def crooked(label: str) -> Data:
-    """Return a local problem with joints, one entry of W or R 1e-3 of the largest too large."""
+    """Return a local problem with joints in which one entry of W or R is too large by 1e-3 of the largest one."""
     data = random_local(np.random.default_rng(8))
     matrix = data[f"dense/{label}"].copy()
     matrix[0, -1] += 1e-3 * np.abs(matrix).max()

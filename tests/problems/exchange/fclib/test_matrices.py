@@ -1,4 +1,4 @@
-"""A matrix is the same in every storage, and one that contradicts itself is refused."""
+"""A matrix is the same in every storage, and an inconsistent one is refused."""
 
 from pathlib import Path
 from typing import Any

@@ -1,6 +1,6 @@
-"""Public FCLIB files, where a folder of them is named: read, judged, written, read again, and judged as FCLIB does.
+"""Public FCLIB files, if PROXBENCH_FCLIB names a folder of them: read, judged, written, and read again.
 
-PROXBENCH_FCLIB names the folder.
+Their residuals are compared with FCLIB's own merit function.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""A problem file from anywhere runs no code, takes no absurd memory, and is refused in one sentence."""
+"""An untrusted problem file runs no code, takes no excessive memory, and is refused in one sentence."""
 
 import io
 import os
@@ -19,7 +19,7 @@ WHOLE = problem_bytes(load("hard-sticking-box"))
 
 
 class Trap:
-    """Makes a folder when it is unpickled."""
+    """Creates a folder when it is unpickled."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

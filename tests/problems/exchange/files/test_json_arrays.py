@@ -1,4 +1,4 @@
-"""A problem survives JSON bit by bit, and what is no problem is refused in one sentence."""
+"""A problem survives JSON bit by bit, and invalid input is refused in one sentence."""
 
 import json
 from pathlib import Path

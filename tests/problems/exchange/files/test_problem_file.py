@@ -1,4 +1,4 @@
-"""Problem files: what is written is what is read, and damage is noticed."""
+"""Problem files are read back as written, and damage is detected."""
 
 import dataclasses
 import json
@@ -13,7 +13,7 @@ from proxbench.problems.hard.families import LinkedFamily, random_linked_problem
 
 
 def changes(problem: ContactProblem, read: ContactProblem) -> list[str]:
-    """Return what two problems differ in."""
+    """Return the differences of two problems."""
     changed = [name for name in ("digest", "name") if getattr(read, name) != getattr(problem, name)]
     if dict(read.provenance) != dict(problem.provenance):
         changed.append("provenance")
@@ -119,7 +119,7 @@ def linked(rolling_rows: int = 2) -> ContactProblem:
 
 
 def with_format(path: Path, number: int) -> Path:
-    """The file with another number of its format."""
+    """Return the file with another format number."""
     with np.load(path) as arrays:
         content = dict(arrays)
     about = json.loads(content["about"].tobytes().decode()) | {"format": number}

@@ -1,7 +1,7 @@
 """A file of ContactBench is the same problem with its normal row last.
 
 All arrays here are synthetic, with the names, shapes and row order of ContactBench's sources. Its own samples are
-binary ``.npz`` files (``tests/python/data`` of its repository); one test reads those in the folder that the variable
+binary ``.npz`` files (``tests/python/data`` of its repository). One test reads them from the folder that the variable
 PROXBENCH_CONTACTBENCH names.
 """
 
@@ -20,7 +20,7 @@ from proxbench.solvers import solve
 
 
 def complementarity(impulses: np.ndarray, velocity: np.ndarray, mu: float) -> float:
-    """Return ContactBench's measure of one contact, (σ + μ‖σ_T‖ e_N) · λ, its rows T1, T2, N."""
+    """Return ContactBench's measure of one contact, (σ + μ‖σ_T‖ e_N) · λ, with rows T1, T2, N."""
     return float(velocity @ impulses + mu * np.hypot(velocity[0], velocity[1]) * impulses[2])
 
 

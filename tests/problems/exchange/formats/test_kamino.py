@@ -1,7 +1,7 @@
-"""A dump of Kamino: its natural map is ours to single precision, and its answer is judged.
+"""A dump of Kamino: the natural maps agree to single precision, and its answer is judged.
 
 ``files/kamino-stack.npz`` is a dump of Newton 1.8.0 on its CPU device: three boxes of mass ratio 1 : 10 : 100 on each
-other and on the ground, twelve steps of 2 ms, with ``natural_map`` as Kamino's metrics gave it.
+other and on the ground, twelve steps of 2 ms, with the ``natural_map`` of Kamino's metrics.
 """
 
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_the_natural_map_of_its_metrics_is_ours_to_single_precision() -> None:
     ours = np.abs(missed).max()
     rounding = np.finfo(np.float32).eps * float(np.abs(problem.delassus()).dot(np.abs(impulses)).max())
     assert abs(ours - EXPECTED) <= 10 * rounding
-    assert rounding < 0.5 * EXPECTED  # so that the comparison says something
+    assert rounding < 0.5 * EXPECTED  # otherwise the comparison is meaningless
     judged = judge(problem, impulses).natural_map_q * np.linalg.norm(problem.free_velocity)
     assert judged == pytest.approx(np.linalg.norm(missed), rel=1e-9)
 
@@ -78,7 +78,7 @@ def test_joints_and_limits_stand_before_the_contacts() -> None:
 
 
 def test_bounded_multipliers_are_friction_with_bounds_in_physical_units() -> None:
-    """A slider of mass m that moves at v < 0 is slowed down by the impulse b, and stopped where b suffices."""
+    """The impulse b slows down a slider of mass m that moves at v < 0, and stops it if b suffices."""
     mass, scale = np.array([2.0, 0.5]), np.array([0.25, 4.0])
     bound = np.array([1.0, 3.0])
     arrays = {
@@ -102,7 +102,7 @@ def test_bounded_multipliers_are_friction_with_bounds_in_physical_units() -> Non
 
 
 def compliant_dump(with_answer: bool = True) -> dict[str, Any]:
-    """Return the dump of a joint, a limit and two contacts, one without friction, and of Kamino's model of them."""
+    """Return the dump of a joint, a limit and two contacts, one without friction, with Kamino's own model."""
     rng = np.random.default_rng(1)
     root = rng.normal(size=(8, 8))
     G, c = root @ root.T + np.eye(8), rng.normal(size=8)
@@ -127,7 +127,7 @@ def compliant_dump(with_answer: bool = True) -> dict[str, Any]:
 
 
 def test_a_compliant_dump_is_the_hard_problem_with_kaminos_own_model() -> None:
-    """A solution of Coulomb's law on G + R solves the own model, and not the problem of hard contacts."""
+    """A solution of Coulomb's law on G + R solves Kamino's own model, but not the problem of hard contacts."""
     dump = compliant_dump()
     problem = problem_of_arrays(dump, Repair())
     order = [0, 1, 4, 2, 3, 7, 5, 6]
@@ -146,7 +146,7 @@ def test_a_compliant_dump_is_the_hard_problem_with_kaminos_own_model() -> None:
 
 
 def test_a_single_compliant_contact_has_the_known_impulse() -> None:
-    """A weight m that meets a spring-damper of compliance R stops at Λ = −c / (1/m + R), and slides at μ Λ."""
+    """A mass m on a spring-damper of compliance R stops at Λ = −c / (1/m + R), and slides at μ Λ."""
     arrays = {
         "D": np.diag([0.5, 0.5, 0.5 + 1.5]),
         "v_f": np.array([3.0, 0.0, -2.0]),

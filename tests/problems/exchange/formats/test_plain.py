@@ -1,4 +1,4 @@
-"""A problem of plain arrays is the problem that ``from_delassus`` makes of them; others are refused in one sentence."""
+"""Plain arrays give the same problem as ``from_delassus``; invalid ones are refused in one sentence."""
 
 from pathlib import Path
 from typing import Any

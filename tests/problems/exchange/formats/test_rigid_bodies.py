@@ -1,4 +1,4 @@
-"""A step of rigid bodies is the problem that their masses, velocities and contact points mean."""
+"""A step of rigid bodies gives the problem that follows from their masses, velocities and contact points."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ STEP, GRAVITY = 0.01, np.array([0.0, 0.0, -10.0])
 
 
 def box_on_the_ground(velocity: Any = (0.0, 0.0, 0.0)) -> dict[str, Any]:
-    """Return a cube of 2 kg and 1 m on its four corners."""
+    """Return a cube of 2 kg with edges of 1 m on its four lower corners."""
     corners = np.array([[x, y, 0.0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
     return {
         "mass": np.array([2.0]),
@@ -36,7 +36,7 @@ def box_on_the_ground(velocity: Any = (0.0, 0.0, 0.0)) -> dict[str, Any]:
 
 
 def after(arrays: dict[str, Any], impulses: np.ndarray) -> np.ndarray:
-    """Return the six velocities of the body after the step, by Newton and Euler from the forces themselves."""
+    """Return the six velocities of the body after the step, by the Newton–Euler equations from the forces."""
     problem = problem_of_arrays(arrays, Repair())
     assert problem.factors is not None
     motion = problem.factors.free_motion

@@ -1,4 +1,4 @@
-"""Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects ask for."""
+"""Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects require."""
 
 import numpy as np
 import pytest
@@ -135,7 +135,7 @@ def test_a_number_out_of_range_is_named(name: str, value: object) -> None:
 
 @pytest.mark.parametrize("limit", [0.0, 0.05, 0.3])
 def test_gaps_below_a_limit_are_those_of_all_pairs_and_of_the_plane(limit: float) -> None:
-    """Each pair by its distance less both radii, each ball by its height less its own."""
+    """Gaps are distances of pairs minus both radii, and heights of balls minus their radius."""
     rng = np.random.default_rng(4)
     radii, centres = rng.uniform(0.1, 0.2, 12), rng.uniform(0.0, 0.8, (12, 3))
     system = BallSystem(radii, np.ones(12), [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))], 3)

@@ -1,4 +1,4 @@
-"""General systems whose contacts have different numbers of rows, with joints beside them."""
+"""General systems with contacts of different numbers of rows, and with joints."""
 
 from dataclasses import dataclass, field
 from math import cos, sin, sqrt
@@ -18,7 +18,7 @@ from proxbench.solvers import Solution, Status, Stop, create
 STOP = Stop(1e-13, 100_000)
 GRAVITY, MASS, INERTIA, LENGTH, RESTITUTION = 9.81, 2.0, 0.05, 0.4, 0.5
 SWING = MASS * GRAVITY * LENGTH / (INERTIA + MASS * LENGTH**2)
-"""Of a physical pendulum, φ̈ = −SWING sin φ [1/s²]."""
+"""Coefficient of a physical pendulum, φ̈ = −SWING sin φ [1/s²]."""
 
 
 def pendulum() -> MechanicalSystem:
@@ -47,7 +47,7 @@ def hanging(angle: float) -> State:
 
 
 def energy(state: State) -> float:
-    """Over that of rest at φ = 0 [J]."""
+    """Return the energy above that of rest at φ = 0 [J]."""
     kinetic = 0.5 * float(state.velocity**2 @ [MASS, MASS, INERTIA])
     return kinetic + MASS * GRAVITY * (float(state.position[1]) + LENGTH)
 
@@ -58,7 +58,7 @@ def hinge_error(state: State) -> float:
 
 
 def test_a_pendulum_on_a_hinge_swings_and_bounces_as_in_closed_form() -> None:
-    """Up to the stop energy is kept; the impact reverses the spin and keeps e² of it. Errors fall with the step."""
+    """Energy is constant up to the stop, where the spin reverses and e² of the energy remains. Errors fall with Δt."""
     errors = []
     for time_step in (1e-3, 2.5e-4):
         first, lowest, state = energy(hanging(0.5)), 0.0, hanging(0.5)
@@ -127,7 +127,7 @@ def test_contacts_of_two_rows_and_of_one_slide_together_on_a_rod() -> None:
 
 @dataclass
 class Remembering:
-    """A solver that remembers what its solves start from and end with, row by row."""
+    """A solver that stores the start and the result of each solve, row by row."""
 
     starts: list[Any] = field(default_factory=list)
     ends: list[Any] = field(default_factory=list)

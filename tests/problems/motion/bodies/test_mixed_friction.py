@@ -1,4 +1,4 @@
-"""Pairs of balls with friction coefficients of their own: spread evenly, kept for good, and nothing else changed."""
+"""Pairs of balls with their own friction coefficients: evenly distributed, permanent, and nothing else changes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A rim touches the balls behind it whose centres are closer to it than their radius."""
+"""A rim touches those balls behind it whose centres are closer than their radius."""
 
 import numpy as np
 import pytest

@@ -54,14 +54,14 @@ def test_bodies_are_near_each_other_and_fixed_ones_unless_they_are_excluded(
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("n", [17, 18, 25, 33, 80])
 def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: int) -> None:
-    """Of n balls, (n − 1)/2 pairs a ball overlap, where there is room for 8 of them at first."""
+    """Each of n balls has (n − 1)/2 overlapping pairs; the first guess has space for 8."""
     centres = np.random.default_rng(1).normal(size=(n, dim)) * 0.1
     pairs = overlapping_pairs(centres, np.ones(n))
     assert np.array_equal(pairs, np.column_stack(np.triu_indices(n, 1)))
 
 
 def test_sorting_cells_by_counting_or_comparing_finds_the_same_pairs() -> None:
-    """A ball far away makes so many cells that they are not counted."""
+    """With a distant ball there are too many cells to sort them by counting."""
     rng = np.random.default_rng(5)
     centres, radii = rng.uniform(0.0, 6.0, (80, 3)), rng.uniform(0.3, 0.6, 80)
     assert _cell_numbers(centres, 1.2)[3] <= CELLS_PER_BALL * 80
@@ -87,7 +87,7 @@ def test_balls_that_are_nowhere_have_no_cells_to_count(value: float) -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int) -> None:
-    """Beside two balls that mark the ends of the grid, a pair that overlaps in each of all directions."""
+    """Two balls mark the ends of the grid; a further pair overlaps in each possible direction."""
     rng = np.random.default_rng(2)
     ends = np.array([np.full(dim, -5.0), np.full(dim, 5.0)])
     for direction in product((-1.0, 0.0, 1.0), repeat=dim):
@@ -100,7 +100,7 @@ def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int)
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
-    """Each ball has few candidates; if a row of cells were one range, it would have the whole row."""
+    """Each ball has few candidates; if a row of cells were one range, all balls of the row would be candidates."""
     centres = np.zeros((5, dim))
     centres[:, 0] = 0.5 + np.arange(5)
     number, *_ = _cell_numbers(centres, 1.0)
@@ -109,7 +109,7 @@ def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
 
 @pytest.mark.parametrize("step", [0.0, 0.1, 0.4, 0.6, 1.5, 5.0, 20.0])
 def test_no_pair_is_missed_by_balls_that_move_after_a_search(step: float) -> None:
-    """Each ball moves by ``step`` skins at random, ten times; a pair may come nearer by twice as much."""
+    """Each ball moves randomly by ``step`` skins, ten times; a pair may approach by twice as much."""
     rng = np.random.default_rng(3)
     radii, centres = rng.uniform(0.5, 1.0, 200), rng.uniform(0.0, 8.0, (200, 3))
     near = NearPairs(radii)
@@ -122,7 +122,7 @@ def test_no_pair_is_missed_by_balls_that_move_after_a_search(step: float) -> Non
 
 @pytest.mark.parametrize("fast", [0.02, 0.3, 3.0])
 def test_no_pair_is_missed_by_balls_of_different_speeds(fast: float) -> None:
-    """A tenth of the balls cross the others, and all of them reverse their velocities from time to time."""
+    """A tenth of the balls cross the others, and all reverse their velocities from time to time."""
     rng = np.random.default_rng(11)
     radii, centres = rng.uniform(0.5, 1.0, 200), rng.uniform(0.0, 8.0, (200, 3))
     near, velocities = NearPairs(radii), 1e-3 * rng.normal(size=(200, 3))
@@ -152,7 +152,7 @@ def test_balls_that_do_not_move_are_searched_once() -> None:
     ],
 )
 def test_a_search_lasts_for_several_queries_of_balls_of_steady_speed(speed: float, queries: int) -> None:
-    """The skins become as wide as balls need, between their bounds; slow ones need no wider one than the least."""
+    """Within their bounds, skins become as wide as the balls require; slow balls have the least skin."""
     radii, centres = np.ones(50), np.random.default_rng(6).uniform(0.0, 8.0, (50, 3))
     near, step = NearPairs(radii), np.array([0.98 * speed, 0.0, 0.0])
     found = [near.at(centres + look * step) for look in range(80)]
@@ -161,7 +161,7 @@ def test_a_search_lasts_for_several_queries_of_balls_of_steady_speed(speed: floa
 
 
 def test_one_fast_ball_leaves_the_skins_of_slow_ones_narrow() -> None:
-    """A ball that crosses a grid of others, none of which are near each other, adds only its own pairs."""
+    """A ball that crosses a grid of distant balls adds only its own pairs."""
     grid = 2.2 * np.argwhere(np.ones((5, 5, 5)))
     centres = np.vstack([grid, [[-3.0, 4.4, 5.5]]])
     near, step = NearPairs(np.ones(126)), np.zeros((126, 3))

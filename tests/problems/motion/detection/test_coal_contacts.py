@@ -1,4 +1,4 @@
-"""coal as oracle for boxes, and exact gaps and lasting features of cylinders at every pose."""
+"""coal as a reference for boxes; exact gaps and persistent features of cylinders in every pose."""
 
 from math import sqrt
 
@@ -26,7 +26,7 @@ PAIR = np.array([[0, 1]])
 
 @pytest.mark.parametrize("is_general", [False, True], ids=["boxes", "polyhedra"])
 def test_depth_and_normal_of_boxes_are_those_of_coal(is_general: bool) -> None:
-    """On 300 random poses; the way out is not unique where two ways are nearly as short."""
+    """They are compared in 300 random poses; the normal is not unique if two directions are nearly equally short."""
     rng, compared = np.random.default_rng(0), 0
     request = coal.CollisionRequest()
     request.gjk_tolerance = request.epa_tolerance = 1e-10
@@ -100,7 +100,7 @@ def test_a_cylinder_that_rolls_far_from_the_centre_of_a_slab_is_in_contact_at_ev
 
 @pytest.mark.parametrize(("is_upright", "count"), [(False, 2), (True, 12)])
 def test_features_last_while_a_cylinder_turns_about_its_axis(is_upright: bool, count: int) -> None:
-    """On its side, a feature stays at its end of the line of contact; on its end, at a point of the cylinder."""
+    """A feature of a lying cylinder stays at its end of the line of contact, that of an upright one at a body point."""
     labels, rng = [], np.random.default_rng(0)
     for turn in np.linspace(0.0, 2.0, 101):
         poses = on_slab(turn, 0.1 + 0.1 * turn, is_upright)

@@ -1,4 +1,4 @@
-"""Points of a patch keep their numbers while a cylinder and the body below it move together."""
+"""Contact points of a cylinder and the body below it keep their numbers while both move together."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Keys name two bodies and a feature, and ascend with them."""
+"""Keys identify two bodies and a feature, and ascend with them."""
 
 import numpy as np
 import pytest
@@ -29,6 +29,6 @@ def test_numbers_without_keys_are_refused(numbers: tuple[int, int]) -> None:
 
 
 def test_as_many_keys_as_fit_into_63_bits_are_admitted() -> None:
-    """The square of 2³¹ bodies fits with one feature; of one body, features up to 2⁶³ − 1."""
+    """The pairs of 2³¹ bodies fit with one feature; for one body, features up to 2⁶³ − 1 fit."""
     assert ContactKeys(2**31).encode(2**31 - 1, 2**31 - 1) == 2**62 - 1
     assert ContactKeys(1, 2**63 - 1).encode(0, 0, 2**63 - 2) == 2**63 - 2

@@ -1,4 +1,4 @@
-"""Contacts of boxes: corners of faces that meet, one point of crossed edges, and keys that last."""
+"""Contacts of boxes: corners of touching faces, one point of crossed edges, and persistent keys."""
 
 import numpy as np
 import pytest

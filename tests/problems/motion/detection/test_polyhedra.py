@@ -1,4 +1,4 @@
-"""Contacts of polyhedra are those of boxes where they are boxes, do not depend on the order, and last."""
+"""Contacts of polyhedra agree with those of equal boxes, do not depend on the order, and persist."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_a_prism_on_a_plane_touches_with_the_corners_of_its_face() -> None:
 
 
 def stacked(shift: Vector, turn: float = 0.0) -> tuple[tuple[Shape, ...], Vector]:
-    """Return a wedge upon the equal face of another one, turned about the vertical and shifted."""
+    """Return a wedge on the equal face of another one, turned about the vertical and shifted."""
     lower, below = convex_polyhedron(WEDGE * [1.0, 1.0, -1.0])
     cos, sin = np.cos(turn), np.sin(turn)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -106,7 +106,7 @@ def test_features_last_while_a_body_slides_a_little() -> None:
 
 
 def test_crossed_edges_touch_in_one_point() -> None:
-    """Two prisms with a roof of 90 degrees, ridge upon ridge, at right angles."""
+    """Two prisms with roofs of 90 degrees touch ridge on ridge at right angles."""
     roof = prism(np.array([[-0.2, 0.0], [0.2, 0.0], [0.0, 0.2]]), 1.0)
     lower, below = convex_polyhedron(roof)
     upper, above = convex_polyhedron((roof * [1.0, 1.0, -1.0])[:, [1, 0, 2]] + [0.1, 0.2, 0.399])

@@ -1,4 +1,4 @@
-"""Contacts of spheres, capsules and cylinders: known distances, and what no choice of axes or order may change."""
+"""Contacts of spheres, capsules and cylinders: known distances, and independence of the choice of axes and order."""
 
 import sys
 
@@ -40,12 +40,12 @@ def contacts(first: Shape, second: Shape, poses: Array, margin: float = FAR) -> 
 
 
 def at(centre: tuple[float, ...], turned: tuple[float, ...] = UPRIGHT) -> Array:
-    """Return poses of a body and of a second one that stands at the origin."""
+    """Return the poses of a body and of a second one at the origin."""
     return np.array([[*centre, *turned], [0.0, 0.0, 0.0, *UPRIGHT]])
 
 
 def poses_with_gap(first: Shape, second: Shape, gap: float, seed: int) -> Array:
-    """Return random poses with a given smallest gap, which moves along the normal between nearest points reach."""
+    """Return random poses with a given smallest gap, found by moves along the normal between nearest points."""
     rng = np.random.default_rng(seed)
     way = rng.normal(size=3)
     way *= 3.0 / np.linalg.norm(way)
@@ -90,7 +90,7 @@ def test_known_distances() -> None:
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), pair=st.sampled_from(ROUND_PAIRS))
 def test_the_smallest_gap_is_the_distance_of_the_bodies(seed: int, pair: tuple[Shape, Shape]) -> None:
-    """Between hulls of cores, less the radii, by a least-squares problem with weights that add up to 1."""
+    """The distance of the hulls of the cores minus the radii, by a least-squares problem for convex weights."""
     poses = poses_with_gap(*pair, 0.05, seed)
     hulls = []
     for shape, pose in zip(pair, poses, strict=True):
@@ -204,7 +204,7 @@ def test_patches_of_coal_keep_their_gap_under_a_motion_of_everything_and_exchang
     poses = poses_with_gap(*pair, gap, seed)
     moved = moved_together(poses, np.random.default_rng(seed))
     expected, bound = contacts(*pair, poses, 0.1).gap.min(), 2e-6 if pair[1] == CYLINDER else 1e-8
-    if gap >= 0.0:  # bodies that penetrate may have a shorter way out than back
+    if gap >= 0.0:  # penetrating bodies may separate by a shorter way than back
         assert expected == pytest.approx(gap, abs=bound)
     assert contacts(*pair, moved, 0.1).gap.min() == pytest.approx(expected, abs=bound)
     assert contacts(pair[1], pair[0], poses[::-1].copy(), 0.1).gap.min() == pytest.approx(expected, abs=bound)

@@ -15,7 +15,7 @@ StepErrors = Callable[[ClosedFormScene, float, int], Errors]
 
 @pytest.fixture
 def step_errors() -> StepErrors:
-    """Largest errors of positions and of velocities after each of so many steps of Δt."""
+    """Return a function for the largest errors of positions and velocities after a number of steps Δt."""
 
     def measure(scene: ClosedFormScene, time_step: float, steps: int) -> Errors:
         positions, velocities = np.empty(steps), np.empty(steps)
@@ -32,7 +32,7 @@ def step_errors() -> StepErrors:
 
 @pytest.fixture
 def order() -> Callable[[list[float], list[float]], float]:
-    """Slope of the straight line through log(error) over log(Δt)."""
+    """Return a function for the slope of the straight line through log(error) over log(Δt)."""
 
     def fitted(time_steps: list[float], errors: list[float]) -> float:
         return float(np.polyfit(np.log(time_steps), np.log(errors), 1)[0])

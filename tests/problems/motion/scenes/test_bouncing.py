@@ -35,9 +35,10 @@ def test_the_closed_form_is_free_flight_between_impacts_that_obey_newtons_law() 
 def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
     step_errors: StepErrors, order: Order, finest: int, error: float
 ) -> None:
-    """The mean error of the height, of which single runs are erratic: an impact falls anywhere into its step.
+    """The mean error of the height is erratic in single runs, because an impact occurs anywhere in its step.
 
-    Medians over nine neighbouring Δt are compared. First order, because each impact is late by a part of a step.
+    Medians are therefore taken over nine neighbouring Δt. The order is one, because each impact is late by a part of a
+    step.
     """
     ball = BouncingBall()
     end, time_steps, errors = 1.1 * ball.rest_time, [], []
@@ -50,7 +51,7 @@ def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
 
 
 def test_the_ball_comes_to_rest_at_the_accumulation_point() -> None:
-    """The last impacts fall into a handful of steps, so Moreau's rule rests within twenty Δt of the closed form."""
+    """The last impacts occur within a few steps, so Moreau's rule comes to rest within twenty Δt of the closed form."""
     ball = BouncingBall()
     for steps in (300, 1000, 3000):
         time_step, moving = 1.1 * ball.rest_time / steps, 0.0

@@ -1,4 +1,4 @@
-"""Leaving an effect out gives the same motion as including it at zero strength, with fewer rows or coordinates."""
+"""Omitting an effect gives the same motion as including it at zero strength, with fewer rows or coordinates."""
 
 from collections.abc import Callable
 
@@ -28,7 +28,7 @@ FLOOR = Plane((0.0, 0.0, 0.0), (0.1, 0.2, 1.0))
 
 
 def motion(effects: list[Effect], steps: int = 150) -> tuple[np.ndarray, BallSystem, int]:
-    """Centres over time, the system, and the total number of rows of all problems."""
+    """Return the centres over time, the system, and the total number of rows of all problems."""
     system = ball_system(np.full(N, 0.1), np.ones(N), [FLOOR], effects)
     grid = np.stack(np.meshgrid(np.arange(3), np.arange(2), np.arange(2), indexing="ij"), -1).reshape(-1, 3)
     centres = 0.195 * grid + np.array([0.0, 0.0, 0.3]) + 0.003 * np.random.default_rng(0).normal(size=(N, 3))
@@ -65,7 +65,7 @@ def test_no_friction_is_the_motion_of_zero_friction_with_a_third_of_the_rows_and
 
 
 def test_planar_is_the_motion_of_a_spatial_scene_that_stays_in_its_plane() -> None:
-    """Balls whose centres lie in the plane y = 0, with a ball's inertia; x and z agree, with fewer rows."""
+    """The centres of the balls lie in the plane y = 0, and their inertia is that of balls; x and z agree."""
     centres = np.array([[0.0, 0.35], [0.15, 0.5], [0.05, 0.7]])
     ends, rows = [], []
     for dimension in (2, 3):

@@ -1,4 +1,4 @@
-"""The funnel: where balls start, that they stay inside, and what friction costs."""
+"""The funnel: initial positions of balls, that balls stay inside, and rows due to friction."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Impacts: velocities are exact at any time step, positions late by less than a step."""
+"""Impacts: velocities are exact for any time step, and positions are late by less than a step."""
 
 from collections.abc import Callable
 
@@ -34,7 +34,7 @@ def test_an_oblique_impact_sticks_up_to_its_limit(step_errors: StepErrors, ratio
 def test_positions_are_of_first_order_because_the_impact_is_late(
     step_errors: StepErrors, order: Order, scene: ObliqueImpact | NewtonsCradle
 ) -> None:
-    """The impact lies a quarter into a step, whose midpoint finds it: late by Δt/4 times the jump of the velocity."""
+    """The impact occurs at a quarter of a step and acts at its midpoint: the error is Δt/4 times the velocity jump."""
     jump = scene.exact(scene.impact_time).velocity - scene.exact(0.0).velocity
     spins = isinstance(scene, ObliqueImpact)
     largest, time_steps, errors = float(np.abs(jump[:3] if spins else jump).max()), [], []
@@ -51,7 +51,7 @@ def test_positions_are_of_first_order_because_the_impact_is_late(
 @pytest.mark.parametrize("n_balls", [2, 3, 5, 8])
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
 def test_newtons_cradle_is_one_coupled_solve(n_balls: int, restitution: float) -> None:
-    """Others (1 + e)/n, first (1 + e)/n − e, in a single step with all contacts in its problem."""
+    """Velocities are (1 + e)/n, that of the first ball (1 + e)/n − e, in one step with all contacts in its problem."""
     scene = NewtonsCradle(n_balls, restitution)
     moreau = MidpointRule(scene.system(), create("SORprox"), Stop(1e-13, 100_000), scene.impact_time / 4.25)
     struck = [step for step in moreau.steps(scene.start(), 6) if np.abs(step.impulses).max(initial=0.0) > 1e-9]

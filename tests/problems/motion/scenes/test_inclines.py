@@ -1,4 +1,4 @@
-"""Spheres and a block on a plane: constant accelerations are met exactly, a stop or a reversal with its order."""
+"""Spheres and a block on a plane: constant accelerations are exact; errors of stops and reversals have their order."""
 
 from collections.abc import Callable
 from math import atan, cos, sin, tan
@@ -18,7 +18,7 @@ Order = Callable[[list[float], list[float]], float]
 def test_the_sphere_is_exact_at_any_time_step(
     step_errors: StepErrors, slope: float, friction: float, time_step: float
 ) -> None:
-    """Both accelerations are constant, for which the midpoint rule is exact; what is left is the solver's tolerance."""
+    """Both accelerations are constant, so the midpoint rule is exact up to the tolerance of the solver."""
     positions, velocities = step_errors(SphereOnIncline(slope, friction), time_step, round(0.4 / time_step))
     assert positions.max() <= 1e-11
     assert velocities.max() <= 1e-10
@@ -26,7 +26,7 @@ def test_the_sphere_is_exact_at_any_time_step(
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_the_sphere_rolls_up_to_seven_halves_of_the_friction(step_errors: StepErrors, friction: float) -> None:
-    """A per mille of slope on either side of tan θ = 7μ/2 decides."""
+    """A change of 0.1 % in the slope on either side of tan θ = 7μ/2 is decisive."""
     for factor, rolls in ((0.999, True), (1.001, False)):
         scene = SphereOnIncline(atan(factor * 3.5 * friction), friction)
         assert scene.rolls is rolls
@@ -36,7 +36,7 @@ def test_the_sphere_rolls_up_to_seven_halves_of_the_friction(step_errors: StepEr
 
 
 def test_a_block_at_the_limit_of_friction_stays_and_beyond_it_slides(step_errors: StepErrors) -> None:
-    """At tan θ = μ and at θ + 1e-9, where it moves by g (sin θ − μ cos θ) t²/2, some nanometres."""
+    """At tan θ = μ it rests; at θ + 1e-9 it moves by g (sin θ − μ cos θ) t²/2, some nanometres."""
     slope, friction = 0.4, tan(0.4)
     for steeper, holds in ((0.0, True), (1e-9, False)):
         scene = BlockOnIncline(slope + steeper, friction, 0.0)
@@ -58,7 +58,7 @@ def test_a_sliding_block_is_exact_until_it_stops(step_errors: StepErrors, time_s
 
 
 def test_a_stop_costs_second_order_and_the_velocity_is_exact(step_errors: StepErrors, order: Order) -> None:
-    """A block pushed up stops a fraction s into a step; the trapezoid over the kink errs by a s (1 − s) Δt²/2."""
+    """The block stops at a fraction s of a step; the trapezoid over the kink has the error a s (1 − s) Δt²/2."""
     scene, fraction = BlockOnIncline(0.3, 0.5, -1.0), 0.25
     deceleration, time_steps, errors = 9.81 * (0.5 * cos(0.3) + sin(0.3)), [], []
     for steps in (10, 30, 90, 270):
@@ -73,9 +73,9 @@ def test_a_stop_costs_second_order_and_the_velocity_is_exact(step_errors: StepEr
 
 
 def test_a_reversal_costs_first_order(step_errors: StepErrors, order: Order) -> None:
-    """The block turns a fraction s into a step, and friction has the new direction in all of it.
+    """The block reverses at a fraction s of a step, but friction has the new direction during the whole step.
 
-    That changes the velocity for good by 2 s μ g cos θ Δt.
+    This changes the velocity permanently by 2 s μ g cos θ Δt.
     """
     scene, fraction, time_steps, errors = BlockOnIncline(0.5, 0.2, -1.0), 0.25, [], []
     for steps in (10, 30, 90, 270):
@@ -107,7 +107,7 @@ def test_a_sliding_sphere_rolls_from_the_known_time_on_at_five_sevenths_of_its_s
 def test_the_sliding_sphere_has_the_exact_velocity_and_second_order_in_position(
     step_errors: StepErrors, order: Order
 ) -> None:
-    """Rolling begins a fraction s into a step; the trapezoid over the kink errs by μ g s (1 − s) Δt²/2."""
+    """Rolling begins at a fraction s of a step; the trapezoid over the kink has the error μ g s (1 − s) Δt²/2."""
     scene, fraction, time_steps, errors = SlidingSphere(), 0.5, [], []
     for steps in (10, 30, 90, 270):
         time_step = scene.rolling_time / (steps + fraction)

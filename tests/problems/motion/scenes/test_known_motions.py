@@ -1,4 +1,4 @@
-"""Scenes with a closed form are in the registry with the fields of their classes as options, and their exact motion."""
+"""Scenes with a closed form are registered with the fields of their classes as options, and their exact motion."""
 
 import math
 from dataclasses import fields
@@ -16,7 +16,7 @@ from proxbench.solvers import Stop, create
 
 @pytest.mark.parametrize("name", KNOWN_MOTIONS)
 def test_a_variable_step_follows_the_exact_motion(name: str) -> None:
-    """Accelerations are constant between switches, so only the minimal step about each of them makes an error."""
+    """Accelerations are constant between switches, so only the minimal step around each switch has an error."""
     scene = make_scene(name)
     steps = Extrapolated().steps(scene, create("SORprox"), Stop(1e-12, 100_000), scene.start, scene.duration)
     *_, last = steps

@@ -1,4 +1,4 @@
-"""Scenes by name: options are typed and checked, and switching an effect off leaves it out."""
+"""Scenes by name: options have types and are checked, and an effect that is switched off is omitted."""
 
 import numpy as np
 import pytest
@@ -84,7 +84,7 @@ def test_only_a_scene_with_an_outlet_counts_the_balls_that_leave() -> None:
     [("funnel", {"balls": 5, "spring": 0.3}), ("pile", {"balls": 5, "planar": True}), ("woodpecker", {})],
 )
 def test_energy_is_kept_to_second_order_while_nothing_touches(name: str, options: dict[str, object]) -> None:
-    """Weight and springs conserve T + V; halving Δt divides the error of a free flight by four, or it is rounding."""
+    """Weight and springs conserve T + V; halving Δt divides the error of a free flight by four, down to rounding."""
     scene = make_scene(name, options)
     # the woodpecker starts with its sleeve jammed; tilted back, it falls freely
     free = scene.start.position + (np.array([0.0, 0.05, 0.0]) if name == "woodpecker" else 0.0)

@@ -1,4 +1,4 @@
-"""Balls held by several contacts stay where they are, or move as one."""
+"""Balls held by several contacts stay at rest, or move as one body."""
 
 from collections.abc import Callable
 from math import atan, sin
@@ -40,7 +40,7 @@ def test_each_contact_of_a_stack_carries_the_weight_above_it(time_step: float) -
 
 
 def test_what_only_touches_sinks_in_by_second_order(step_errors: StepErrors, order: Order) -> None:
-    """Without overlap the first step falls freely, g Δt²/2 and as much again before the second step stops it."""
+    """Without overlap, the ball falls by g Δt²/2 in the first step, and as far again until the second one stops it."""
     scene, time_steps, errors = Stack((1.0,), overlap=0.0), [1e-2, 5e-3, 2.5e-3, 1.25e-3], []
     for time_step in time_steps:
         positions, velocities = step_errors(scene, time_step, 100)
@@ -69,7 +69,7 @@ def test_the_walls_of_a_groove_without_friction_share_the_weight() -> None:
 def test_a_ball_in_an_inclined_groove_is_exact_at_any_time_step(
     step_errors: StepErrors, friction: float | None, time_step: float
 ) -> None:
-    """Rolling, sliding with spin, and sliding: the accelerations are constant, for which the midpoint rule is exact."""
+    """Rolling, sliding with spin, and sliding: the accelerations are constant, so the midpoint rule is exact."""
     scene = VGroove(friction=friction, slope=0.5)
     assert scene.rolls is (friction == 0.3)
     positions, velocities = step_errors(scene, time_step, round(0.4 / time_step))
@@ -86,7 +86,7 @@ def test_a_flat_groove_is_an_incline() -> None:
 
 
 def test_rolling_in_a_groove_uses_all_friction_at_its_limit() -> None:
-    """Just below the limit the friction of rolling is μ times the wall forces: both accelerations meet."""
+    """Just below the limit, the friction of rolling is μ times the wall forces, and both accelerations are equal."""
     lever = sin(0.6)
     limit = atan(0.3 * (5.0 * lever**2 + 2.0) / (2.0 * lever))
     below, above = VGroove(slope=limit - 1e-9), VGroove(slope=limit + 1e-9)

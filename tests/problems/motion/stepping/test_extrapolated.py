@@ -1,4 +1,4 @@
-"""Extrapolation: what it refuses, what solvers start from, and the number of sequences that it chooses."""
+"""Extrapolation: refused arguments, the starts of solvers, and the chosen number of sequences."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -58,7 +58,7 @@ def test_an_extrapolated_velocity_must_not_slip_against_the_friction_of_its_step
 
 
 class Recording:
-    """SORprox, and how far the impulses that it starts from are from those that it returns."""
+    """SORprox that records the distances between its initial and its returned impulses."""
 
     def __init__(self) -> None:
         self.solver, self.distances = create("SORprox"), list[float]()
@@ -80,7 +80,7 @@ class RecordingPrepared:
 
 
 def test_solvers_start_from_impulses_of_the_same_force_whatever_the_step() -> None:
-    """At rest forces are constant, and impulses Λ = F Δt over steps of any length are known beforehand."""
+    """At rest, forces are constant, so impulses Λ = F Δt over steps of any length are known in advance."""
     stack, recording = Stack(masses=(1.0, 2.0)), Recording()
     steps = motion(stack.system(), stack.start(), 0.1, recording)
     lengths = {round(length, 12) for step in steps for _, length in step.substeps}
@@ -90,6 +90,6 @@ def test_solvers_start_from_impulses_of_the_same_force_whatever_the_step() -> No
 
 
 def test_more_sequences_are_taken_where_they_promise_less_work() -> None:
-    """k sequences cost k (k + 1)/2 steps. Choosing them by another cost takes twice as many steps here."""
+    """k sequences take k (k + 1)/2 steps. A choice by another cost model takes twice as many steps here."""
     steps = motion(damped(), State(0.0, np.ones(1), np.zeros(1)), 6.0, tolerance=1e-3, max_step=5.0)
     assert sum(step.solves for step in steps) <= 90

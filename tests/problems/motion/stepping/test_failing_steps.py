@@ -1,4 +1,4 @@
-"""What ends a motion with a variable step: solvers and systems that fail, and options out of range."""
+"""Failures that end a motion with a variable step: solvers and systems that fail, and options out of range."""
 
 from dataclasses import replace
 from typing import Any
@@ -19,7 +19,7 @@ from .variable_steps import oscillator, steps_of
 
 
 class Failing:
-    """SORprox until its patience is over."""
+    """SORprox that fails after a number of solves."""
 
     def __init__(self, after: int, failure: Status | Exception) -> None:
         self._solver, self._left, self._failure = create("SORprox"), after, failure
@@ -51,7 +51,7 @@ def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Stat
 
 
 def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is the shortest one already. An attempt of it has found the switch, and it is taken again to be accepted."""
+    """Such a step cannot be shortened. One attempt has found the switch; a second one is made to accept the step."""
     taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
 
     def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:
@@ -70,7 +70,7 @@ def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pyte
 
 
 class NotANumber(Failing):
-    """SORprox until its patience is over; then NaN, which it calls solved."""
+    """SORprox that returns NaN as solved after a number of solves."""
 
     def solve(self, stop: Stop, start: Any = None) -> Solution:
         return Solution(np.full(2, np.nan), Status.SOLVED, 1)

@@ -55,7 +55,7 @@ def test_a_ball_at_rest_stays_and_is_carried_by_its_weight() -> None:
 
 @pytest.mark.parametrize(("slope", "friction"), [(0.3, 0.5), (0.3, 0.02), (0.8, 0.1), (0.2, 0.0)])
 def test_a_sphere_on_an_incline_rolls_or_slides_as_in_closed_form(slope: float, friction: float) -> None:
-    """It rolls iff tan θ ≤ 7μ/2, a = 5/7 g sin θ, else a = g (sin θ − μ cos θ)."""
+    """It rolls with a = 5/7 g sin θ if tan θ ≤ 7μ/2, and slides with a = g (sin θ − μ cos θ) otherwise."""
     normal = (np.sin(slope), 0.0, np.cos(slope))
     surface = Plane((0.0, 0.0, 0.0), normal)
     system = one_ball(Gravity(9.81), Friction(friction), surfaces=(surface,))
@@ -68,7 +68,7 @@ def test_a_sphere_on_an_incline_rolls_or_slides_as_in_closed_form(slope: float, 
 
 
 def test_oblique_impact_without_tangential_restitution() -> None:
-    """Sticks iff |v_T| ≤ 7/2 μ(1+ε)|v_N|, then v_T⁺ = 5/7 v_T, else v_T − μ(1+ε)|v_N|."""
+    """The contact sticks if |v_T| ≤ 7/2 μ(1+ε)|v_N|, then v_T⁺ = 5/7 v_T; otherwise v_T⁺ = v_T − μ(1+ε)|v_N|."""
     for tangential in (0.5, 3.0):
         system = one_ball(Friction(0.2), Restitution(0.5, 0.0))
         start = State(0.0, np.array([0.0, 0.0, 0.1001]), np.array([tangential, 0.0, -1.0, 0.0, 0.0, 0.0]))
@@ -79,7 +79,7 @@ def test_oblique_impact_without_tangential_restitution() -> None:
 
 
 def test_newtons_cradle_in_one_coupled_solve() -> None:
-    """n equal touching balls: the last gets (1+e)/n like all others, the first (1+e)/n − e."""
+    """For n equal touching balls, the first one gets (1+e)/n − e and all others get (1+e)/n."""
     n, e = 5, 0.4
     centres = np.zeros((n, 3))
     centres[:, 0] = np.arange(n) * (0.2 - 1e-9)

@@ -1,4 +1,4 @@
-"""Projection of positions: to the depth that is allowed, the nearest way, and without touching velocities."""
+"""Projection of positions: up to the allowed depth, by the nearest way, and without a change of velocities."""
 
 from dataclasses import dataclass, replace
 
@@ -94,14 +94,14 @@ def test_a_stack_that_overlaps_everywhere_comes_apart() -> None:
     assert last.contacts is not None
     assert len(last.contacts.keys) == 5
     assert -last.contacts.gap.min() <= 1.2 * DEPTH
-    # at rest but for what the solver leaves
+    # at rest up to the tolerance of the solver
     assert np.abs(last.state.velocity).max() <= 1e-6
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("masses", [(0.01, 0.01, 0.01), (1.0, 0.01, 0.01), (0.01, 0.01, 1.0)])
 def test_balls_that_part_push_a_third_one_and_not_into_it(dimension: int, masses: tuple[float, ...]) -> None:
-    """The third ball is open by a tenth of the overlap of the first two, which takes more than that to undo."""
+    """The gap of the third ball is a tenth of the overlap of the first two; undoing that overlap closes the gap."""
     weights = np.array(masses)
     system = free_balls(dimension, weights)
     centres = np.zeros((3, dimension))
@@ -156,7 +156,7 @@ def test_no_projection_makes_the_deepest_penetration_deeper(
 def test_the_overlap_of_a_step_is_the_one_that_its_projection_leaves(
     seed: int, n_balls: int, crowding: float, dimension: int
 ) -> None:
-    """Up to 40 balls in the space of one: not all clusters come apart in one step."""
+    """Up to 40 balls are in the space of one; not all clusters are separated in one step."""
     system = free_balls(dimension, np.full(n_balls, 0.01))
     width = RADIUS * (n_balls / crowding) ** (1.0 / dimension)
     position = np.random.default_rng(seed).uniform(-width, width, n_balls * dimension)
@@ -189,7 +189,7 @@ def test_a_ball_between_walls_that_leave_it_no_room_is_not_pushed_deeper_into_on
 def test_a_free_cluster_keeps_its_centre_of_mass_and_all_its_velocities(
     seed: int, n_balls: int, crowding: float, dimension: int
 ) -> None:
-    """So its momentum, its spins and its kinetic energy are those of the rule without projection, in the same bits."""
+    """Its momentum, spins and kinetic energy are therefore bitwise equal to those of the rule without projection."""
     rng = np.random.default_rng(seed)
     masses = 10.0 ** rng.uniform(-3, 0, n_balls)
     system = free_balls(dimension, masses)
@@ -221,14 +221,14 @@ def test_the_way_is_the_nearest_one_in_the_metric_of_a_full_mass_matrix() -> Non
     along = np.linalg.solve(mass, w)
     expected = along / (w @ along) * (0.1 * RADIUS - DEPTH)
     moved = moved_apart(system, position) - position
-    # the gap is curved: what moves across w is second order
+    # the gap is curved: the motion across w is of second order
     assert moved == pytest.approx(expected, abs=np.sum(expected**2) / RADIUS)
     assert np.abs(expected[[1, 3]]).max() > 0.1 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("n_balls", [2, 5])
 def test_a_row_of_balls_is_moved_apart_to_the_allowed_depth_at_once(n_balls: int) -> None:
-    """Gaps are linear along a row, so one pass suffices, however far an overlap must be passed on."""
+    """Gaps are linear along a row, so one pass suffices for any number of balls."""
     system = free_balls(3, np.full(n_balls, 0.01))
     centres = np.zeros((n_balls, 3))
     centres[:, 0] = (2.0 * RADIUS - 5.0 * DEPTH) * np.arange(n_balls)
@@ -261,7 +261,7 @@ class Linear:
 @pytest.mark.parametrize("opening", [-3.0, -0.2, 0.0, 0.2, 3.0])
 @pytest.mark.parametrize("part", [0.0, 0.5])
 def test_joints_close_while_contacts_are_moved_apart_the_nearest_way(opening: float, part: float) -> None:
-    """The nearest q with wᵀ q = 0 and nᵀ q ≥ -d: first onto the joint, then along what it leaves of n."""
+    """The nearest q with wᵀ q = 0 and nᵀ q ≥ -d: first onto the joint, then along the part of n normal to w."""
     joint, normal = np.array([1.0, -1.0, 0.0]), np.array([0.0, 1.0, part])
     start = DEPTH * np.array([opening - 2.0, -2.0, 0.0])
     system = Linear(joint, normal)
@@ -270,11 +270,11 @@ def test_joints_close_while_contacts_are_moved_apart_the_nearest_way(opening: fl
     expected = closed + along * max(0.0, -DEPTH - normal @ closed) / (along @ along)
     end = projected(system, start, np.array([1.0, 0.0, 2.0]), DEPTH)  # type: ignore[arg-type]
     assert end.position == pytest.approx(expected, abs=(ACCURACY + 1e-9) * DEPTH)
-    assert end.velocity == pytest.approx([0.5, 0.5, 2.0], abs=1e-12)  # the part along w is gone
+    assert end.velocity == pytest.approx([0.5, 0.5, 2.0], abs=1e-12)  # the part along w is removed
 
 
 class Jammed(Linear):
-    """One coordinate, held by a joint in a contact that is five times too deep."""
+    """One coordinate that a joint keeps in a contact five times too deep."""
 
     def overlaps(self, position: np.ndarray, tolerated: float) -> Overlaps:
         found = super().overlaps(position - 5.0 * DEPTH, tolerated)
@@ -289,7 +289,7 @@ def test_a_projection_that_closes_joints_tells_the_overlap_that_it_leaves() -> N
 
 
 def test_joints_that_exceed_the_memory_are_refused() -> None:
-    """100 000 free bodies with 6 coordinates each, all on joints, would take 2 TB."""
+    """The matrix of 100 000 free bodies with joints and 6 coordinates each would take 2 TB."""
     n_dofs, n_rows = 600_000, 300_000
     joints = JointErrors(np.zeros(n_rows), sp.csc_array((n_dofs, n_rows)))
     with pytest.raises(InsufficientMemoryError, match=r"for closing joints with 300,000 rows, but .*; simulate fewer"):
@@ -348,7 +348,7 @@ def test_a_depth_out_of_range_is_named(depth: float) -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("friction", [None, 0.3])
 def test_balls_move_apart_as_bodies_in_pieces_do(dimension: int, friction: float | None) -> None:
-    """Balls of unlike mass, some of them on a plane; their normals as pieces are swept in the general form."""
+    """Balls of different masses, some on a plane; with normals in pieces, the general form of the sweeps is used."""
     rng = np.random.default_rng(8)
     plane = [Plane((0.0,) * dimension, (*[0.0] * (dimension - 1), 1.0))]
     system = BallSystem(np.full(60, RADIUS), rng.uniform(0.5, 2.0, 60), plane, dimension, friction=friction)

@@ -1,4 +1,4 @@
-"""Steppers by name: they are spelled one way, and every one follows the same motion in steps that join."""
+"""Steppers by name: each has one spelling, and all follow the same motion in consecutive steps."""
 
 from itertools import pairwise
 
@@ -101,7 +101,7 @@ def test_steps_join_without_gap_from_the_start_to_the_end(name: str) -> None:
     ("name", "step"), [("Moreau", 1e-3), ("Extrapolated", 0.02), ("StepDoubling", 0.02), ("EventDriven", 0.02)]
 )
 def test_every_stepper_takes_the_longest_step_of_the_scene_through_smooth_motion(name: str, step: float) -> None:
-    """Nothing switches in a block that slides up and does not stop; errors are rounding, or those of a first order."""
+    """A block that slides up without stopping has no switches; errors are rounding, or of first order."""
     scene = make_scene("block_on_incline(speed=1.0, friction=0.1)")
     assert scene.exact is not None
     solver = "Enumeration" if name == "EventDriven" else "SORprox"
@@ -120,7 +120,7 @@ def test_a_fixed_step_is_one_solve_and_has_no_switching_points() -> None:
 
 
 def test_the_event_driven_reference_comes_back_to_the_section_to_thirteen_digits() -> None:
-    """Its errors are those of the 45-digit limit cycle's rounding to doubles; time stepping ends at its tolerance."""
+    """Its error is the rounding of the 45-digit limit cycle to doubles; time stepping is limited by its tolerance."""
     reference = followed("EventDriven", "woodpecker(start='cycle')", PERIOD, "Enumeration")
     stepped = followed("Extrapolated", "woodpecker(start='cycle')", PERIOD)
     assert section_error(reference[-1].end) < 1e-9

@@ -1,4 +1,4 @@
-"""The states of laws in a step, and the switches between two of them, as in the table of a switching function."""
+"""The states of laws in a step, and the switches between two states, as in the table of a switching function."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def switch(law: str, before: str, after: str) -> SwitchingPoint:
 def test_a_law_that_projects_in_one_step_and_not_in_the_next_switches(
     before: LawStates, after: LawStates, switches: list[SwitchingPoint]
 ) -> None:
-    """The friction of an open contact projects, as that of a slipping one does."""
+    """The friction law of an open contact projects, like that of a slipping one."""
     assert list(after.switches_since(before, 1.0, 2.0)) == switches
     assert after.is_unchanged_since(before) is (not switches)
 

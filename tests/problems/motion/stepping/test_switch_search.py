@@ -1,4 +1,4 @@
-"""Which length a search for switching points tries next."""
+"""The lengths that a search for switching points tries."""
 
 from itertools import pairwise
 from typing import Any
@@ -26,7 +26,7 @@ MIN_STEP, MAX_STEP = 1e-8, 1e-2
 
 
 class Announced:
-    """Margins that announce a switching point at a time, or always at once."""
+    """Margins that announce a switching point at a given time, or always immediately."""
 
     def __init__(self, due: float | None, doubt: float = 0.0) -> None:
         self.due, self.doubt = due, doubt
@@ -41,7 +41,7 @@ def anticipating(monkeypatch: pytest.MonkeyPatch, due: float | None, doubt: floa
 
 
 def test_margins_that_are_wrong_for_ever_do_not_make_the_motion_creep(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A few minimal steps are tried where a switch should be, then steps grow twofold up to the length asked for."""
+    """A few minimal steps are tried at the expected switch; then steps double up to the requested length."""
     search = anticipating(monkeypatch, None)
     lengths = [search.limited_length(0.0, MAX_STEP) for _ in range(30)]
     assert lengths[:4] == [MIN_STEP] * 4
@@ -68,7 +68,7 @@ def test_the_more_a_switch_is_in_doubt_the_more_of_the_way_is_left_but_half_of_i
 
 
 def switched_after(smooth: float) -> Attempt:
-    """An attempt whose laws switched behind ``smooth`` seconds."""
+    """Return an attempt whose laws switched after ``smooth`` seconds."""
     return Attempt(None, [], LawStates(), [(None, smooth)] if smooth else [])  # type: ignore[list-item]
 
 
@@ -93,7 +93,7 @@ def test_nested_intervals_halve_a_step_and_keep_it_until_the_switch_is_passed() 
     search.note_switch(State(1.0, np.zeros(1), np.zeros(1)))
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert [search.length_after_step(now, 4e-3, 1.0) for now in (1.0, 1.004)] == [4e-3, 4e-3]
-    assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the attempt is behind
+    assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the attempt has passed
     assert search.length_after_step(1.01, 4e-3, 1.0) == 8e-3
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert search.length_after_switch(1.004, 8e-3, switched_after(0.0)) == 4e-3  # beyond the first attempt
@@ -126,7 +126,7 @@ def falling(gaps: Any) -> MechanicalSystem:
 
 
 def noted(margins: Margins, path: Any, times: list[float]) -> Margins:
-    """Note the gaps along a path, which is a function of time."""
+    """Record the gaps along a path, which is a function of time."""
     for time in times:
         margins.note_gaps(State(time, np.array(path(time)), np.ones(2)))
     return margins
@@ -137,7 +137,7 @@ TIMES = [0.0, 0.1, 0.25, 0.3, 0.45]
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_a_margin_that_is_a_polynomial_vanishes_where_it_is_announced(degree: int) -> None:
-    """The contact that closes first is found among both; the polynomial without its oldest value is the same one."""
+    """The contact that closes first is found; the polynomial without its oldest value is the same."""
     margins = noted(
         Margins(falling(lambda position: position), 10.0), lambda time: [2.0 - time, 1.0 - time**degree], TIMES
     )
@@ -147,7 +147,7 @@ def test_a_margin_that_is_a_polynomial_vanishes_where_it_is_announced(degree: in
 
 
 def test_the_root_of_a_lower_degree_bounds_what_is_known_of_a_margin() -> None:
-    """A cubic goes through the last four of five values of t ↦ 1 - t⁴; its root differs from that through all five."""
+    """A cubic through the last four of five values of t ↦ 1 - t⁴ has another root than the quartic through all five."""
     system = falling(lambda position: position)
     few, many = (
         noted(Margins(system, 10.0), lambda time: [5.0, 1.0 - time**4], TIMES[-count:]).next_switch(TIMES[-1])
@@ -181,7 +181,7 @@ def test_a_root_that_is_passed_is_none() -> None:
 
 
 def test_only_gaps_that_may_close_soon_are_followed_and_only_their_last_values() -> None:
-    """At twice the speed of 1 m/s gaps of up to 2 · 2 · 0.1 m may close within two longest steps."""
+    """At twice the speed of 1 m/s, gaps of up to 2 · 2 · 0.1 m may close within two steps of the largest length."""
     margins = noted(Margins(falling(lambda position: position), 0.1), lambda time: [0.41, 0.39], TIMES * 2)
     values: Any = margins
     assert {key: len(kept) for key, kept in values._values.items()} == {("gap", 1): MEMORY}
@@ -202,7 +202,7 @@ def test_a_gap_that_closes_within_a_step_is_noticed_and_one_that_was_closed_is_n
 def test_a_force_that_ends_after_its_last_evaluation_is_noticed_at_the_end_of_a_step(
     count: int, slope: float, has_ended: bool
 ) -> None:
-    """A mass is pressed onto a floor by 1 + slope · t, which its position in another coordinate gives.
+    """A mass is pressed onto a floor by the force 1 + slope · t, a function of its other coordinate.
 
     The force vanishes at t = -1/slope, and is evaluated at (2 count - 1)/(2 count) of the step of 1 s at the latest.
     """
@@ -227,7 +227,7 @@ def test_a_force_that_ends_after_its_last_evaluation_is_noticed_at_the_end_of_a_
 
 
 def test_margins_of_friction_are_what_is_left_of_it_and_how_fast_it_slides() -> None:
-    """A block of one kilogram at rest on a slope is held by μ g cos - g sin; one that slides stops after v / a."""
+    """A block of 1 kg at rest on a slope has the margin μ g cos - g sin; a sliding block stops after v / a."""
     gravity = 9.81
     for speed, friction in ((0.0, 0.5), (1.0, 0.5)):
         block = BlockOnIncline(slope=0.3, friction=friction, speed=speed)

@@ -1,4 +1,4 @@
-"""The first root of a polynomial through a few points is known from its factors."""
+"""The first root of a polynomial through a few points agrees with its known factors."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The variable step against the woodpecker's published limit cycle, closed forms, and what it promises of itself."""
+"""The variable step against the woodpecker's published limit cycle, closed forms, and its own documentation."""
 
 import os
 from dataclasses import replace
@@ -84,7 +84,7 @@ def test_nested_intervals_converge_only_if_both_steps_are_taken_back() -> None:
 
 
 class Unforeseen(Anticipating):
-    """Runs into every switching point."""
+    """A search that anticipates no switching point."""
 
     def limited_length(self, now: float, length: float) -> float:
         return length
@@ -125,7 +125,7 @@ def test_every_search_finds_the_same_incidents() -> None:
 def test_scenes_follow_their_closed_forms(
     scene: ClosedFormScene, until: float, accuracy: float, kind: type[VariableStepper]
 ) -> None:
-    """Where accelerations are constant between switches, only the minimal step around a switch makes an error."""
+    """If accelerations are constant between switches, only the minimal step around a switch has an error."""
     for step in steps_of(scene.system(), scene.start(), until, kind):
         exact = scene.exact(step.end.time)
     assert step.end.time == pytest.approx(until, abs=1e-12)
@@ -149,7 +149,7 @@ def test_a_slip_that_turns_round_between_two_steps_is_a_switching_point() -> Non
 
 
 def estimated_errors(system: Any, start: State, levels: int) -> list[float]:
-    """Return the error estimates of a step and of one half as long."""
+    """Return the error estimates of a step and of a step of half the length."""
     stepper = Extrapolated(tolerance=1e-300, levels=levels)
     counter = StepCounter(system, create("SORprox"), Stop(1e-12))
 
@@ -172,7 +172,7 @@ def test_the_error_estimate_falls_with_the_order_that_step_control_reckons_with(
 
 @pytest.mark.parametrize("levels", [2, 3])
 def test_balls_which_drag_slows_down_are_extrapolated_with_all_powers_of_the_step(levels: int) -> None:
-    """Balls declare nothing about reversibility, and drag is irreversible."""
+    """Systems of balls do not declare reversibility, and drag is irreversible."""
     system = ball_system(np.array([0.1]), np.array([1.0]), [], (Drag(0.5),))
     start = State(0.0, np.array([0.0, 0.0, 9.0]), np.array([1.0, 0.0, 0.5]))
     coarse, fine = estimated_errors(system, start, levels)
@@ -246,9 +246,9 @@ def test_colliding_balls_switch_alike_under_both_searches() -> None:
 
 @pytest.mark.slow
 def test_it_costs_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
-    """5000 fixed steps cost eight times as much and are a thousand times less accurate; they are of first order.
+    """5000 fixed steps take eight times as long and are a thousand times less accurate; they are of first order.
 
-    What they would cost at equal accuracy is extrapolated from the measured order, not run.
+    Their time at equal accuracy is extrapolated from this order, not measured.
     """
     state = section_start()
     for step in MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 100_000), PERIOD / 5000).steps(state, 5000):

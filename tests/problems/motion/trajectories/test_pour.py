@@ -1,4 +1,4 @@
-"""Aggregates of pours are means over the second half, and a pour that is over stays as it was."""
+"""Aggregates of pours are means over the second half, and a finished pour does not change."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from proxbench.problems.motion.trajectories.pour import ENERGY, HEIGHT, MotionRe
 
 
 def column(scene: Scene, time: float, through: int) -> State:
-    """So many balls below the outlet, the others one metre above it, all at rest."""
+    """Return ``through`` balls below the outlet and the others one metre above it, all at rest."""
     heights = np.where(np.arange(scene.n_balls) < through, -1.0, 1.0)
     position = np.column_stack([np.zeros((scene.n_balls, 2)), heights]).ravel()
     return State(time, position, np.zeros_like(scene.start.velocity))

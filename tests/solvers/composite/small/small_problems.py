@@ -1,4 +1,4 @@
-"""Problems of one to twelve contacts, in all forms in which they are given."""
+"""Problems of one to twelve contacts, in all forms that a problem can have."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ FORMS = ("matrix", "diagonal", "inertia", "uncoupled")
 
 
 def random_problem(rng: np.random.Generator, n_contacts: int, dim: int, form: str) -> ContactProblem:
-    """Return a problem whose contacts touch one or two bodies each, or none in common."""
+    """Return a problem with contacts of one or two bodies each, or without coupling."""
     c, mu = rng.normal(size=n_contacts * dim), rng.uniform(0.0, 1.2, size=n_contacts)
     if form == "uncoupled":
         roots = rng.normal(size=(n_contacts, dim, dim + 1))
@@ -33,7 +33,7 @@ def random_problem(rng: np.random.Generator, n_contacts: int, dim: int, form: st
 
 
 def slow_problem(n_rows: int) -> ContactProblem:
-    """Return a problem without friction whose rows are all coupled, on which sweeps gain a digit in at most 70."""
+    """Return a frictionless problem with all rows coupled, on which at most 70 sweeps gain a digit."""
     rng = np.random.default_rng(n_rows)
     directions = np.logspace(0.0, -1.45, n_rows)[:, None] * rng.normal(size=(n_rows, n_rows))
     free_velocity = directions.T @ rng.normal(size=n_rows)

@@ -1,6 +1,6 @@
-"""One kernel gives what the parts of Robust give, to the last bit, and leaves the unusual to them.
+"""One kernel gives the same bits as the parts of Robust, and leaves unusual solves to these parts.
 
-Bits are compared, not rounding: an observed solve goes by parts, and must show the iterates of a timed one.
+Bits are compared, because an observed solve runs the parts, and must show the iterates of a timed solve.
 """
 
 from time import process_time
@@ -41,7 +41,7 @@ def test_the_kernel_and_the_parts_give_the_same_bits(
 
 @pytest.mark.parametrize("name", ["hard-groove-flat-mu10", "hard-parallel-1e-3"])
 def test_the_kernel_ends_slow_sweeps_where_the_parts_do(name: str) -> None:
-    """Their first sweeps gain digits, and later ones take more than a window for one."""
+    """The first sweeps gain digits; later sweeps take more than a window per digit."""
     problem = load(name)
     limits = Stop(1e-6, max_iterations=500)
     one, other = (prepare(problem).solve(limits) for prepare in (ROBUST.prepare, prepare_by_parts))
@@ -77,7 +77,7 @@ def test_observed_solves_and_short_time_limits_go_by_parts() -> None:
 
 @pytest.mark.parametrize("n_rows", [3, 30, 150])
 def test_the_kernel_keeps_the_shortest_time_limit_for_which_it_is_used(n_rows: int) -> None:
-    """It does not read the clock; dense rows without friction need most sweeps and most time for each."""
+    """The kernel does not read the clock; dense frictionless rows need the most sweeps, and the most time per sweep."""
     problem = slow_problem(n_rows)
     prepared, limit = without_parts(problem), longest_seconds(n_rows)
     times = []
@@ -122,7 +122,7 @@ class PartsError(Exception):
 
 
 def without_parts(problem: ContactProblem) -> PreparedSmall:
-    """Return the prepared kernel, whose solves raise where they would go by parts."""
+    """Return the prepared kernel, whose solves raise an exception where they would run the parts."""
 
     def refuse(problem: ContactProblem) -> Any:
         raise PartsError

@@ -1,4 +1,4 @@
-"""Many problems are solved as one by one, on any number of threads, and each answer is judged."""
+"""Many problems are solved like single ones, on any number of threads, and each answer is judged."""
 
 import os
 from typing import Any
@@ -51,7 +51,7 @@ def test_limits_are_those_of_each_problem() -> None:
 
 
 def test_a_time_limit_is_that_of_each_problem() -> None:
-    """Problems that may exceed it in a batch, which does not read the clock, are solved one by one."""
+    """A batch does not read the clock, so problems that may exceed the limit are solved one by one."""
     slow, quick = slow_problem(150), load("hard-tower-3")
     assert [batch.indices for batch in _batches([slow, quick], 1.0)] == [[0], [1]]
     assert [batch.indices for batch in _batches([slow, quick], 0.01)] == [[1]]

@@ -61,7 +61,7 @@ def test_other_numbers_of_one_pattern_need_no_other_order() -> None:
 
 
 def test_a_correction_solves_stiff_blocks_as_an_elimination_would() -> None:
-    """I + 10⁷ VVᵀ on the diagonal: what is left of the equations is rounding of their terms."""
+    """With I + 10⁷ VVᵀ on the diagonal, the residual of the equations is the rounding of their terms."""
     pattern, width = grid(4), 6
     random = np.random.default_rng(0)
     blocks = np.zeros((pattern.nnz, width, width))
@@ -109,6 +109,6 @@ def test_divided_supernodes_take_less_work_and_have_the_same_solution() -> None:
 
 
 def test_work_on_a_grid_grows_more_slowly_than_that_of_a_band() -> None:
-    """A band of half width k over k² rows takes about k⁴, sixteen times as much at twice the side; 2³ is the least."""
+    """A band over k² rows takes about k⁴ operations, 16 times as many at twice the side; the least factor is 8."""
     work = [elimination(grid(side).indptr, grid(side).indices, side**2).multiplications for side in (20, 40)]
     assert 8.0 <= work[1] / work[0] < 12.0

@@ -1,4 +1,4 @@
-"""Inverses, signs and products of small blocks are those of NumPy's linear algebra."""
+"""Inverses, signs and products of small blocks agree with NumPy's linear algebra."""
 
 import numpy as np
 import pytest

@@ -40,7 +40,7 @@ def test_solutions_satisfy_the_system(form: type[DelassusSystem] | type[BodySyst
 
 @pytest.mark.parametrize(("lanes", "expected"), [(2, [1.0, -1.0, 1.0]), (1, [1.0, -1.0])])
 def test_both_forms_agree_on_the_sign_of_the_determinant(lanes: int, expected: list[float]) -> None:
-    """One or two lanes of one D grow negative: det (Ĝ + D) changes its sign once for each."""
+    """One or two lanes of one D become negative: det (Ĝ + D) changes its sign once for each of them."""
     problem = load("funnel-30")
     systems = [form(problem, scaled(problem)) for form in FORMS]
     d, seen = coupled(problem.n_contacts), []
@@ -62,7 +62,7 @@ def test_both_forms_multiply_alike() -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_singular_matrix_is_refused(form: type[DelassusSystem] | type[BodySystem]) -> None:
-    problem = load("pile-100")  # its contacts over-determine the bodies
+    problem = load("pile-100")  # its contacts overdetermine the bodies
     assert not form(problem, scaled(problem)).factorise(np.full((problem.n_contacts, 3, 3), np.nan))
 
 

@@ -1,4 +1,4 @@
-"""Sweeps by colour are Gauss–Seidel sweeps in another order, with the same bits for any number of threads."""
+"""Sweeps by colour are Gauss–Seidel sweeps in another order, bitwise equal for any number of threads."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
 def problem_of(name: str) -> ContactProblem:
-    """Load a problem, whose W has pieces, or make the first step of compressed balls, whose W has records."""
+    """Load a problem whose W has pieces, or make the first step of compressed balls, whose W has records."""
     if name != "balls":
         return load(name)
     scene = make_scene("funnel(balls=300)")
@@ -68,7 +68,7 @@ def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, m
 def test_any_number_of_threads_gives_the_same_solution(
     name: str, momentum: float | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its impulses in the same bits, its status, iterations and message; measured momentum depends on all of them."""
+    """The impulses (bitwise), status, iterations and message are equal; measured momentum depends on all of them."""
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     monkeypatch.setattr(coloured_sorprox, "check_threads", lambda threads: None)  # more threads than cores, too
@@ -91,7 +91,7 @@ def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None
 @pytest.mark.parametrize("name", ["funnel-300", "balls"])
 @pytest.mark.parametrize("absent", [1, 2])
 def test_threads_that_never_come_change_no_bit(name: str, absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tasks of a thread that has not begun are done by those that have."""
+    """Running threads take over the tasks of a thread that has not started."""
     problem, threads = problem_of(name), 3
     alone = swept(problem, 1, 0.65)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)

@@ -1,4 +1,4 @@
-"""Contacts of one colour share no movable body, and a body of d contacts costs at most as many colours as it must."""
+"""Contacts of one colour share no movable body, and the number of colours is bounded by the contacts of a body."""
 
 import numpy as np
 from hypothesis import given, settings

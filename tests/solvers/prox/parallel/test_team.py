@@ -1,4 +1,4 @@
-"""A team runs a kernel once for each of its threads, and leaves none behind."""
+"""A team runs a kernel once in each of its threads, and leaves no thread behind."""
 
 import _thread
 import os
@@ -18,7 +18,7 @@ def test_each_thread_runs_the_kernel_with_its_own_number(threads: int) -> None:
     numbers = []
 
     def kernel(number: int, of: int, word: str) -> tuple[int, str]:
-        meeting.wait(30.0)  # all of them at a time
+        meeting.wait(30.0)  # all threads at the same time
         numbers.append((number, of))
         return number, word
 

@@ -1,4 +1,4 @@
-"""Sweeps over records of balls are those over pieces."""
+"""Sweeps over records of balls equal those over pieces."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
 def heap(seed: int, n_balls: int = 150, spin_share: float = 2.5) -> ContactProblem:
-    """Balls of different sizes and masses, each with contacts in any directions, with some friction each."""
+    """Balls of different sizes and masses, with contacts in any directions and different friction."""
     rng = np.random.default_rng(seed)
     n_contacts, radii, masses = 2 * n_balls, rng.uniform(0.5, 2.0, n_balls), rng.uniform(0.5, 2.0, n_balls)
     chunks = np.array([rng.choice(n_balls, 2, replace=False) for _ in range(n_contacts)]).astype(np.int64)
@@ -71,7 +71,7 @@ def test_a_step_of_a_pile_is_swept_from_records() -> None:
 
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form: str) -> None:
-    """A hollow ball among solid ones has another κ, which records do not hold."""
+    """A hollow ball among solid ones has another κ, which records do not contain."""
     problem = heap(1)
     assert problem.factors is not None
     inverse = problem.factors.inverse_mass.matrix.data.copy()
@@ -88,7 +88,7 @@ def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([1e-120, 1.0, 1e120]), sweeps=st.integers(0, 30))
 def test_the_residual_of_one_pass_is_that_of_the_impulses(seed: int, size: float, sweeps: int) -> None:
-    """Also where velocities are so small or large that they are squared in other units."""
+    """This holds even if velocities are so small or large that they are squared in other units."""
     problem = heap(seed)
     problem = ContactProblem(size * problem.free_velocity, problem.laws, factors=problem.factors)
     iterates = create("SORprox", form="factors").prepare(problem).begin(np.zeros(problem.n_rows))

@@ -45,9 +45,9 @@ def test_a_funnel_is_swept_in_batches_and_its_iterates_are_those_of_the_delassus
 
 
 def test_contacts_with_bounds_of_others_are_not_dealt_into_batches() -> None:
-    """A batch holds the bounds of its own contacts only; here neighbours bound each other's friction."""
+    """A batch contains only the bounds of its own contacts; here neighbours bound each other's friction."""
     rng, n = np.random.default_rng(3), 32
-    directions = sp.block_diag([rng.normal(size=(12, 3)) for _ in range(n)], format="csc")  # two bodies a contact
+    directions = sp.block_diag([rng.normal(size=(12, 3)) for _ in range(n)], format="csc")  # two bodies per contact
     laws = Laws.contacts(np.array(0.5), 3, n)
     friction = np.flatnonzero(laws.is_friction)
     partner = laws.partner.copy()

@@ -1,4 +1,4 @@
-"""Engines build the scenes that are described, and the problems of their steps hold what they computed."""
+"""Engines build the described scenes, and the problems of their steps contain the computed impulses."""
 
 from typing import Any
 
@@ -29,7 +29,7 @@ def test_bodies_start_as_described(name: str, scene: str) -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_bodies_of_proxbench_start_as_described(scene: str) -> None:
-    """Cubes start 1e-9 m deep in what they stand on, so that the first step finds their contacts."""
+    """Cubes start with a penetration of 1e-9 m, so that the first step finds their contacts."""
     description = describe(scene)
     check_start(OwnEngine(description, description.step, 1e-2), description, 1e-8)
 
@@ -162,7 +162,7 @@ def test_steps_that_the_impulses_of_rapier_do_not_explain_are_not_judged() -> No
 
 @pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest", "stack"])
 def test_cubes_of_proxbench_move_as_the_closed_form_says(scene: str) -> None:
-    """Errors are those of the tolerance: micrometres, and a part of 1e-6 of the speed or the way."""
+    """Errors are due to the tolerance: micrometres, and 1e-6 of the speed or the distance."""
     description = describe(scene)
     engine = OwnEngine(description, 2.5 * description.step, 1e-8)
     motion, _, _, solved = measure(description, engine, 2.5 * description.step)

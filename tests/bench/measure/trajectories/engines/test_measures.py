@@ -1,4 +1,4 @@
-"""Errors of motions are 0 for the exact motion of a scene, and as large as a closed form says for a wrong one."""
+"""Errors of motions are 0 for the exact motion of a scene, and match a closed form for a wrong one."""
 
 from collections.abc import Callable
 
@@ -45,7 +45,7 @@ def errors_of(name: str, acceleration: tuple[float, float, float] = (0.0, 0.0, 0
     assert solved == []
     assert len(engine.remembered) == 10
     assert all(step % per_frame == 0 for step in engine.remembered)
-    assert engine.asked == [step + 1 for step in engine.remembered]  # of the step from the remembered state
+    assert engine.asked == [step + 1 for step in engine.remembered]  # the step from the remembered state
     return description.measure(description, motion)
 
 
@@ -111,7 +111,7 @@ def test_the_last_speed_of_a_stack_is_that_of_its_fastest_cube() -> None:
 
 
 def test_the_last_energy_of_a_pile_is_the_mean_of_its_balls() -> None:
-    """With 3 m/s along x and 4 m/s along z of half of the balls, (m/2) 25/2 for each."""
+    """Half of the balls move at 3 m/s along x and 4 m/s along z, which gives (m/2) 25/2 per ball."""
     speeds = [(3.0, 0.0, 4.0) if ball % 2 else (0.0, 0.0, 0.0) for ball in range(100)]
     assert at_speeds("pile", speeds)[1] == pytest.approx(0.5 * 12.5 / (GRAVITY * RADIUS))
 
@@ -171,7 +171,7 @@ def test_balls_start_as_those_of_the_scene_of_proxbench(name: str) -> None:
 @pytest.mark.parametrize("height", [1e-6, 0.5 * CONE_HEIGHT, CONE_HEIGHT - 1e-3, CONE_HEIGHT + 0.1])
 def test_panels_touch_the_round_funnel_from_outside(angle: float, height: float) -> None:
     radius = 4.5 * RADIUS + min(height, CONE_HEIGHT)
-    behind = radius / np.cos(angle)  # of the facet whose middle is at the angle 0
+    behind = radius / np.cos(angle)  # for the facet whose middle is at angle 0
     assert not is_solid(radius * 0.999 * np.array([np.cos(angle), np.sin(angle), 0.0]), height)
     assert is_solid((behind + 1e-5) * np.array([np.cos(angle), np.sin(angle), 0.0]), height)
     assert not is_solid((behind - 1e-5) * np.array([np.cos(angle), np.sin(angle), 0.0]), height)

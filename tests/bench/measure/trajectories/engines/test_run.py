@@ -1,4 +1,4 @@
-"""Settings run in turn, the shortest times count, and the best setting is the fastest of the most accurate ones."""
+"""Settings take turns, the shortest times count, and the best setting is the fastest of the most accurate ones."""
 
 import subprocess
 from importlib import metadata
@@ -16,7 +16,7 @@ from proxbench.bench.measure.trajectories.engines.scenes import SCENES, describe
 
 @pytest.fixture(autouse=True)
 def tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every engine seem installed in the version that was tried."""
+    """Make every engine seem installed in its tested version."""
     versions = {kind.distribution: f"{kind.tested_version}.1" for kind in ENGINES.values()}
     monkeypatch.setattr(metadata, "version", lambda name: versions.get(name, "1.0"))
 
@@ -29,7 +29,7 @@ def measurement(scene: str, engine: str, setting: str, error: float = 1.0, secon
         setting=setting,
         time_step=1e-3,
         wall_seconds=seconds,
-        processor_seconds=10.0 / seconds,  # the opposite order, which must decide nothing
+        processor_seconds=10.0 / seconds,  # the opposite order, which must not matter
         errors=errors,
     )
 

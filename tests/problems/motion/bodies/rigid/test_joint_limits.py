@@ -47,7 +47,7 @@ def test_a_pendulum_rebounds_from_its_limit_to_the_height_that_restitution_leave
     angles = np.array([scene.angle_of(step.state) for step in found])
     hit = int(angles.argmin())
     assert found[hit].state.time == pytest.approx(0.25 * scene.period, abs=4e-3)
-    assert angles.min() >= -4e-3 * 2.0  # less than the way of one step, and then moved back
+    assert angles.min() >= -4e-3 * 2.0  # less than the motion of one step, then corrected
     assert angles[hit + 2 :].min() >= -1.2e-6
     rebound = acos(1.0 - restitution**2 * (1.0 - cos(1.0)))
     assert angles[hit:].max() == pytest.approx(rebound, abs=8e-3)
@@ -70,7 +70,7 @@ def test_a_slider_falls_against_its_stop_and_rests_there() -> None:
 
 @pytest.mark.slow
 def test_a_slider_bounces_between_two_stops_with_the_velocity_that_restitution_leaves() -> None:
-    """Between stops 0.2 m apart it takes 0.2/v, 0.2/(εv), … without gravity."""
+    """Without gravity, the slider takes 0.2/v, 0.2/(εv), … between stops 0.2 m apart."""
     joint = Joint("prismatic", 0, axis=(1.0, 0.0, 0.0), limits=(-0.1, 0.1), restitution=0.5)
     found = steps(one_body(joint, 0.0), start_of((1.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 1e-3, 700)
     speeds = np.array([step.state.velocity[0] for step in found])
@@ -89,7 +89,7 @@ def test_a_body_on_a_rope_falls_freely_until_it_is_taut() -> None:
 
 
 def test_a_motor_spins_a_body_up_with_its_moment_and_then_holds_its_speed() -> None:
-    """ω = τ t/J until it is the target speed; the rule is exact for a constant moment."""
+    """ω = τ t/J up to the target speed; the rule is exact for a constant moment."""
     moment, speed, step = 0.05, 1.0, 1e-3
     joint = Joint("revolute", 0, motor_speed=speed, motor_bound=moment)
     system = one_body(joint, 0.0)
@@ -98,7 +98,7 @@ def test_a_motor_spins_a_body_up_with_its_moment_and_then_holds_its_speed() -> N
     times = step * np.arange(1, 201)
     assert rates == pytest.approx(np.minimum(moment * times / system.moments[0, 2], speed), abs=1e-9)
     assert rates[-1] == pytest.approx(speed, abs=1e-12)
-    assert abs(found[-1].impulses[-1]) <= 1e-12  # nothing is left to do
+    assert abs(found[-1].impulses[-1]) <= 1e-12  # the speed is reached
 
 
 def test_a_motor_without_enough_force_lets_a_slider_fall_more_slowly() -> None:
@@ -118,7 +118,7 @@ def test_a_motor_of_speed_zero_is_friction() -> None:
 
 @pytest.mark.parametrize("turned", [-3.0, -1.0, 2.0, 3.0])
 def test_the_gap_of_a_limit_rises_with_the_rate_of_its_row(turned: float) -> None:
-    """Also beyond π, where the angle of a rotation jumps."""
+    """This holds beyond π too, where the angle of a rotation jumps."""
     joint = Joint("revolute", 0, axis=Y_AXIS, limits=(2.5, 4.0), rotation=tuple(about(Y_AXIS, 0.3)))
     joints = RigidJoints([joint], 1)
     poses = [np.array([[0.0, 0.0, 0.0, *about(Y_AXIS, turned + 0.3 + shift)]]) for shift in (-1e-6, 0.0, 1e-6)]

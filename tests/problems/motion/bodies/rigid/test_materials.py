@@ -1,4 +1,4 @@
-"""Coefficients by pair of materials: one for each pair in either order, and none that is missing."""
+"""Coefficients by pair of materials: one for each pair in either order, and no missing pair."""
 
 import numpy as np
 import pytest

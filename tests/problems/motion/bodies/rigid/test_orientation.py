@@ -1,4 +1,4 @@
-"""Orientations: quaternions agree with rotations of scipy, and the free rotation keeps what Euler's equations keep."""
+"""Orientations: quaternions agree with scipy's rotations, and free rotation keeps Euler's invariants."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_a_way_forth_and_back_ends_where_it_began_with_unit_quaternions(seed: in
 
 
 def test_a_free_rotation_keeps_energy_and_angular_momentum_over_a_hundred_thousand_steps() -> None:
-    """The body tumbles: it begins close to its middle axis, about which rotation is not stable."""
+    """The body tumbles, because it starts close to the unstable rotation about its middle axis."""
     inertias, spins = np.array([[1.0, 2.0, 3.0]]), np.array([[0.01, 10.0, 0.01]])
     energy, momentum = (inertias * spins**2).sum(), np.linalg.norm(inertias * spins)
     lowest = highest = spins[0, 1]
@@ -89,7 +89,7 @@ def test_one_free_step_keeps_energy_and_momentum_and_is_undone_by_a_step_back(se
 
 @given(seed=st.integers(0, 2**32 - 1), seconds=st.floats(1e-4, 0.1))
 def test_the_gyroscopic_moment_does_no_work_beside_an_impulse(seed: int, seconds: float) -> None:
-    """The energy changes by the work p·ω_m of the impulse alone, and the step is undone by one back with −p."""
+    """The energy changes by the work p·ω_m of the impulse alone, and a step back with −p undoes the step."""
     rng = np.random.default_rng(seed)
     sides = rng.uniform(0.1, 1.0, (4, 3)) ** 2
     inertias = sides.sum(axis=1)[:, None] - sides

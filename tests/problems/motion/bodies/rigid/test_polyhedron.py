@@ -1,4 +1,4 @@
-"""Convex polyhedra know their mass properties and faces, and refuse points that make none."""
+"""Convex polyhedra have correct mass properties and faces, and refuse degenerate points."""
 
 import numpy as np
 import pytest

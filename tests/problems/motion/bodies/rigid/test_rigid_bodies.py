@@ -99,7 +99,7 @@ def test_an_effect_that_is_left_out_has_no_rows(effects: list[BodyEffect], rows:
 
 @pytest.mark.parametrize("none", [Friction(0.0), RollingResistance(0.0), Restitution(0.0), Drag(0.0)])
 def test_an_effect_of_no_strength_moves_bodies_as_without_it(none: BodyEffect) -> None:
-    """The box falls on a corner, turns, and falls on others."""
+    """The box falls on one corner, turns, and falls on others."""
     start = State(0.0, np.concatenate([[0.0, 0.0, 0.25], about((1.0, 2.0, 0.5), 0.7)]), np.zeros(6))
     ends = [
         list(stepper(on_ground(effects)).steps(start, 300))[-1].state for effects in ([Gravity()], [Gravity(), none])
@@ -182,7 +182,7 @@ def test_the_angular_momentum_in_space_stays_within_a_bound_of_second_order_over
 
 
 def test_a_box_that_spins_on_its_base_is_slowed_by_spinning_resistance_as_in_closed_form() -> None:
-    """However its weight is spread over the corners, the moment is μ_r m g until it stops."""
+    """For any distribution of the weight over the corners, the moment is μ_r m g until the box stops."""
     system = on_ground([Gravity(), RollingResistance(0.002, "spinning")])
     start = State(0.0, np.array([0.0, 0.0, 0.05 - 1e-9, 1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5]))
     slowing = 0.002 * 9.81 / system.moments[0, 2]
@@ -200,7 +200,7 @@ def test_a_box_that_penetrates_is_lifted_and_levelled_by_the_projection() -> Non
     assert -system.gaps_below(end, 0.0)[1].min(initial=0.0) <= 1.2e-4
     assert end[2] > 0.045
     assert np.linalg.norm(end[3:]) == pytest.approx(1.0, abs=1e-14)
-    # what moves it least in the metric of M does not move it along the ground or turn it about the vertical
+    # the smallest correction in the metric of M neither moves it along the ground nor turns it about the vertical
     assert end[:2] == pytest.approx(np.zeros(2), abs=1e-14)
 
 

@@ -1,4 +1,4 @@
-"""Joints of rigid bodies: what they hold, its derivative, and what they refuse."""
+"""Joints of rigid bodies: their constraints, the derivatives of these, and refused arguments."""
 
 from typing import Any
 
@@ -34,7 +34,7 @@ def some_poses(seed: int) -> np.ndarray[Any, Any]:
 @pytest.mark.parametrize("second", [1, WORLD])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_jacobian_is_the_rate_of_the_residual(kind: str, second: int) -> None:
-    """Along any velocity, through the exponential of quaternions; the central difference errs by its square."""
+    """For any velocity, by a central difference over the exponential of quaternions, with an error of second order."""
     joints, poses, step = RigidJoints([some_joint(kind, second)], 2), some_poses(1), 1e-5
     for velocity in np.random.default_rng(2).normal(size=(5, 12)):
         after, before = (

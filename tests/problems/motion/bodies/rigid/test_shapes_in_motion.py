@@ -1,4 +1,4 @@
-"""Capsules, cylinders and polyhedra roll, slide, fall and rest as in closed form."""
+"""Capsules, cylinders and polyhedra roll, slide, fall and rest according to closed forms."""
 
 from collections.abc import Sequence
 from math import cos, sin, sqrt, tan
@@ -103,7 +103,7 @@ def test_a_capsule_that_overhangs_a_slab_rests_on_its_edge_by_the_law_of_the_lev
 
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.1, 0.4, 0.0], [0.2, 0.15, 0.3], [0.3, 0.1, 0.25]])
-"""A polyhedron on a triangle, which carries its weight in one way only."""
+"""A polyhedron on a triangle, whose corner forces are unique."""
 
 
 @pytest.mark.parametrize("height", [-OVERLAP, 0.05], ids=["laid", "dropped"])

@@ -1,4 +1,4 @@
-"""A motion of rigid bodies that cannot start so is refused with one sentence and its remedy."""
+"""A motion of rigid bodies with an invalid start is refused with one sentence and its remedy."""
 
 import sys
 from contextlib import nullcontext
@@ -57,7 +57,7 @@ def test_a_state_in_which_bodies_cannot_start_is_refused(state: State, words: st
 
 @pytest.mark.parametrize(("depth", "is_refused"), [(0.9e-5, False), (1.1e-5, True), (0.9e-3, True)])
 def test_a_thin_body_may_penetrate_by_a_part_of_its_thickness(depth: float, is_refused: bool) -> None:
-    """A card of 0.2 mm is as wide as a hand: its bounding radius would let it pass through the ground."""
+    """A card 0.2 mm thick is as wide as a hand: a part of its bounding radius would let it pass through the ground."""
     cards = RigidBodies([Box((0.1, 0.1, 2e-4))], np.ones(1), [FixedBody(HalfSpace())])
     lying = State(0.0, np.array([0.0, 0.0, 1e-4 - depth, 1.0, 0.0, 0.0, 0.0]), np.zeros(6))
     with pytest.raises(ProblemError, match=r"less than 0\.05 of the thickness") if is_refused else nullcontext():
@@ -82,7 +82,7 @@ def test_a_fixed_body_at_no_pose_is_refused() -> None:
 def test_missing_coal_is_reported_before_bodies_meet(
     partner: Shape, is_needed: bool, is_fixed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The bodies are far apart, and the plane needs nothing."""
+    """The bodies are far apart, and contacts with the plane do not need coal."""
     monkeypatch.setitem(sys.modules, "coal", None)
     plane, cylinder = FixedBody(HalfSpace()), Cylinder(0.5, 1.0)
     if is_fixed:

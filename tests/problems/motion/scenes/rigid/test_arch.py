@@ -1,4 +1,4 @@
-"""A semicircular arch stands iff it is as thick as its equilibrium requires, and collapses by the known mechanisms."""
+"""A semicircular arch stands if and only if it is thick enough, and collapses by the known mechanisms."""
 
 from collections.abc import Callable
 from math import cos, pi, sin
@@ -25,7 +25,7 @@ from ...exact_contacts import Point, bodies_at_rest
 ROUND_STONES = {7: 0.0962, 9: 0.1021, 13: 0.1028, 27: 0.1068, 51: 0.1074}
 """Least t/R by the number of stones with round faces, for μ = 0.8: the minima of a separate linear program.
 
-The value for 27 stones is published as well (Gilbert, Casapulla & Ahmed 2006).
+The value for 27 stones is also published (Gilbert, Casapulla & Ahmed 2006).
 """
 
 Stone = Callable[[Arch], tuple[float, float]]
@@ -40,7 +40,7 @@ def round_stone(arch: Arch) -> tuple[float, float]:
 
 
 def straight_stone(arch: Arch) -> tuple[float, float]:
-    """Return the same for a stone cut straight from joint to joint."""
+    """Return the same values for a stone with straight faces between its joints."""
     inner, outer = (arch.radius * (1.0 + sign * 0.5 * arch.thickness) for sign in (-1.0, 1.0))
     half, thickness = 0.5 * pi / arch.stones, arch.radius * arch.thickness
     area = (inner + outer) * sin(half) * thickness * cos(half)
@@ -90,7 +90,7 @@ def test_straight_stones_have_a_slightly_lower_limit(stones: int, limit: float) 
 @pytest.mark.slow
 @pytest.mark.parametrize(("thickness", "friction"), [(0.107426, 0.395832), (0.200637, 0.309215), (0.3, 0.309215)])
 def test_the_least_friction_of_many_stones_is_that_of_the_continuous_arch(thickness: float, friction: float) -> None:
-    """A tenth of a per cent above the least thickness the limits are within 0.3 % of those of Cocchetti and Rizzi."""
+    """At 0.1 % above the least thickness, the limits are within 0.3 % of those of Cocchetti and Rizzi."""
     found = least_friction(at_rest(Arch(151, 1.001 * thickness)))
     assert found == pytest.approx(friction, rel=3e-3)
 
@@ -170,7 +170,7 @@ def test_in_motion_an_arch_falls_or_stands_one_per_cent_beside_the_limit(thickne
 @pytest.mark.slow
 @pytest.mark.parametrize("stones", [7, 13, 27])
 def test_the_limit_in_motion_is_that_of_equilibrium(stones: int) -> None:
-    """The limit lies between an arch that falls and one that stands, at 2e-3 on both sides of equilibrium's."""
+    """The arch falls at a thickness 0.2 % below the limit of equilibrium, and stands at 0.2 % above it."""
     exact = least_thickness(stones, 0.8, straight_stone)
     assert exact == pytest.approx(ROUND_STONES[stones], rel=8e-3)
     assert largest_displacement(Arch(stones, 0.998 * exact), 5e-3, 1e-4) > 1e-3

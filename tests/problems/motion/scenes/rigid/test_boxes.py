@@ -37,7 +37,7 @@ def largest_errors(scene: SlidingBox, time_step: float, count: int) -> tuple[flo
     ("slope", "friction", "speed"), [(0.5, 0.4, 0.0), (0.5, 0.4, 1.0), (0.3, 0.31, 0.0), (0.0, 0.3, 0.0)]
 )
 def test_a_box_on_an_incline_follows_its_closed_form(slope: float, friction: float, speed: float, turn: float) -> None:
-    """Accelerations are constant, so the midpoint rule makes no error but that of the solver."""
+    """Accelerations are constant, so the only error of the midpoint rule is that of the solver."""
     scene = BoxOnIncline(slope=slope, friction=friction, speed=speed, turn=turn)
     position, velocity = largest_errors(scene, 1e-3, 200)
     assert position <= 1e-9
@@ -69,7 +69,7 @@ def test_a_thrown_box_slides_to_a_stop_and_does_not_lift(turn: float) -> None:
 
 @pytest.mark.parametrize("name", ["box_on_incline", "box_on_incline(slope=0.3, speed=-1.0)", "thrown_box(turn=0.4)"])
 def test_a_variable_step_follows_the_exact_motion_and_locates_the_stop(name: str) -> None:
-    """Positions are longer than velocities, and extrapolated quaternions are of unit length only to its error."""
+    """Positions have more entries than velocities; extrapolated quaternions have unit length only up to their error."""
     scene = make_scene(name)
     taken = list(Extrapolated().steps(scene, create("SORprox"), Stop(1e-12, 100_000), scene.start, scene.duration))
     assert scene.exact is not None
@@ -128,7 +128,7 @@ def test_a_stack_rests_and_its_lowest_contacts_carry_its_weight(friction: float 
 
 @pytest.mark.parametrize(("solver", "tolerance"), [("Robust", 1e-6), ("NSGS", 1e-6)])
 def test_a_stack_of_ten_equal_boxes_drifts_by_no_more_than_its_tolerance_allows(solver: str, tolerance: float) -> None:
-    """A contact may open with the velocity τ max|c|, here τ g Δt; the uppermost box drifts by those of ten contacts."""
+    """A contact may open with the velocity τ max|c|, here τ g Δt; the top box drifts by the sum over ten contacts."""
     scene, time_step, count = BoxStack(10), 1e-2, 100
     rule = MidpointRule(scene.system(), create(solver), Stop(tolerance, 20_000), time_step)
     for step in rule.steps(scene.start(), count):

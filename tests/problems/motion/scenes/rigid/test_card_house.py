@@ -1,4 +1,4 @@
-"""A house of cards needs the friction that the equilibrium of its cards asks for, in motion as well."""
+"""A house of cards needs the friction that the equilibrium of its cards requires, in motion as well."""
 
 from math import tan
 
@@ -20,7 +20,7 @@ def at_rest(house: CardHouse) -> ContactProblem:
 
 @pytest.mark.parametrize("lean", [0.1, 0.35, 0.48])
 def test_a_pair_of_cards_needs_the_friction_of_its_moments(lean: float) -> None:
-    """The weight at its lever about the inner edge of the foot is held by the heads, at the height of the pair."""
+    """The heads, at the height of the pair, balance the moment of the weight about the inner edge of the foot."""
     house = CardHouse(1, lean)
     _, pose = convex_polyhedron(prism(house.leaning(), house.width))
     expected = (pose[0] + 0.5 * house.foot) / house.height

@@ -32,7 +32,7 @@ def test_boxes_start_apart_from_each_other_and_inside(scene: RotatingDrum | Hopp
 
 
 def test_staves_without_boxes_turn_as_a_ring() -> None:
-    """Their speed is exact, and so is their distance from the axis but for the square of the step."""
+    """Their speed is exact, and their distance from the axis has an error of second order in the step."""
     drum = RotatingDrum(1)
     last = states_of(drum, 1.0)[-1]
     poses, twists = last.position.reshape(-1, 7)[1:], last.velocity.reshape(-1, 6)[1:]
@@ -77,7 +77,7 @@ def test_boxes_in_a_drum_climb_and_slump_at_angles_of_repose() -> None:
 
 
 def test_boxes_stick_together_and_turn_with_the_drum_until_they_slump() -> None:
-    """The slope grows with the speed of the drum at first, from the time when the boxes lie still in it."""
+    """At first the slope grows with the speed of the drum, once the boxes are at rest relative to it."""
     drum = RotatingDrum(6, edge=0.02, layers=1, friction=0.8)
     slopes = np.array([drum.slope(state) for state in states_of(drum, 0.4)])
     assert (slopes[-1] - slopes[-51]) / 0.1 == pytest.approx(np.degrees(drum.speed), rel=0.1)

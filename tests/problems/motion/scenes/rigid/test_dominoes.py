@@ -1,4 +1,4 @@
-"""A wave of falling dominoes runs with the speed that the theory of leaning dominoes gives it."""
+"""A wave of falling dominoes has the speed that the theory of leaning dominoes predicts."""
 
 import numpy as np
 import pytest

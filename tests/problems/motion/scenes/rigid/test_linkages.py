@@ -33,7 +33,7 @@ def joint_error(system: RigidBodies, state: State) -> float:
 
 
 def test_a_pendulum_returns_after_its_period() -> None:
-    """The closed form itself: it keeps its energy, and after a period it is where it was."""
+    """This tests the closed form itself: it conserves energy, and returns to its start after a period."""
     scene = Pendulum(angle=2.0)
     system, start = scene.system(), scene.start()
     for time in (0.1, 0.3, 0.7, scene.period):
@@ -65,7 +65,7 @@ def test_projection_takes_the_drift_of_joints_out() -> None:
 
 @pytest.mark.slow
 def test_friction_of_a_joint_turns_a_pendulum_where_its_work_has_taken_the_energy() -> None:
-    """It turns at θ₁ < 0 with m g (L/2) (cos θ₁ − cos θ₀) = τ (θ₀ − θ₁)."""
+    """The pendulum turns back at θ₁ < 0 with m g (L/2) (cos θ₁ − cos θ₀) = τ (θ₀ − θ₁)."""
     scene, moment = Pendulum(), 0.3
     steps = last_steps(scene.system(moment), scene.start(), 2e-3, 500)
     turning = min(scene.angle_of(step.state) for step in steps)
@@ -106,7 +106,7 @@ def test_a_chain_in_a_normal_mode_swings_with_its_frequency(mode: int) -> None:
 
 
 def test_the_energy_error_of_a_chain_falls_with_the_square_of_the_step() -> None:
-    """Joints do no work in a step; what is left is the error of gravity and of the projection."""
+    """Joints do no work in a step; the remaining error is that of gravity and of the projection."""
     scene, errors = Chain(n_links=3), []
     system, start = scene.system(), scene.start()
     for step in (1e-2, 5e-3):
@@ -154,7 +154,7 @@ def test_a_step_too_long_for_the_rods_of_a_heavy_ball_ends_with_a_sentence() -> 
 
 
 def test_velocities_do_not_open_the_joints_of_a_linkage_for_long() -> None:
-    """Their part across the joints is removed at each step; without projection it changes sign and grows."""
+    """The velocity across the joints is removed at each step; without projection it changes sign and grows."""
     scene, open_rates = FourBar(), []
     system, start = scene.system(), scene.start()
     assert system.joints is not None

@@ -1,4 +1,4 @@
-"""The midpoint rule converges to each closed form with its order."""
+"""The midpoint rule converges to each closed form with the expected order."""
 
 import os
 

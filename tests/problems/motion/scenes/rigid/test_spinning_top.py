@@ -65,7 +65,7 @@ def test_a_cone_has_its_centre_of_mass_at_three_quarters_and_both_roots_meet_at_
 
 
 def test_gyroscopic_moments_do_no_work_on_a_joint() -> None:
-    """What is left of the energy's error is that of gravity, which falls eightfold where the step is halved."""
+    """The remaining error of the energy is that of gravity, which falls eightfold if the step is halved."""
     scene = SpinningTop()
     system, start = scene.system(), scene.start()
     errors = [abs(energy(system, last_state(scene, 0.2, n)) / energy(system, start) - 1.0) for n in (50, 100)]

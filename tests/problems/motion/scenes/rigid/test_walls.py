@@ -1,4 +1,4 @@
-"""A wall of bricks stands, and falls if a ball strikes it."""
+"""A wall of bricks stands, and falls if a ball hits it."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_a_struck_wall_loses_bricks_and_its_energy_never_grows() -> None:
 
 
 def test_a_ball_whose_weight_moves_nothing_leaves_the_wall_its_momentum_at_the_impact() -> None:
-    """Momentum along y is kept in the step of the impact but for the friction of the lowest bricks."""
+    """In the step of the impact, momentum along y is conserved except for the friction of the lowest bricks."""
     wall = BrickWall(friction=0.0)
     system = wall.system()
     rule = MidpointRule(system, create("Robust"), Stop(1e-10, 50_000), 1e-3)

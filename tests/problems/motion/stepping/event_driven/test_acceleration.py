@@ -1,4 +1,4 @@
-"""The contact laws on acceleration level against forces known by hand."""
+"""The contact laws on acceleration level against forces computed by hand."""
 
 from math import cos, sin
 
@@ -54,7 +54,7 @@ def test_a_slipping_contact_has_one_law_whose_force_leans_with_its_friction() ->
 
 
 def test_redundant_contacts_share_a_force_and_the_motion_is_unique() -> None:
-    """The upper and the lower edge of the sleeve closed together hold one angle twice."""
+    """The closed upper and lower edges of the sleeve both constrain one angle."""
     laws, start = AccelerationLaws(woodpecker()), section_start()
     both = Modes(np.array([False, True, True]), np.array([0.0, 1.0, 1.0]))
     acceleration, _ = laws.motion(start.position, start.velocity, both)

@@ -33,7 +33,7 @@ def simulate(system: MechanicalSystem, start: State, until: float, solver: Any =
 
 
 def cycle(periods: float) -> Motion:
-    """From the section on; the event in which the cycle leaves it is left out."""
+    """Return the motion from the section on, without the event in which the cycle leaves it."""
     motion = simulate(woodpecker(), section_start(), periods * PERIOD)
     return Motion([event for event in motion.events if event.time > 1e-6], motion.phases, motion.end)
 
@@ -62,7 +62,7 @@ def test_the_woodpecker_comes_back_to_the_section_lower_by_its_descent() -> None
 
 
 def test_time_stepping_converges_to_it_from_the_published_start() -> None:
-    """Away from the cycle, through twelve events, where no other reference is known; single errors are erratic."""
+    """No other reference is known away from the cycle, over twelve events; single errors are erratic."""
     until, errors = 0.13, []
     motion = simulate(woodpecker(), published_start(), until)
     for steps in (250, 2250):
@@ -89,7 +89,7 @@ def test_a_bouncing_ball_stops_it_at_the_accumulation_point() -> None:
 
 
 def test_steps_of_a_motion_join_and_none_takes_longer_than_the_longest_step() -> None:
-    """A fall of 0.45 s and the rest after it are divided."""
+    """A fall of 0.45 s and the following rest are divided into steps."""
     ball = BouncingBall(restitution=0.0)
     start = general_start(ball)
     scene = bare_scene("own", {}, general_system(ball), start)
@@ -123,7 +123,7 @@ def test_a_ball_without_restitution_lies_where_it_falls() -> None:
     ],
 )
 def test_a_block_slides_stops_turns_or_stays_as_in_closed_form(block: BlockOnIncline, events: list[str]) -> None:
-    """A reversal of slip changes no state of the contact and is no event of the list."""
+    """A reversal of slip does not change the state of the contact, and is not listed as an event."""
     motion = simulate(block.system(), block.start(), 1.0)
     assert [event.after for event in motion.events] == events
     if events:
@@ -135,7 +135,7 @@ def test_a_block_slides_stops_turns_or_stays_as_in_closed_form(block: BlockOnInc
 
 
 def test_a_sliding_sphere_begins_to_roll_at_the_known_time() -> None:
-    """q = (x, z, φ) with φ positive where it rolls forwards, γ_T = ẋ − r φ̇."""
+    """q = (x, z, φ) with φ positive if it rolls forwards, γ_T = ẋ − r φ̇."""
     scene = SlidingSphere()
     radius = scene.radius
     system = constant_system(
@@ -219,7 +219,7 @@ def test_directions_that_turn_with_the_motion_keep_constraint_and_energy() -> No
 
 
 def test_a_point_thrown_through_the_top_of_a_circle_leaves_it_where_its_weight_draws_it_off() -> None:
-    """From the bottom with v² = 4 g R: cos of the angle from the top is (v²/gR − 2)/3 where the circle lets go."""
+    """From the bottom with v² = 4 g R, the cosine of the angle from the top is (v²/gR − 2)/3 when contact is lost."""
     start = State(0.0, np.array([0.0, -RADIUS]), np.array([sqrt(4.0 * 9.81 * RADIUS), 0.0]))
     motion = simulate(replace(bowl(), direction_rates=bowl_rates), start, 0.6)
     first = motion.events[0]
@@ -234,7 +234,7 @@ def test_directions_that_turn_need_their_rate() -> None:
 
 
 def test_a_slip_that_draws_its_contact_in_is_an_error() -> None:
-    """The matrix of the rod in the theory, μ = 2 and slip against its asymmetry: G_NN − μ |G_NT| < 0 (Painlevé)."""
+    """The rod of the theory page, with μ = 2 and slip against its asymmetry: G_NN − μ |G_NT| < 0 (Painlevé)."""
     root = np.linalg.cholesky(np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])).T
     rod = constant_system([1.0, 1.0], (-9.81 * root[:, 0]).tolist(), root.tolist(), [2.0], lambda q: root[:, :1].T @ q)
     sliding = np.linalg.solve(root.T, [0.0, -1.0])
@@ -291,7 +291,7 @@ def test_a_system_that_fails_on_the_way_ends_the_motion(failing: dict[str, Any],
 
 @dataclass(frozen=True)
 class Refusing:
-    """Returns zeros whatever the problem."""
+    """Returns zeros for any problem."""
 
     problem: ContactProblem | None = None
 
