@@ -152,12 +152,12 @@ def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: di
     """Return why the solver cannot be recreated from its name, or None; results identify solvers by their names."""
     plain, _, written_options = solver.name.partition("(")
     if plain != name:
-        return f"it calls itself {solver.name!r}; its name must begin with {name!r}, the name that the plugin offers"
+        return f"its name is {solver.name!r}, but must begin with {name!r}, the name that the plugin offers"
     for option, parameter in inspect.signature(factory).parameters.items():
         differs = option in options and options[option] != parameter.default
         if differs and f"{option}=" not in written_options:
             return (
-                f"with {option}={options[option]!r} it still calls itself {solver.name!r}; "
+                f"with {option}={options[option]!r} its name is still {solver.name!r}; "
                 "include the options in the name, as name = property(name_with_options) does for a dataclass"
             )
     return None

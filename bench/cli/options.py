@@ -73,7 +73,8 @@ def require_absent(names: Iterable[str], given: Collection[str], reason: str) ->
 
     for name in names:
         if name in given:
-            raise BenchError(f"{'SCENE' if name == 'scene' else option_name(name)} {reason}; leave it out.")
+            option = "SCENE" if name == "scene" else option_name(name)
+            raise BenchError(f"{option} {reason}; omit {option}.")
 
 
 def require_exclusive(name: str, others: Iterable[str], given: Collection[str]) -> None:

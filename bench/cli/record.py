@@ -84,7 +84,7 @@ def _require_consistent_options(
 
     if is_simulation:
         if solver:
-            raise BenchError(f"{problem} is a stored simulation; leave out --solver, or simulate with that solver.")
+            raise BenchError(f"{problem} is a stored simulation; omit --solver, or simulate with that solver.")
         return
     if problem.endswith(".bundle") or (Path(problem) / "run.json").is_file():
         raise BenchError(f"{problem} is a run; to record iterations during a run, use: proxbench run --record")

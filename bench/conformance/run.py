@@ -50,7 +50,7 @@ def run_checks(
             solvers nor problems.
     """
     if not seconds > 0:
-        raise BenchError(f"`seconds` must be positive, got {seconds:g}; leave it out for the default.")
+        raise BenchError(f"`seconds` must be positive, got {seconds:g}; omit it for the default.")
     is_path = target.endswith(".py") or "/" in target.partition("(")[0]
     file = PluginFile.read(target) if is_path else None
     known = [other for other, _ in registered()]

@@ -219,8 +219,8 @@ def stops_at_solution(solver: Solver) -> None:
         warm = prepared.solve(DEFAULT_STOP, start=solution.impulses.copy())
         if warm.status is not Status.SOLVED or warm.iterations > 1:
             raise Violation(
-                f"starting from its own solution of {problem.name} the status is {warm.status} after {warm.iterations} "
-                "iterations; begin from start, and check the residual before the first iteration."
+                f"from its own solution of {problem.name} as start, the status is {warm.status} after "
+                f"{warm.iterations} iterations; begin from start, and check the residual before the first iteration."
             )
     if not is_any_solved:
         raise NotApplicable(f"it solves no sample to {DEFAULT_STOP.tolerance:g}")

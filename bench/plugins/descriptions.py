@@ -120,7 +120,7 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     if not name:
         _check_name_is_free(answer["name"])
     elif _plain_names(answer["name"]) != _plain_names(name):
-        raise error(f"{what} calls itself {answer['name']!r:.200}; set its name to the one that creates it.")
+        raise error(f"{what} has the name {answer['name']!r:.200}; set its name to the one that creates it.")
     model, offer = Model.from_text(answer["model"]), registry.find_offer(name) if name else None
     source = offer.source if offer is not None else answer["source"] or name  # never that of a built-in solver
     files = use_native_files(answer["name"], answer["native"])
@@ -154,7 +154,7 @@ def _is_of_package(solver: Solver) -> bool:
 def _check_name_is_free(name: str) -> None:
     plain = name.partition("(")[0].strip()
     if registry.is_built_in(plain):
-        raise BenchError(f"the solver object calls itself {name!r:.200}, a name that Proxbench itself uses; rename it.")
+        raise BenchError(f"the solver object has the name {name!r:.200}, which Proxbench itself uses; rename it.")
 
 
 def _plain_names(name: str) -> list[str]:

@@ -128,7 +128,7 @@ def _running_viewer(program: str, folder: Path, size: tuple[int, int]) -> Iterat
 
             def connect() -> ViewerClient | None:
                 if process.poll() is not None:
-                    raise BenchError(f"it exited with code {process.returncode}")
+                    raise BenchError(f"the viewer exited with code {process.returncode}")
                 with suppress(Exception):  # the viewer does not answer yet
                     client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
                     client.get_state()

@@ -66,7 +66,7 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
     tables, drawn, written, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
     if baseline and not has_profiles:
-        raise BenchError(f"{frames.folder} has no speed-ups; leave `baseline` out.")
+        raise BenchError(f"{frames.folder} has no speed-ups; omit `baseline`.")
     against = baseline_of(frames, baseline) if has_profiles else ""
     for place in ("tables", "charts"):
         check_links_inside(folder / place, frames.output_folder)

@@ -63,7 +63,7 @@ def motion_warning(trajectory: TrajectoryRecord) -> str:
     if trajectory.displacement is None or trajectory.displacement > MIN_MOTION * trajectory.scale:
         return ""
     return (
-        f"nothing in {trajectory.name} moves in {trajectory.duration:g} s, so errors have no scale; "
+        f"no coordinate of {trajectory.name} changes within {trajectory.duration:g} s, so errors have no scale; "
         "choose a longer duration, or other options of the scene."
     )
 

@@ -249,7 +249,7 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     noted = int((results["notes"] != "").sum())
     if noted:
         console.print(Text(f"{counted(noted, 'case')} with notes: see tables/results", style="dim"))
-    console.print(Text(f"a single problem: proxbench report {frames.folder} --problem NAME", style="dim"))
+    console.print(Text(f"for a single problem: proxbench report {frames.folder} --problem NAME", style="dim"))
     console.print()
 
 
@@ -279,7 +279,7 @@ def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Conso
 def _print_starts(starts: pd.DataFrame, console: Console) -> None:
     """Print the effect of warm starts, if solvers were measured from zero and warm."""
     if len(starts):
-        console.print(Text("what a warm start is worth", style="bold"))
+        console.print(Text("effect of warm starts", style="bold"))
         print_table(console, shown_starts(starts), left_aligned=("family",), optional=("cold iter.", "warm iter."))
         console.print(Text(_STARTS, style="dim"))
         console.print()

@@ -209,9 +209,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
     for name, value in _values(plan, given):
         if name not in stored or value != stored[name]:
             holds = f"{name} {_value_text(stored[name])}" if name in stored else f"no {name}"
-            raise BenchError(
-                f"{name} {_value_text(value)} contradicts {source}, which has {holds}; leave it out to resume."
-            )
+            raise BenchError(f"{name} {_value_text(value)} contradicts {source}, which has {holds}; omit it to resume.")
 
 
 def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
@@ -238,20 +236,16 @@ def _value_text(value: object) -> str:
 
 def _check_seconds(seconds: float) -> None:
     if not 0.0 < seconds < math.inf:
-        raise BenchError(f"`step_seconds` must be positive and finite, got {seconds:g}; leave it out for the default.")
+        raise BenchError(f"`step_seconds` must be positive and finite, got {seconds:g}; omit it for the default.")
 
 
 def _check_numbers(plan: SimulationPlan) -> None:
     if not 0.0 < plan.duration < math.inf:
-        raise BenchError(
-            f"`duration` must be positive and finite, got {plan.duration:g}; leave it out for the default."
-        )
+        raise BenchError(f"`duration` must be positive and finite, got {plan.duration:g}; omit it for the default.")
     if not 0.0 < plan.tolerance < 1.0:
-        raise BenchError(f"`tolerance` must be between 0 and 1, got {plan.tolerance:g}; leave it out for the default.")
+        raise BenchError(f"`tolerance` must be between 0 and 1, got {plan.tolerance:g}; omit it for the default.")
     if not plan.max_iterations >= 1:
-        raise BenchError(
-            f"`max_iterations` must be at least 1, got {plan.max_iterations}; leave it out for the default."
-        )
+        raise BenchError(f"`max_iterations` must be at least 1, got {plan.max_iterations}; omit it for the default.")
     check_start(plan.start)
     if isinstance(plan.solver, Warm):
         raise BenchError(

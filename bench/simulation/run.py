@@ -126,7 +126,7 @@ def resumable_simulation(
     if simulation.state.time - plan.until > plan.stepper.shortest_step(plan.scene):
         raise BenchError(
             f"{file} has already reached {simulation.state.time:g} s, past the duration of {plan.duration:g} s; "
-            "name a longer one, or leave it out."
+            "choose a longer one, or omit it."
         )
     stored, simulation.plan = simulation.plan, plan
     if simulation.is_finished:  # no step with other settings follows

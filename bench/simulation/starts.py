@@ -59,7 +59,7 @@ class StepSolver:
         """
         reason = self.solver.supports(problem)
         if reason:
-            raise UnsupportedStepError(f"it does not support this step: {reason}")
+            raise UnsupportedStepError(f"its solver does not support this step: {reason}")
         if self.start == WARM_THEN_COLD:
             return Fallback(self.solver, warm_iterations=WARM_ITERATIONS).prepare(problem)
         prepared = self.solver.prepare(problem)

@@ -48,7 +48,7 @@ class Limits(Struct, frozen=True):
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
             if not 0 < value < MAX_NUMBER:
-                raise BenchError(f"`{name}` must be positive and finite, got {value:g}; leave it out for the default.")
+                raise BenchError(f"`{name}` must be positive and finite, got {value:g}; omit it for the default.")
 
 
 def limit_in_bytes(memory: float | None) -> int | None:
@@ -60,9 +60,7 @@ def limit_in_bytes(memory: float | None) -> int | None:
     if memory is None:
         return None
     if not 1 <= memory < MAX_MEBIBYTES:
-        raise BenchError(
-            f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; leave it out for the default."
-        )
+        raise BenchError(f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; omit it for the default.")
     return round(memory * 2**20)
 
 

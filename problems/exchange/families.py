@@ -50,7 +50,7 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
     if sampling not in get_args(Sampling):
         raise ProblemError(f"`sampling` {sampling!r} is unknown{suggestion(str(sampling), get_args(Sampling))}")
     if count < 1:
-        raise ProblemError(f"`sample` must be at least 1, got {count}; leave it out to take all problems.")
+        raise ProblemError(f"`sample` must be at least 1, got {count}; omit it to take all problems.")
     members: dict[str, list[str]] = {}
     for name, family in families.items():
         members.setdefault(family, []).append(name)

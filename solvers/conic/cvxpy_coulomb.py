@@ -78,7 +78,7 @@ class CvxpyCoulomb(FixedPointMethod):
             return f"it has {discs}, and {self.solver} does not support second-order cones"
         if problem.n_contacts > MAX_CONTACTS:
             return (
-                f"it has {problem.n_contacts} contacts, and cvxpy needs gigabytes to compile more than {MAX_CONTACTS}"
+                f"it has {problem.n_contacts} contacts; with more than {MAX_CONTACTS}, cvxpy needs gigabytes to compile"
             )
         return unsupported_reason(problem, "delassus")
 

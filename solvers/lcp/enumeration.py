@@ -47,7 +47,7 @@ class Enumeration(Method):
         if (problem.laws.row_count > 1).any():
             return "it has spatial friction, whose directions of slip cannot be enumerated"
         if problem.n_contacts > MAX_CONTACTS:
-            return f"it has {problem.n_contacts} contacts, and the states of more than {MAX_CONTACTS} are too many"
+            return f"it has {problem.n_contacts} contacts; more than {MAX_CONTACTS} have too many states"
         return None
 
     def prepare(self, problem: ContactProblem) -> "PreparedEnumeration":

@@ -80,7 +80,7 @@ def read_description(source: str, message: Message) -> SolverFacts:
     """
     if len(message.body) < _DESCRIPTION.size:
         raise BrokenInterfaceError(
-            f"{source} describes itself in {len(message.body)} bytes; send six numbers and a name."
+            f"{source} sent a description of {len(message.body)} bytes; send six numbers and a name."
         )
     interface, model, sides, forms, laws, flags = _DESCRIPTION.unpack_from(message.body)
     check_interface(source, interface)

@@ -38,7 +38,7 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
         return f"its dense matrices have {size} entries, more than {MAX_ENTRIES}"
     if problem.engine is not None:
         if (problem.engine.kind == EngineSet.COULOMB_CONE).any():
-            return f"the own model of {problem.engine.name} follows Coulomb's law, and MuJoCo solves convex programs"
+            return f"the model of {problem.engine.name} follows Coulomb's law, but MuJoCo solves convex programs"
         return None
     laws = problem.laws
     if laws.is_rolling.any():

@@ -43,7 +43,7 @@ class PinocchioPGS(Method):
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
         if problem.n_contacts > MAX_CONTACTS:
-            return f"it has {problem.n_contacts} contacts, and the dense G of more than {MAX_CONTACTS} takes gigabytes"
+            return f"it has {problem.n_contacts} contacts; with more than {MAX_CONTACTS}, the dense G takes gigabytes"
         return unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedPGS":

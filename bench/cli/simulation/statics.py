@@ -98,14 +98,14 @@ def _sentence(row: dict[str, Any]) -> str:
         parts = ["can stand"]
     else:
         share = f"{100.0 * row['imbalance']:.3g} %"
-        parts = [f"cannot stand: bodies accelerate with {share} of the free acceleration", row["mechanism"]]
+        parts = [f"cannot stand: bodies accelerate at {share} of the free acceleration", row["mechanism"]]
     if row["can_stand"] and "push" in row:
         along = ",".join(f"{number:g}" for number in row["push"])
         parts.append(f"it bears {_size(row['largest_push'])} along {along}")
     if "least_friction" in row:
         least = row["least_friction"]
         parts.append(
-            "no friction makes it stand" if least is None else f"it needs a friction coefficient of {least:.6g}"
+            "no friction coefficient suffices" if least is None else f"it needs a friction coefficient of {least:.6g}"
         )
     return f"{row['scene']} {'; '.join(parts)}"
 

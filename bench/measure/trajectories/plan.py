@@ -108,7 +108,7 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
         raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {wrong}.")
     seconds = made.duration if duration is None else duration
     if not 0.0 < seconds < math.inf:
-        raise BenchError(f"`duration` must be positive and finite, got {seconds:g}; leave it out for the default.")
+        raise BenchError(f"`duration` must be positive and finite, got {seconds:g}; omit it for the default.")
     trajectory = TrajectoryRecord(
         name=str(Name(plain, options)),
         duration=seconds,

@@ -184,7 +184,7 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, foun
 def _compare_verdict(measured: Measured, again: Verdict, moved: Sequence[Verdict]) -> None:
     numbers, others = again.numbers(), [one.numbers() for one in moved]
     if set(measured.verdict) != set(numbers):
-        raise _Disagreement("its verdict has not the same entries as that of the judge")
+        raise _Disagreement("its verdict does not have the entries of that of the judge")
     for name, number in numbers.items():
         stated = measured.verdict[name]
         if isinstance(number, bool) or number is None or isinstance(stated, bool):

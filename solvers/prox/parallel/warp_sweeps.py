@@ -33,12 +33,16 @@ def find_device(solver: str, name: str) -> Any:
 
     wp.config.log_level = wp.LOG_ERROR
     if name != "cpu" and not wp.is_cuda_available():
-        raise SolverError(f"{solver} finds no graphics processor for device={name!r}; use device='cpu'.")
+        raise SolverError(
+            f"{solver} needs a graphics processor for device={name!r}, and there is none; use device='cpu'."
+        )
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError):
         known = ", ".join(repr(str(device)) for device in wp.get_devices())
-        raise SolverError(f"{solver} finds no device {name!r}; the devices of this machine are {known}.") from None
+        raise SolverError(
+            f"{solver} does not find the device {name!r}; the devices of this machine are {known}."
+        ) from None
 
 
 class DeviceSweep(ABC):

@@ -100,7 +100,7 @@ def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.Cap
     [
         ("run --suite no/folder", "there is no folder no/folder"),
         ("run --suite /dev", "there is no problem in /dev"),
-        ("run --suite all --sample 0", "--sample must be at least 1, got 0; leave it out to take all problems."),
+        ("run --suite all --sample 0", "--sample must be at least 1, got 0; omit it to take all problems."),
         ("run --resume here --sample 3", "--sample is stored with the run"),
         ("report here.npz --problem funnel-30", "--problem applies to runs, but here.npz is a simulation"),
         ("report here --problem funnel-30 --quiet", "--problem and --quiet are mutually exclusive"),

@@ -25,7 +25,7 @@ SCENES = {"lone_ball": lone_ball}
         (
             ["block_on_incline(slope=1.0)"],
             1,
-            "cannot stand: bodies accelerate with 51.1 % of the free acceleration; slides at 1 of 1 contacts",
+            "cannot stand: bodies accelerate at 51.1 % of the free acceleration; slides at 1 of 1 contacts",
         ),
         (["stack"], 0, "can stand; it bears no push along 1,0,0"),
         (["thrown_box"], 0, "can stand; it bears a push of up to 0.5 of its weight along 1,0,0"),
@@ -33,13 +33,13 @@ SCENES = {"lone_ball": lone_ball}
         (
             ["v_groove(slope=0.2)", "--friction"],
             1,
-            "cannot stand: bodies accelerate with 13.2 % of the free acceleration; no contact slides or opens; "
-            "no friction makes it stand",
+            "cannot stand: bodies accelerate at 13.2 % of the free acceleration; no contact slides or opens; "
+            "no friction coefficient suffices",
         ),
         (
             ["bouncing_ball"],
             1,
-            "cannot stand: bodies accelerate with 100 % of the free acceleration; no contact is closed",
+            "cannot stand: bodies accelerate at 100 % of the free acceleration; no contact is closed",
         ),
     ],
 )

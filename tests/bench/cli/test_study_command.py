@@ -45,7 +45,7 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("funnel --study --states 5", "--states is for a single simulation"),
         ("funnel --study --step-seconds 3", "--step-seconds is for a single simulation"),
         ("funnel --study --output a.json", "name a folder"),
-        ("funnel --study --case-seconds 0", "--case-seconds must be positive and finite, got 0; leave it out"),
+        ("funnel --study --case-seconds 0", "--case-seconds must be positive and finite, got 0; omit it"),
         ("funnel --study --solver SORprx", "'SORprox'"),
         ("funnel --study --start hot", "there is no start 'hot'"),
         ("funnel --solver SORprox --solver Jprox", "one solver"),
@@ -137,7 +137,7 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
     for scene, moves in (("stack", False), ("sliding_sphere", True)):
         made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
         assert run_command(["report", str(made.folder), "--no-charts"]) == 0
-        assert ("moves in 0.01 s, so errors" in " ".join(capsys.readouterr().out.split())) is not moves
+        assert ("changes within 0.01 s, so errors" in " ".join(capsys.readouterr().out.split())) is not moves
 
 
 @pytest.mark.parametrize("hidden", [False, True])
@@ -148,12 +148,12 @@ def test_a_study_in_which_nothing_moves_warns_before_anything_is_measured(hidden
         def on_event(event: Event) -> None:
             shown(event)
             if isinstance(event, ProblemStarted):
-                printed.append("nothing in stack moves in 0.01 s" in text.getvalue())
+                printed.append("no coordinate of stack changes within 0.01 s" in text.getvalue())
 
         methods = {"Moreau with SORprox": (2e-3,)}
         study("stack", results=tmp_path, duration=0.01, members=[1.0], methods=methods, on_event=on_event)
     assert printed == [True]
-    assert text.getvalue().count("nothing in stack moves") == 1
+    assert text.getvalue().count("no coordinate of stack changes") == 1
 
 
 def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) -> None:

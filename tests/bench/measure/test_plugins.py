@@ -111,7 +111,7 @@ SOLVERS = [Changing]
 
 def test_a_solver_that_changes_its_name_once_it_is_made_is_refused(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD + CHANGING)])
-    with pytest.raises(PluginError, match="the solver 'Changing' calls itself 'Robust'; set its name to the one"):
+    with pytest.raises(PluginError, match="the solver 'Changing' has the name 'Robust'; set its name to the one"):
         solver_spec("Changing")
 
 
@@ -148,7 +148,7 @@ OFFERED = "SOLVERS = [Mine]\n"
         ),
         (
             CLASS + "    name = 'Yours'\n" + MODEL + SUPPORTS + PREPARE + OFFERED,
-            "it calls itself 'Yours'; its name must begin with 'Mine'",
+            "its name is 'Yours', but must begin with 'Mine'",
         ),
         (CLASS + "    def __init__(self, omega): pass\n" + OFFERED, "cannot be created without 'omega'; give every"),
         (CLASS + "    def __init__(self): 1 / 0\n" + OFFERED, "cannot be created: ZeroDivisionError"),
@@ -210,7 +210,7 @@ def test_two_files_with_one_name_are_refused_and_the_first_stays(written: Callab
 
 def test_a_name_that_hides_its_options_is_refused(written: Callable[..., Path]) -> None:
     use_plugin_files([written(GOOD.replace("name = property(name_with_options)", "name = 'Filed'"))])
-    with pytest.raises(PluginError, match=r"with relaxation=1.5 it still calls itself 'Filed'"):
+    with pytest.raises(PluginError, match=r"with relaxation=1.5 its name is still 'Filed'"):
         solver_spec("Filed(relaxation=1.5)")
 
 

@@ -102,7 +102,7 @@ def test_resuming_takes_what_agrees_and_refuses_what_contradicts(
         assert run_command(f"simulate {wrong} --resume {file}".split()) == 2
         printed = capsys.readouterr()
         assert printed.err.count("\n") == 1
-        assert "leave it out to resume" in printed.err
+        assert "omit it to resume" in printed.err
     assert file.read_bytes() == before
     assert run_command(f"simulate pile(balls=5) --resume {file} --duration 0.02".split()) == 0
     assert read_simulation(file).n_steps == 20

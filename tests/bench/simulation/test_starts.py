@@ -107,7 +107,7 @@ def test_many_contacts_have_a_composite_that_the_plan_names() -> None:
 
 
 def test_a_step_that_the_solver_cannot_treat_says_why() -> None:
-    with pytest.raises(BenchError, match="it does not support this step: it has spatial friction"):
+    with pytest.raises(BenchError, match="its solver does not support this step: it has spatial friction"):
         StepSolver(create("Enumeration"), "warm").prepare(load("funnel-30"))
 
 

@@ -129,7 +129,7 @@ def test_a_recording_is_made_of_the_result_alone(line: str, capsys: pytest.Captu
     assert run_command(["record", str(file), "--force", "--output", f"{tmp_path}/b.rrd"]) == 0
     assert {"a.rrd", "b.rrd"} <= {path.name for path in tmp_path.iterdir()}
     assert run_command(["record", str(file), "--solver", "SORprox", "--force"]) == 2
-    assert "leave out --solver" in capsys.readouterr().err
+    assert "omit --solver" in capsys.readouterr().err
 
 
 def test_a_recording_has_curves_of_all_steps_and_bodies_where_states_are_kept(

@@ -83,16 +83,16 @@ def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureF
     [
         (
             "woodpecker(friction=0.2)",
-            "friction 0.2 contradicts {file}, which has friction 0.3; leave it out to resume.",
+            "friction 0.2 contradicts {file}, which has friction 0.3; omit it to resume.",
         ),
         (
             "woodpecker(balls=3)",
             "the scene 'woodpecker' has no option 'balls'; known are friction, gravity, restitution, start.",
         ),
-        ("pile", "scene pile contradicts {file}, which has scene woodpecker; leave it out to resume."),
+        ("pile", "scene pile contradicts {file}, which has scene woodpecker; omit it to resume."),
         (
             "woodpecker(friction=None)",
-            "friction off contradicts {file}, which has friction 0.3; leave it out to resume.",
+            "friction off contradicts {file}, which has friction 0.3; omit it to resume.",
         ),
     ],
 )
@@ -122,7 +122,7 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
     before = file.read_bytes()
     capsys.readouterr()
     assert run_command(f"simulate --resume {file} --stepper Moreau --duration 0.02".split()) == 2
-    said = f"stepper Moreau(step=2e-05) contradicts {file}, which has stepper Extrapolated; leave it out to resume."
+    said = f"stepper Moreau(step=2e-05) contradicts {file}, which has stepper Extrapolated; omit it to resume."
     assert capsys.readouterr().err == f"proxbench: {said}\n"
     assert file.read_bytes() == before
 
@@ -136,8 +136,8 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
         ("--stepper Moreau(step_size=1e-3)", "Moreau has no option 'step_size'; did you mean 'step'?"),
         ("--stepper Extrapolated(max_step=0.0)", "max_step must be finite and at least min_step"),
         ("--stepper Extrapolated(min_step=0.5)", "max_step must be finite and at least min_step"),
-        ("--duration -1", "--duration must be positive and finite, got -1; leave it out"),
-        ("--duration inf", "--duration must be positive and finite, got inf; leave it out"),
+        ("--duration -1", "--duration must be positive and finite, got -1; omit it"),
+        ("--duration inf", "--duration must be positive and finite, got inf; omit it"),
         ("--stepper Extrapolated(min_step=1e-30)", "too short to separate times"),
         ("--solver Unknown", "Unknown"),
     ],

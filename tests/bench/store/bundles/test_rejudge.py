@@ -132,7 +132,7 @@ ATTACKS: dict[str, tuple[Attack, str]] = {
     "no energy": (other_verdict("dissipated_energy", None), "dissipated energy inf"),
     "infeasible": (other_verdict("infeasible", True), "infeasible True"),
     "a number that is a truth": (other_verdict("natural_map_q", True), "natural map q True"),
-    "a verdict of more": (other_verdict("beauty", 1.0), "not the same entries as that of the judge"),
+    "a verdict of more": (other_verdict("beauty", 1.0), "does not have the entries of that of the judge"),
     "a coarse point solved with a large residual": (
         coarse(residual=0.9, model_residual=0.9),
         "counts as solved with the residual 9.0e-01",

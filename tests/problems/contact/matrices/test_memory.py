@@ -51,8 +51,8 @@ def test_a_matrix_that_no_machine_holds_is_refused_before_it_is_counted() -> Non
     with pytest.raises(InsufficientMemoryError) as raised:
         grains_on_slab(64_000).delassus_blocks()
     message = str(raised.value)
-    assert message.startswith("at least 311 GB of memory are needed for G of 64,000 contacts, but ")
-    assert message.endswith(" GB are available; use a solver over the factors, such as SORprox(form='factors').")
+    assert message.startswith("at least 311 GB of memory is needed for G of 64,000 contacts, but ")
+    assert message.endswith(" GB is available; use a solver over the factors, such as SORprox(form='factors').")
     assert isinstance(raised.value, ProxbenchError)
     assert isinstance(raised.value, MemoryError)
 
@@ -81,7 +81,7 @@ def test_between_the_bounds_the_blocks_are_counted(leave: Callable[[float], None
 def test_solvers_that_need_more_memory_say_so_in_prepare(solver: str, leave: Callable[[float], None]) -> None:
     problem = load("funnel-100")
     leave(1000.0)
-    with pytest.raises(InsufficientMemoryError, match=r"at least .* GB are available; use"):
+    with pytest.raises(InsufficientMemoryError, match=r"at least .* GB is available; use"):
         create(solver).prepare(problem)
 
 
@@ -108,7 +108,7 @@ def test_robust_sweeps_on_if_nothing_else_fits(leave: Callable[[float], None]) -
 
 def test_a_dense_matrix_is_refused(leave: Callable[[float], None]) -> None:
     leave(799.0)
-    with pytest.raises(InsufficientMemoryError, match=r"8e-07 GB of memory are needed for a dense G of 10 rows.*; go"):
+    with pytest.raises(InsufficientMemoryError, match=r"8e-07 GB of memory is needed for a dense G of 10 rows.*; go"):
         memory.to_dense(sp.eye_array(10, format="csr"), "go on")
     leave(800.0)
     assert memory.to_dense(sp.eye_array(10, format="csr"), "").shape == (10, 10)
