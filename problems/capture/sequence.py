@@ -119,7 +119,7 @@ def capture(
         on_step: called with each captured step after it is written.
 
     Returns:
-        A summary of the written files. If a step fails, it covers the steps before it and contains the error.
+        A summary of the written files. If a step fails, the summary covers the steps before it and contains the error.
 
     Raises:
         ProblemError: if the model cannot be read, its first step cannot be captured, or no step has a supported row.

@@ -147,7 +147,7 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 def _part_of_layout(laws: Laws) -> BlockLayout | None:
-    """Return the layout of laws from the beginning of a longer list, computed from that of the list, or None."""
+    """Return the layout of laws that begin a longer list of equal contacts, from the list's layout; else None."""
     if laws.equal_laws is None or not laws.n_laws:
         return None
     whole = layout_of(laws.equal_laws)
@@ -165,7 +165,7 @@ def write_layout(  # type: ignore[no-untyped-def]
     and rolling law, the partner, μ, a, μ_r, the rolling a, and whether it is a joint.
     """
     block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0
-    for law in range(len(sets)):  # friction that directly follows its partner shares its block
+    for law in range(len(sets)):  # friction that directly follows its partner shares its block; so does rolling
         if is_rolling[law]:
             rolling = max(rolling, row_count[law])
         elif sets[law] == BALL:

@@ -240,8 +240,8 @@ def _of_components(residual: Residual, violation: FloatArray) -> tuple[float, ..
 def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
     """Return α_i ‖R_i‖/s_i of each law.
 
-    s_i is the largest ‖c‖ of the contacts that share a body with its contact, and at least the free fall in a step. If
-    both are zero, s_i is the scale of the residual.
+    s_i is the largest ‖c‖ of its contact and of the contacts that share a body with it, and at least the free fall in
+    a step. If this is negligible, s_i is the scale of the law's component.
     """
     layout, laws = problem.layout, problem.laws
     contact = layout.contact_of_row[laws.first_row]

@@ -100,7 +100,7 @@ class Laws:
         friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
         fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
-            A law of rolling friction has a partner, and follows it and the sliding friction between them.
+            Rolling friction always has one, and follows it directly or after the sliding friction between them.
 
     Raises:
         ProblemError: if the arrays are inconsistent; the message names the field, the law and the value.
@@ -253,7 +253,7 @@ class Laws:
         return self._with_arrays(lambda array: frozen(array, array.dtype))
 
     def _first(self, n_laws: int) -> "Laws":
-        """Return the first laws; their arrays are views of these, and ``equal_laws`` refers to these laws."""
+        """Return the first laws; their arrays are views of this object's, and their ``equal_laws`` is this object."""
         laws = self._with_arrays(lambda array: array[:n_laws])
         for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
             laws.__dict__[name] = getattr(self, name)[:n_laws]

@@ -94,8 +94,8 @@ def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
 def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, time: float = 1.0) -> TransformedProblem:
     """Return the problem in units of ``mass`` [kg], ``length`` [m] and ``time`` [s], including its answer.
 
-    G → G · mass, c → c · time/length, Λ and fixed bounds → Λ · time/(mass · length). Rows of rolling friction have
-    angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
+    G → G · mass, c → c · time/length, Λ → Λ · time/(mass · length), and fixed bounds like Λ. Rows of rolling friction
+    have angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
     """
     if problem.laws.is_rolling.any():
         return _in_length(problem, mass, length, time)

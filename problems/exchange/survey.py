@@ -42,7 +42,7 @@ class Survey:
         joints: number of bilateral rows.
         rows: number of rows.
         dofs: degrees of freedom; ``None`` if the problem has G only.
-        rank: estimated rank of G; ``None`` if the estimate would take too long.
+        rank: estimated rank of G; ``None`` if G is too large or its factorisation fails.
         friction: smallest and largest μ, 0 without friction.
         rolling_friction: smallest and largest μ_r [m]; ``None`` without rolling friction.
         asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 within rounding.

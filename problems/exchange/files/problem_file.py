@@ -1,4 +1,4 @@
-"""Problem files: arrays without pickle, compressed or as JSON; they are written atomically and have a digest."""
+"""Problem files: arrays without pickle, compressed or as JSON, written atomically and verified by their digest."""
 
 import io
 import json

@@ -157,7 +157,7 @@ def _own_model(problem: ContactProblem, compliance: FloatArray) -> EngineModel:
 
 
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
-    """Raise ``ProblemError`` if (G + diag R) Λ + c and Kamino's velocity differ by more than rounding."""
+    """Raise ``ProblemError`` if (G + diag R) Λ + c and Kamino's velocity differ beyond single precision."""
     terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
     found = problem.relative_velocity(impulses)
     if problem.engine is not None:

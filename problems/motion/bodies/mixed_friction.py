@@ -1,6 +1,6 @@
 """Friction coefficients that differ from pair to pair of bodies.
 
-The coefficient of a pair, two balls or a ball and a surface, is computed by a hash of the pair's key and a seed
+The coefficient of a pair, two balls or a ball and a surface, is computed from a hash of the pair's key and a seed
 (SplitMix64: Steele, Lea & Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014). So a pair keeps its
 coefficient from step to step, even if it separates and touches again, and has the same one on all machines.
 """

@@ -104,7 +104,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     gap = least_gap = float(separations[best])
     if least_gap > margin:
         return
-    # coal finds the smallest of deep penetrations only at the given poses
+    # of bodies that penetrate deeply, coal finds the smallest penetration only at the given poses
     way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
     for _ in range(MAX_PASSES):
         result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)

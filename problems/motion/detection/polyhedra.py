@@ -208,7 +208,7 @@ def _polyhedron_on_plane(corners, centre, rotation, margin, keys, numbers, count
 def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
     packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, numbers, count
 ):
-    """Write the contacts of two polyhedra; of equal separations, that of a face of the first body is used first."""
+    """Write the contacts of two polyhedra; at equal separation, faces precede edges, and body ``i`` precedes ``j``."""
     size = np.sqrt(dot(offset, offset))
     best, best_face, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)

@@ -88,7 +88,8 @@ class StudyDefaults:
         options: options of the scene.
         duration: simulated time [s]; that of the scene if None.
         is_limit_cycle: whether ``options`` and ``duration`` describe one period of a limit cycle, so that the error at
-            the end is the deviation from the start, apart from the descent. This does not hold for other options.
+            the end is the deviation from the start, apart from the descent. This does not hold for other options or
+            durations.
     """
 
     options: Mapping[str, OptionValue] = field(default_factory=dict)

@@ -20,8 +20,8 @@ from ..bodies.system import ActiveContacts
 from ..state import State
 
 BOUNDARY_WIDTH = 1e-8
-"""Relative width of the boundary of a friction law, within which rounding would decide the state. If other contacts
-hold a body, a contact may carry any friction up to its bound without moving: it sticks."""
+"""Relative width of the boundary of a friction law, within which rounding would decide the state. A contact of a body
+that other contacts hold may carry any friction up to its bound without moving: it sticks."""
 
 LawName = Literal["unilateral", "friction"]
 LawState = Literal["open", "closed", "stick", "slip"]

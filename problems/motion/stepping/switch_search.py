@@ -117,7 +117,7 @@ class NestedIntervals(Search):
 
 
 class LastStepOnly(NestedIntervals):
-    """Search that halves the step, and repeats only the second of two steps whose laws differ; it does not converge."""
+    """Search that halves the step, and repeats only the second of two steps whose laws differ; its error stagnates."""
 
     withdraws_last_step = False
 

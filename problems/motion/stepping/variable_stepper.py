@@ -77,7 +77,7 @@ class VariableStepper(Stepper):
 
     @abstractmethod
     def compute_row(self, row: list[FloatArray], first: FloatArray, system: System) -> list[FloatArray]:
-        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries give the error.
+        """Compute row n of the table of results from row n−1 and T_{n,1}; its last two entries differ by the error.
 
         An entry is (q, u) at the end of the step; T_{n,1} is the result of a sequence of n steps.
         """

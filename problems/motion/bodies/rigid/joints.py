@@ -2,8 +2,8 @@
 
 Each constraint of a joint holds a scalar at zero; see ``joint_rows``. A ball joint holds three distances along axes. A
 revolute joint also holds two orientations. A prismatic joint holds two distances and three orientations, and a fixed
-joint three of each. A distance joint holds |d| at its length. Joints constrain velocities; a projection removes the
-drift of positions (``stepping.position_projection``). Further laws act on the coordinate s of a joint, which is the
+joint three of each. A distance joint holds |d| at its length. Joints constrain velocities; positions drift unless the
+stepper projects them (``stepping.position_projection``). Further laws act on the coordinate s of a joint, which is the
 angle of a revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
 
     limits      s ≥ s_min and s ≤ s_max: gaps of unilateral laws, active if g(q_M) < 0 like contacts
@@ -71,8 +71,8 @@ class Joint:
         length: length of a distance joint or of a rope [m].
         friction: largest moment [N m] of friction about the axis of a revolute joint, largest force [N] along that of
             a prismatic one.
-        limits: smallest and largest angle of a revolute joint [rad], or displacement of a prismatic one [m]; None for
-            no limits.
+        limits: smallest and largest angle of a revolute joint [rad], or displacement of a prismatic one [m], of the
+            first body relative to the second; None for no limits.
         restitution: ε at the limits, or of a rope that tightens.
         motor_speed: target speed of the motor of a revolute [rad/s] or prismatic joint [m/s].
         motor_bound: largest moment [N m] or force [N] of the motor; 0 for no motor.
@@ -170,8 +170,8 @@ class RigidJoints:
         joints: the joints, in the order of their rows.
         n_bodies: number of moving bodies.
         restitution: ε of the constraints, Wᵀ (u_E + ε u_B) = 0. With 1 the midpoint rule has order 2 and
-            joints do no work; the error of Wᵀ u at the end of a step grows unless positions are projected. With 0 the
-            order is 1, and energy is lost.
+            joints do no work; the error of Wᵀ u at the end of a step grows unless the stepper projects positions. With
+            0 the order is 1, and energy is lost.
 
     Raises:
         ProblemError: if a joint names a body that does not exist, or joins a body to itself, or restitution is outside

@@ -124,8 +124,8 @@ class RigidBodies:
 
     Raises:
         ProblemError: if arrays have unequal lengths, a body has no shape, a moving body is unbounded, a mass or a
-            moment of inertia is not positive, moments are impossible for any body, a coefficient is out of range, or
-            materials are missing.
+            moment of inertia is not positive, a moment exceeds the sum of the other two, a coefficient is out of range,
+            or materials are missing.
     """
 
     shapes: Sequence[Shape]

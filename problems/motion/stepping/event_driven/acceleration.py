@@ -113,7 +113,7 @@ class AccelerationLaws:
         return equations.free_motion + equations.responses @ unknown, forces
 
     def problem(self, position: FloatArray, velocity: FloatArray, candidates: Modes) -> ContactProblem:
-        """Return the contact problem in λ [N] and γ̇ [m/s²]: N of closed contacts, T of those that do not slip.
+        """Return the contact problem in λ [N] and γ̇ [m/s²]: normals of closed contacts, tangents unless they slip.
 
         Its rows are those of ``constraints``.
 
