@@ -163,8 +163,8 @@ class PreparedFallback:
 class MomentumFallback(Fallback):
     """A preset of ``Fallback``: SORprox with the momentum "measured", 0.97, 0.985 and 0.985, then ``Robust``.
 
-    The sweeps use the factors. On problems without factors, only ``Robust`` runs. This is the default of ``proxbench
-    simulate`` for scenes with many contacts.
+    The sweeps use the factors. On problems without factors, only ``Robust`` runs. This is the default of
+    ``proxbench simulate`` for scenes with many contacts.
     """
 
     def __init__(self) -> None:

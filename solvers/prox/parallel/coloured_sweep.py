@@ -6,8 +6,9 @@ colour. The tasks of a stage (pieces of v, or batches) write different numbers a
 stage writes. A stage begins when the previous one is complete.
 
 The thread that claims a task first does it. The arithmetic of a task does not depend on the thread, and sums over tasks
-are in their order. The result is therefore identical for any number of threads. Each thread begins with its own share
-of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late thread.
+are taken in the order of the tasks. The result is therefore identical for any number of threads. Each thread begins
+with its own share of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late
+thread.
 """
 
 from collections.abc import Callable
