@@ -50,7 +50,7 @@ class Fallback(Method):
     """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
     The limits of a solve apply to all parts together. The result is the first solution or, without one, the impulses
-    with the lowest residual. The message lists the parts that ran and the outcome of each.
+    of all parts with the lowest residual. The message lists the parts that ran and the outcome of each.
 
     Attributes:
         parts: the solvers, all of the same model; parts that do not support a problem are skipped.

@@ -13,7 +13,7 @@ which turns are regular:
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
-The angle to the previous tangent would be misleading at sharp bends of the path. If the solution is strictly
+The angle to the previous tangent would lead backwards at sharp bends of the path. If the solution is strictly
 complementary, the path is analytic at τ = 0, and the residual decreases fast. Otherwise it decreases like √τ.
 """
 

@@ -42,8 +42,8 @@ PIECE_LENGTH = 512
 
 MIN_CONTACTS_PER_THREAD, MIN_CONTACTS_OF_BALLS_PER_THREAD = 250, 2000
 """Minimum numbers of contacts per colour and thread. With fewer, waking another thread and waiting for it take more
-time than it saves: half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of balls ten
-times.
+time than it saves: about half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of
+balls ten times.
 """
 
 
