@@ -50,7 +50,7 @@ class Fallback(Method):
     """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
     The limits of a solve apply to all parts together. The result is the first solution or, without one, the impulses
-    with the lowest residual. The message lists the parts that ran and the outcome of each.
+    of all parts with the lowest residual. The message lists the parts that ran and the outcome of each.
 
     Attributes:
         parts: the solvers, all of the same model; parts that do not support a problem are skipped.
@@ -163,8 +163,8 @@ class PreparedFallback:
 class MomentumFallback(Fallback):
     """A preset of ``Fallback``: SORprox with the momentum "measured", 0.97, 0.985 and 0.985, then ``Robust``.
 
-    The sweeps use the factors. On problems without factors, only ``Robust`` runs. This is the default of ``proxbench
-    simulate`` for scenes with many contacts.
+    The sweeps use the factors. On problems without factors, only ``Robust`` runs. This is the default of
+    ``proxbench simulate`` for scenes with many contacts.
     """
 
     def __init__(self) -> None:

@@ -41,7 +41,8 @@ SETTINGS = (SHARP, DAMPED, *THOROUGH)
 """Settings of successive runs of Newton's method between sweeps."""
 
 SUCCESS = 0.1
-"""If an attempt reduces the residual to this fraction or less, the next attempt follows at once, else sweeps follow."""
+"""An attempt succeeds if it reduces the residual to this fraction or less. After any other attempt, the settings change
+and the number of sweeps before the next attempt doubles."""
 
 STUCK_STATUSES = (Status.STALLED, Status.DIVERGED, Status.OSCILLATING)
 """Outcomes of sweeps after which restarts may help."""

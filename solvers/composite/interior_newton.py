@@ -7,7 +7,7 @@ alternate:
 
     InteriorPoint      fast if τ can decrease steadily
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, if programs are cheap, while each gains a digit, as it does for bodies at rest
+    ClarabelCoulomb    from zero, if programs are cheap, while each gains a digit, as for bodies at rest
     CentralPath        from the beginning of the path, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
@@ -135,8 +135,9 @@ def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
 def form_for(problem: ContactProblem) -> Literal["delassus", "factors"]:
     """Return the form of the methods: "factors" if contacts of the same two bodies over-determine their motion.
 
-    Such contacts are redundant, and G has a dense block for every two of them. Otherwise a step over bodies saves
-    little, and ends at a larger residual because contact velocities are differences of body velocities.
+    Such contacts, of a pair of bodies or of a body and the ground, are redundant, and G has a dense block for every two
+    of them. Otherwise a step over bodies saves little, and ends at a larger residual because contact velocities are
+    differences of body velocities.
     """
     if problem.factors is None or problem.n_rows <= REDUNDANCY * problem.factors.n_dofs:
         return "delassus"

@@ -4,9 +4,9 @@ The predictors are block Gauss–Seidel sweeps and the sweeps of the solve, each
 first. Newton's method starts from their 0th, 1st, 2nd, 4th, 8th, … iterate, with three dampings, with and without a
 line search (``newton.steps``). The best iterate comes first because no known iterate is closer to a solution. The first
 iterate is tried too, because sweeps and Newton's method may both lead back to the best one. The predictors alternate
-from iterate to iterate, because most successes come early. Such restarts replace a globalisation, because the equations
-have neither a potential nor a monotone map. Every merit function may therefore have local minima (Acary, Brémond &
-Huber 2018).
+from iterate to iterate, because most successes come early. Such restarts replace a globalisation, because in general
+the equations have neither a potential nor a monotone map. Every merit function may then have local minima (Acary,
+Brémond & Huber 2018).
 
 Their budget of counted work (``newton.work``) is the larger of
 

@@ -10,12 +10,12 @@ such as piles and stacks with redundant contacts.
     InteriorNewton      interior points, their path, Newton's method and sweeps
 
 Sweeps gain a digit when they reduce the residual tenfold. A window (``windows``) takes at most about half as long as an
-interior point method, and a fifth on piles of balls. Slow sweeps thus take little time compared with the methods that
-follow. Anderson acceleration often gains more in a few sweeps than momentum in a whole window. Newton steps on few rows
-take no longer than a hundred sweeps. With joints, they transmit impulses along whole chains; a sweep transmits them to
-the next joint. In both cases the first windows are short: Newton steps are tried after the first window that gains no
-digit, and sweeps continue if the steps fail. No decision depends on the tolerance, or on the clock except for the time
-limit.
+interior point method, and about a fifth on piles of balls. Slow sweeps thus take little time compared with the methods
+that follow. Anderson acceleration often gains more in a few sweeps than momentum in a whole window. Newton steps on few
+rows take no longer than a hundred sweeps. With joints, they transmit impulses along whole chains; a sweep transmits
+them to the next joint. In both cases the first windows are short: Newton steps are tried after the first window that
+gains no digit, and sweeps continue if the steps fail. No decision depends on the tolerance, or on the clock except for
+the time limit.
 """
 
 from collections.abc import Callable

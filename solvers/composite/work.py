@@ -1,6 +1,7 @@
 """Nominal times of sweeps, interior-point steps and cone programs, computed from numbers of operations.
 
-There are m blocks (contacts and joints) with k rows, padded to blocks of equal width. A factorisation has f operations.
+There are m blocks (contacts and joints). They have k rows in total, including the padding to blocks of equal width. A
+factorisation has f operations.
 
     sweep                  10 ns · k for contacts alone,   50 ns · k with joints or rolling friction
     interior-point step    0.3 ms + 5 µs · m + f / 15 GHz

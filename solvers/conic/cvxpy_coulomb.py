@@ -5,7 +5,7 @@
 with G = RᵀR. R is W̃ where the factors are known; otherwise it is computed from the eigenvalues of G. y is Λ in the
 units of ``programs.Scaling``, and the regularisation is that of ``programs``. The linear term is a parameter: cvxpy
 compiles the program once, and later runs replace b alone. ``ClarabelCoulomb`` solves the same program without cvxpy,
-and so without the time for compiling it.
+which saves the time for compiling.
 """
 
 import importlib
@@ -113,7 +113,7 @@ def supports_cones(name: str) -> bool:
 
 
 def installed_solvers(cones: bool) -> list[str]:
-    """Return the solvers installed in cvxpy that support second-order cones, and QP solvers too unless ``cones``."""
+    """Return the installed solvers of cvxpy that support second-order cones and, unless ``cones``, the QP solvers."""
     cp = cvxpy()
     defines = importlib.import_module("cvxpy.reductions.solvers.defines")
     names = []

@@ -3,9 +3,9 @@
     Delassus    minimise ½ ΛᵀGΛ + cᵀΛ   subject to   Λ ∈ K,            K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact
     factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
 
-Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of the intersection of both cones, {ξ_N ≥ μ ‖ξ_T‖ + μ_r
-‖ξ_R‖}, is the sum of their duals. It needs variables that the factor form does not have. A bilateral law has K = R, and
-therefore ξ = 0 in the dual.
+Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of the intersection of both cones,
+{ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is the sum of their duals. It needs variables that the factor form does not have. A
+bilateral law has K = R, and therefore ξ = 0 in the dual.
 
 The factor form is the dual of the Delassus form, where v is the scaled velocity that the impulses cause, and Λ are the
 multipliers. It never assembles G. Both forms accept another c without a new set-up.
@@ -229,7 +229,7 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
     ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, so Λ_N ≥ 0 is added only for blocks without such a cone. Friction with a bound of
-    zero is the equation Λ_T = 0. Bilateral laws have no constraint.
+    zero (a = μ = 0) is the equation Λ_T = 0. Bilateral laws have no constraint.
     """
     layout = problem.layout
     rows, columns, values = [], [], []

@@ -8,12 +8,12 @@ which turns are regular:
     1. On the manifold r∘û = τ e (``smoothing``), Newton's method reduces R_p (``interior_point``) to a fraction of τ,
        in the plane normal to the path.
     2. One factorisation gives the tangent and the power series (``power_series``). Its range ends where the term of
-       the last order N is ε times the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)), or earlier, where R_p is below τ.
+       the last order N is ε times the tangent, |a| = (ε/‖x_N‖)^(1/(N−1)); it is shortened until R_p is at most τ there.
     3. The steps repeat from the end of the range, until the residual reaches the tolerance.
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
-The angle to the previous tangent would be misleading at sharp bends of the path. If the solution is strictly
+The angle to the previous tangent would lead backwards at sharp bends of the path. If the solution is strictly
 complementary, the path is analytic at τ = 0, and the residual decreases fast. Otherwise it decreases like √τ.
 """
 

@@ -206,7 +206,7 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-un
 
 @njit(cache=True, error_model="numpy")
 def complementarity(kind, p, q, r, u):  # type: ignore[no-untyped-def]
-    """Return the mean of p·q and ‖p∘q‖₂ over all cones, including half-lines."""
+    """Return the mean of p·q over all cones, half-lines included, and the norm ‖p∘q‖₂ over all of them."""
     total, squares, count = 0.0, 0.0, 0
     for i in range(len(kind)):
         if kind[i] == NORMAL or kind[i] == BOTH:

@@ -87,7 +87,7 @@ class FollowedPath:
         self._tangent: Direction | None = None
 
     def resume(self, progress: Progress) -> None:
-        """Follow the path from the last point, or from a first one, until ``progress`` has an outcome."""
+        """Follow the path until ``progress`` has an outcome, from the last point or, if there is none, a first one."""
         self._progress = progress
         if self._tangent is None:
             self.find(progress.best)

@@ -14,7 +14,8 @@ The parameter a is arc length, so τ need not be monotone: ⟨x₁, x₁⟩ = 1 
 
     ⟨x, y⟩ = Σ xᵀQ_p⁻¹y + xᵀQ_q⁻¹y over all cones + τ_x τ_y/τ²,
 
-with the quadratic representation Q of the Jordan product. It is invariant under scaling.
+with the quadratic representation Q of the Jordan product. The metric is invariant under scaling of the contacts and of
+the problem.
 """
 
 from dataclasses import dataclass

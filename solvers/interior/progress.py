@@ -110,7 +110,8 @@ class Progress:
     def may_run(self) -> bool:
         """Whether a run may begin: the first one, or another one after a run that stalled.
 
-        A run from a given start is followed by one from zero, other runs only if they reduced the residual.
+        A run from a given start is followed by a run from zero. Any other run is followed by a run from the best Λ, but
+        only if it reduced the residual.
         """
         if self.outcome is None:
             return True

@@ -170,8 +170,8 @@ class Check(NamedTuple):
 def check_convergence(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Check:
     """Measure the residual of the current Λ and decide whether the sweeps are over.
 
-    If the residual makes no progress, the acceleration is reduced. Without acceleration, two more sweeps follow, and
-    their Λ is compared with the current one.
+    If the residual makes no progress, the acceleration is reduced. If there is none left to reduce, two more sweeps
+    follow instead, and their Λ is compared with the current one.
     """
     monitor, iterates = driver.monitor, driver.iterates
     impulses, found = impulses_and_residual(iterates, residual)

@@ -53,7 +53,8 @@ NESTEROV_BOUND = 1.0
 """Bound of β for Nesterov's sequence, which stays below it anyway."""
 
 GROWTH = 100.0
-"""The sequence restarts if a sweep is longer than this multiple of the shortest sweep since the last restart."""
+"""The sequence restarts if a sweep moves Λ more than this many times as far as the shortest sweep since the last
+restart."""
 
 
 def check_momentum(momentum: object, delay: object) -> None:

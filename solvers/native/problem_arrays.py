@@ -20,7 +20,7 @@ ALIGNMENT = 64
 """Alignment of the address of each array in bytes."""
 
 MAX_WEIGHT = 1e300
-"""Weight of the laws if the free velocity is zero [s/m]; relative to it, any violation is then almost infinite."""
+"""Weight of the laws [s/m] if the free velocity is zero, relative to which any violation is infinite."""
 
 _TYPES: dict[str, np.dtype[Any]] = {"d": np.dtype(np.float64), "i": np.dtype(np.int32)}
 

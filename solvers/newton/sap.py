@@ -139,7 +139,7 @@ def _derivatives(cone: ConeProblem, argument: FloatArray) -> FloatArray:
     Inside the cone, the derivative is the identity. Where the projection lies on the surface of the cone at N > 0, it
     is, with the direction t of T and the bound b = a + μN,
 
-        [1, μ tᵀ; μ t, μ² t tᵀ] / (1 + μ²) + (b/‖T‖) [0, 0; 0, I − t tᵀ];
+        [1, μ tᵀ; μ t, μ² t tᵀ] / (1 + μ²) + (b/‖T‖) [0, 0; 0, I − t tᵀ].
 
     At N = 0, only the second part remains, with b = a, or, inside the disc, the identity over T.
     """

@@ -91,7 +91,7 @@ def full_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, 
 def search_line(
     residual: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, min_step: float
 ) -> tuple[FloatArray, float]:
-    """Return the first point back from ``goal`` that reduces the residual enough, or the last point; and its residual.
+    """Return the first point back from ``goal`` that reduces the residual enough, or the last point, with its residual.
 
     Args:
         residual: Λ ↦ its residual.

@@ -13,11 +13,11 @@ from .rounds import Call, PreparedRounds, Round
 
 @dataclass(frozen=True)
 class KaminoPADMM(Method):
-    """Kamino's proximal ADMM for Coulomb friction in De Saxcé's form (Newton; Tsounis, Grandia & Bächer 2025).
+    """Kamino's proximal ADMM for Coulomb friction in De Saxcé's form (Tsounis, Grandia & Bächer 2025).
 
-    It runs on the processor in single precision. The smallest residuals are therefore about 1e-6. It factorises dense G
-    with a penalty on the diagonal. Its own criterion is the largest of its primal, dual and complementarity residuals.
-    The options have Kamino's defaults.
+    Kamino is a part of the library Newton. The solver runs on the processor in single precision. The smallest residuals
+    are therefore about 1e-6. It factorises dense G with a penalty on the diagonal. Its own criterion is the largest of
+    its primal, dual and complementarity residuals. The options have Kamino's defaults.
 
     Attributes:
         acceleration: whether steps are accelerated as in fast ADMM (Goldstein et al. 2014).

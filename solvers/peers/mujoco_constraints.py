@@ -29,7 +29,7 @@ FIRST_ITERATIONS, GROWTH = 100, 10
 
 @dataclass(frozen=True)
 class MuJoCo(Method):
-    """MuJoCo's constraint solvers, called alone by ``mj_fwdConstraint`` (Todorov 2014).
+    """MuJoCo's constraint solvers, called on their own through ``mj_fwdConstraint`` (Todorov 2014).
 
     They minimise ½ Λᵀ (G + R) Λ + Λᵀ c over the friction cones, with R = (1 − d)/d α for the largest diagonal entry α
     of a contact. MuJoCo's default d is 0.9 to 0.95; models with hard contacts use 0.99 or more. This is the convex

@@ -169,7 +169,7 @@ def _of_engine(problem: ContactProblem, engine: EngineModel) -> ConeProgram:
 
 
 def _engine_jacobian(problem: ContactProblem, engine: EngineModel) -> FloatArray:
-    """Return J with J Jᵀ = A, from the problem's factors unless damping in the mass matrix prevents that."""
+    """Return J with J Jᵀ = A, from the problem's factors if they give A; damping in the mass matrix prevents that."""
     scale = float(abs(engine.matrix).max()) if engine.matrix.nnz else 0.0
     if problem.factors is not None and engine.back is None:
         found: FloatArray = engine.combination.T @ _directions(problem).T / engine.time_step

@@ -12,7 +12,7 @@ from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_r
 from .rounds import Call, PreparedRounds, Round
 
 UNREACHABLE = 1e-300
-"""A tolerance that Pinocchio's criterion never meets; on spheres, one sweep would meet any other tolerance."""
+"""A tolerance that Pinocchio's criterion never meets; on spheres, one sweep would meet any usual tolerance."""
 
 MAX_CONTACTS = 2500
 """Largest number of contacts; beyond it the dense matrix and its factor take more than a gigabyte."""
@@ -22,8 +22,8 @@ MAX_CONTACTS = 2500
 class PinocchioPGS(Method):
     """Pinocchio's projected Gauss–Seidel sweeps over contacts in De Saxcé's form.
 
-    They need a dense G. On contacts of spheres, one sweep meets Pinocchio's own criterion for any tolerance. Only the
-    judge's residual therefore stops the sweeps.
+    They need a dense G. On contacts of spheres, one sweep meets Pinocchio's own criterion for any usual tolerance. Here
+    only the judge's residual therefore stops the sweeps.
 
     Attributes:
         relaxation: factor of each step, between 0 and 2.

@@ -22,8 +22,8 @@ from ...problems.contact.blocks import BlockLayout
 from ..iteration.loop import Iterates, WrappedIterates
 
 INTERVALS = (19, 37, 73)
-"""Numbers of sweeps between comparisons, from a reduction on: enough for it to take effect. They are prime, so that
-comparisons meet a cycle of several iterates in different phases."""
+"""Numbers of sweeps between successive comparisons after a reduction: enough for it to take effect. They are prime, so
+that comparisons meet a cycle of several iterates in different phases."""
 
 OPPOSED = 0.5
 """Increments are opposed if the cosine of their angle is below minus this value."""

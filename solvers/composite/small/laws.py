@@ -56,8 +56,8 @@ def law_arguments(laws: Laws) -> LawArguments | None:
 def _lay_out_contacts(kind, partner_law, mu, fixed):  # type: ignore[no-untyped-def]
     """Return whether the laws are contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
 
-    The arrays hold the set and number of rows of each law, and whether it is rolling friction; the slot and contact of
-    each row; and the partner, μ, a and normal lane of the partner of each contact.
+    The arrays hold, for each law, its set, its number of rows and whether it is rolling friction; for each row, its
+    slot and its contact; and for each contact, its partner, μ, a, and the normal lane of its partner.
     """
     n_laws, n_rows = len(kind), 0
     sets, row_count = np.empty(n_laws, dtype=np.int8), np.empty(n_laws, dtype=np.int64)

@@ -19,7 +19,8 @@ from .delassus_system import REFINEMENTS
 from .small_blocks import invert, times
 
 CORRECTIONS = 1
-"""Number of corrections of products with inverses, because D⁻¹ of sticking contacts and joints is ill-conditioned."""
+"""Number of corrections of products with inverses of blocks, which D⁻¹ of sticking contacts and of joints makes
+ill-conditioned."""
 
 
 class BodySystem:

@@ -19,7 +19,7 @@ MAX_ZERO_SHARE = 0.2
 """Largest share of zeros in a supernode after it has merged with its neighbour."""
 
 MAX_COLUMNS = 40
-"""Largest number of block columns of a supernode; inverting larger ones takes longer than updating their parents."""
+"""Largest number of block columns of a supernode; inverting a larger one takes longer than passing updates on."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,9 @@ colour. The tasks of a stage (pieces of v, or batches) write different numbers a
 stage writes. A stage begins when the previous one is complete.
 
 The thread that claims a task first does it. The arithmetic of a task does not depend on the thread, and sums over tasks
-are in their order. The result is therefore identical for any number of threads. Each thread begins with its own share
-of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late thread.
+are taken in the order of the tasks. The result is therefore identical for any number of threads. Each thread begins
+with its own share of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late
+thread.
 """
 
 from collections.abc import Callable
@@ -41,8 +42,8 @@ PIECE_LENGTH = 512
 
 MIN_CONTACTS_PER_THREAD, MIN_CONTACTS_OF_BALLS_PER_THREAD = 250, 2000
 """Minimum numbers of contacts per colour and thread. With fewer, waking another thread and waiting for it take more
-time than it saves: half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of balls ten
-times.
+time than it saves: about half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of
+balls ten times.
 """
 
 

@@ -33,7 +33,7 @@ class _Member:
         _thread.start_new_thread(self._run, ())
 
     def begin(self, call: Callable[[], Any] | None) -> None:
-        """Run ``call`` in the thread, or end the thread if it is None."""
+        """Run ``call`` in the thread, or end the thread if ``call`` is None."""
         self.call = call
         self._begin.release()
 

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Kernels of Warp for sweeps over the factors of contacts of at most two bodies, with one thread per contact.
+"""Kernels of Warp for sweeps over the factors, for contacts of at most two bodies; one thread per contact or body.
 
 They do in double precision what the kernels of ``sweeps.factors`` do. Every number has one writer, and a body adds the
 changes of its contacts in their order, so results on a device are bitwise reproducible.

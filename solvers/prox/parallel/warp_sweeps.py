@@ -3,8 +3,9 @@
 The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels. For a graphics
 processor, it is recorded once for each length, and then started by one call (a CUDA graph). Before each check of the
 residual, Λ and ξ are copied back. The copy waits for the device, so the time of a solve includes all kernels.
-``upload_seconds`` and ``transfer_seconds`` count copies to and from the device and the allocation of its memory. They
-include neither kernels, nor the recording of graphs, nor computations on the host.
+``upload_seconds`` and ``transfer_seconds`` count copies to and from the device and the allocation of its memory, which
+``transfer_seconds`` includes once for each start. They include neither kernels, nor the recording of graphs, nor
+computations on the host.
 """
 
 import time

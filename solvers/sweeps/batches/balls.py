@@ -1,8 +1,8 @@
 """Sweeps over contacts of balls in batches, from records of a normal.
 
 The iterates are those of ``pieces``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
-its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). With the impulse P of a
-contact, a sweep updates v and τ, where κτ = rω,
+its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). When the impulse of a contact
+changes by P, a sweep updates v and τ, where κτ = σ = rω for the radius r and the angular velocity ω,
 
     ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
     v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
