@@ -41,7 +41,7 @@ def _ignore(*shown: object) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(RunFrames, os.PathLike[str]):
-    """A stored run in its state when it was loaded; usable as the path of its folder or bundle.
+    """A stored run as it was when it was loaded; usable as the path of its folder or bundle.
 
     It has the attributes of ``RunFrames``: the frames ``cases``, ``points``, ``rounds``, ``iterations`` and ``errors``,
     the record ``info``, and the messages ``damaged``.

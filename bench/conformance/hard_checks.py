@@ -32,7 +32,7 @@ SAME_ITERATE = 1e-9
 """Difference below which iterates count as equal, relative to their largest step."""
 
 REPETITIONS = 50
-"""Number of iterations after which a cycle must be reported."""
+"""Number of iterations in a cycle after which a solver must report the cycle."""
 
 
 def is_truthful_on_group(group: str, solver: Solver) -> None:

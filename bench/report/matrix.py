@@ -28,7 +28,7 @@ MARKS = {
 """One character for each ending; faults have none and are spelled out."""
 
 MAX_NAMED_SOLVERS = 4
-"""Largest number of solvers that the table of reasons names; if there are more, a count replaces the last name."""
+"""Largest number of solvers that the table of reasons names; of more, it names one fewer and counts the rest."""
 
 MAX_REASON_LENGTH = 160
 """Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""

@@ -40,7 +40,7 @@ class StepClocks:
     """Wall and processor time of the steps of a simulation.
 
     Attributes:
-        solver: the solver; if it is an executable, the time of its process counts.
+        solver: the solver; if it is an executable, the processor time of its program is included.
         wall: wall time [s].
         processor: processor time [s].
     """

@@ -1,6 +1,6 @@
 """Ratios of two times with confidence intervals: the only estimator of such ratios in this package.
 
-Two solvers are measured in the same pass in the same state of the machine. Their times t are therefore compared in
+Two solvers that are measured in the same pass run in the same state of the machine, so their times t are compared in
 pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; if there are
 too few passes, each round gives a pair. The ratio is exp(median d), because other programs disturb few rounds, each by
 a large factor.
@@ -51,7 +51,7 @@ MAX_OVERTIME = 1.1
 """Largest multiple of the time limit at which a solve counts; it may finish an iteration after the limit."""
 
 SLOWER, EXCLUDED, ALONE = "slower", "excluded", "alone"
-"""Standings of a solver that is slower than the fastest one, one whose rounds are all excluded, and the only one."""
+"""Standings: slower than the fastest solver, only excluded rounds, and no other solver with as many threads."""
 
 STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")
 """Columns of ``standings``."""

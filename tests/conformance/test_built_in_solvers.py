@@ -93,7 +93,7 @@ SLOW = (
     "NesterovSORprox",
     *COMPARED,
 )
-"""Solvers that take minutes for these checks, and variants of such solvers; only the full profile runs them."""
+"""Solvers that take minutes for ``LONG``, and variants of such solvers; only the full profile runs these checks."""
 
 PATIENT = ("CentralPath", "InteriorPoint(", "InteriorNewton", "Refined", "ClarabelCoulomb", "MomentumFallback")
 """Solvers that take seconds for all checks, or are composed of solvers that are checked daily."""

@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MAX_FILE_BYTES = 1_000_000
 """Largest size of a tracked file [bytes]; larger data are generated, or belong elsewhere."""
 MAX_RUN_BYTES = 3_000_000
-"""Largest size of a bundle [bytes], which contains all impulses of a run for rejudging."""
+"""Largest size of a bundle [bytes], which contains the impulses from which a run is rejudged."""
 MERGE_MARKER = re.compile(r"^(?:<{7}.*|>{7}.*|={7})$", re.MULTILINE)
 
 

@@ -3,7 +3,7 @@
 ``arch``     least thickness at which a masonry arch stands, over that of the equilibrium, by tolerance and step
 ``sizes``    the same for arches of 7 to 51 stones
 ``friction`` the same for arches of 27 stones with little friction, which collapse by hinging and sliding
-``sliding``  when such an arch falls if its friction is too small for any thickness
+``sliding``  when such an arch falls that has too little friction to stand at any thickness
 ``sweeps``   the same by the number of sweeps
 ``creep``    how far a stone moves in ten seconds in an arch that is one per cent thicker than necessary
 ``stack``    drift of ten boxes by the ratio of their masses, and by the depth at which they touch at the start

@@ -1,4 +1,4 @@
-"""Print open problems: those that ``Robust`` does not solve in time, and changes that make problems hard.
+"""Print problems that ``Robust`` does not solve in time, and the effect of changes that make problems hard.
 
 ``python tests/speed/hard_table.py FILE …`` solves problem files, each to 1e-6 and 1e-8 within ``--seconds``, and prints
 the judged residual and the processor time. Then it prints the median, the least and the largest number of iterations of

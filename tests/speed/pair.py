@@ -8,8 +8,8 @@ differ by some per cent. A figure is slower if the whole interval of its ratio i
 
 Each state is measured by its own ``figures.py``, so that names may change. A figure whose work changes must get a new
 name. Each base has a reason, and earlier ones stay in the file, so that it shows how changes below ``SLOWER`` add up.
-The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, even if a commit is not
-available. ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, given by any name for git.
+The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, even if a commit is not available.
+``python tests/speed/pair.py COMMIT`` compares all figures with one commit, given by any name that git accepts.
 """
 
 import io

@@ -262,7 +262,7 @@ class Case(LadderCase[MeasuredRound]):
     def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
         """Add one point of the ladder, and check its times by first solves in fresh processes.
 
-        In later passes, first solves are repeated only if the new rounds are too fast to explain the earlier ones.
+        In later passes, this happens only if the new rounds do not explain the time of the earlier first solves.
         """
         super().add_point(level, answers)
         self.points = keep_finest_impulses(self.points)

@@ -60,7 +60,7 @@ MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """Factor and time [s] by which first solves must exceed repeated ones to prove a repeated answer."""
 
 MAX_LOADED_COPIES = 2
-"""Largest number of slow copies after which cached kernels are loaded; the first copy may compile some kernels."""
+"""Number of first copies after each of which, if it is slow, cached kernels are loaded; the first may compile some."""
 
 N_COPIES, MAX_WARM_UPS = 2, 8
 """Least and largest number of problems that a fork solves before a further first solve, to run the same code."""

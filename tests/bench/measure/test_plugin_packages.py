@@ -72,7 +72,7 @@ for line in sys.stdin:
         code = run_command(json.loads(line))
     print(json.dumps([code, output.getvalue(), errors.getvalue()]), flush=True)
 """
-"""Program of a process that runs command lines, with four checks of each kind; another test runs all checks."""
+"""Program of a process that runs command lines, with four checks of each kind; the page of the solver runs all."""
 
 
 @contextlib.contextmanager

@@ -27,7 +27,7 @@ def filled(folder: Path, sizes: dict[str, int]) -> Path:
 
 
 def broken(folder: Path) -> Path:
-    """A folder with three invalid problem files: one damaged, one truncated, one with NaN."""
+    """A folder with three unusable files: one damaged, one truncated, one with a library name and other numbers."""
     (folder / "boxes-damaged.npz").write_bytes(b"no zip")
     write_fclib(box(1.0), folder / "boxes-whole.hdf5")
     (folder / "boxes-cut.hdf5").write_bytes((folder / "boxes-whole.hdf5").read_bytes()[:3000])

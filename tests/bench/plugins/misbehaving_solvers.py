@@ -300,7 +300,7 @@ class _Prepared:
 
 
 def patch_everything() -> None:
-    """Replace the judge, the store, the clock and the random numbers in favour of the solver."""
+    """Replace the judge, the store and the clock in favour of the solver."""
     import proxbench.bench.measure.contacts.case
     import proxbench.bench.store.outcome
     import proxbench.bench.store.store

@@ -1,4 +1,4 @@
-"""The command: mistakes get one sentence, and a signal loses at most the current step."""
+"""The command: mistakes get one sentence, and a signal loses at most the steps since the last checkpoint."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A pour ends when the funnel is empty or jammed, every step is solved, and energy never grows against the laws."""
+"""A pour ends when the funnel is empty or jammed, every step is solved, and energy never grows if laws forbid it."""
 
 import io
 from pathlib import Path

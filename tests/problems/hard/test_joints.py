@@ -21,7 +21,8 @@ BOTH_LAWS = [
     "SORprox(form='factors')",
     "Refined(ClarabelCoulomb)",
 ]
-"""All solvers but Jacobi's iterations, which oscillate, and CvxpyCoulomb, which solves ClarabelCoulomb's programs."""
+"""All solvers, except for Jacobi's iterations with full steps, which oscillate, and CvxpyCoulomb, which solves the
+programs of ClarabelCoulomb."""
 
 
 def motion(problem: ContactProblem, impulses: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ def test_factor_form_declines_a_problem_without_factors() -> None:
 
 
 def test_counterexample_oscillates_at_full_relaxation() -> None:
-    """In theory, a slipping contact converges only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1; at μ = 2, ω = 1 this is 1.45."""
+    """A slipping contact converges if and only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1; at μ = 2, ω = 1 this is 1.45."""
     solution = solve(counterexample(2.0), "SORprox", tolerance=1e-10)
     assert solution.status is Status.OSCILLATING
 

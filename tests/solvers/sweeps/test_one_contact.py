@@ -25,7 +25,7 @@ def one_contact(delassus: np.ndarray, free: np.ndarray, friction: float, fixed: 
 
 
 def random_block(dim: int, seed: int, rank: int, spread: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return a block of given rank with eigenvalues up to 10^spread apart, and a free velocity in its range."""
+    """Return a block RᵀR of given rank, with rows of R up to 10^spread apart, and a free velocity in its range."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(rank, dim)) * np.logspace(0, spread, rank)[:, None]
     return root.T @ root, root.T @ rng.normal(size=rank)

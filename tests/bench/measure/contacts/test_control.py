@@ -189,7 +189,7 @@ def test_kernels_are_loaded_for_slow_copies_alone_and_only_as_often_as_a_copy_ma
 ) -> None:
     calls: list[None] = []
     monkeypatch.setattr(Controls, "_load_kernels", lambda _: calls.append(None))
-    monkeypatch.setattr(MeasuringCore, "is_steady", lambda *_: False)  # only this requests more copies
+    monkeypatch.setattr(MeasuringCore, "is_steady", lambda *_: False)  # requests more copies after explained ones too
     assert len(Scripted([0.1], after_another=0.1).copies(STOP, seconds, lambda: seconds)) == 6
     assert len(calls) == loaded
 

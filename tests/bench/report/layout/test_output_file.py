@@ -1,4 +1,4 @@
-"""Invalid files are refused before any work, files get default permissions, and a failed picture loses no result."""
+"""Invalid names are refused before any work, files get default permissions, and a failed picture loses no result."""
 
 import os
 import stat

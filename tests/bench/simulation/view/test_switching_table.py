@@ -1,4 +1,4 @@
-"""Printed counts of periods, sections and switching points agree with the motion."""
+"""Printed texts count periods, sections and switching points of a motion, in the singular or plural as required."""
 
 import io
 

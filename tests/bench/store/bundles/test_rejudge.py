@@ -50,7 +50,7 @@ def with_impulses(case: CaseRecord, change: Callable[[np.ndarray[Any, Any]], np.
 
 
 def claimed(case: CaseRecord, factor: float, outcome: Outcome = Outcome.SOLVED) -> CaseRecord:
-    """Multiply all reported residuals by a factor, and report points as solved that would then be solved."""
+    """Multiply all residuals of the finest point by a factor, and report it as solved with ``outcome``."""
     level, measured = finest(case)
     kept = [
         replace(one, residual=factor * (one.residual or 0.0), model_residual=factor * (one.model_residual or 0.0))

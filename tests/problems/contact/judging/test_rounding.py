@@ -41,7 +41,7 @@ def test_redundant_joints_with_huge_impulses_are_not_solved() -> None:
 
 
 def test_a_velocity_that_rounding_hides_is_found() -> None:
-    """The sum of three terms of size 10¹⁶ is 1; plain summation gives 0 or 2."""
+    """The sum of three terms of up to 10¹⁶ is 1; plain summation gives 0 or 2."""
     problem = ContactProblem.from_delassus(np.full((3, 3), 1.0), [-1.0, -1.0, -1.0], dim=1)
     impulses = [1e16, 1.0, -1e16]
     velocity, rounding = problem.accurate_velocity(impulses)

@@ -54,7 +54,7 @@ def test_bodies_are_near_each_other_and_fixed_ones_unless_they_are_excluded(
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("n", [17, 18, 25, 33, 80])
 def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: int) -> None:
-    """Each of n balls has (n − 1)/2 overlapping pairs; the first guess has space for 8."""
+    """All n balls overlap, which gives (n − 1)/2 pairs per ball; the first guess has space for 8."""
     centres = np.random.default_rng(1).normal(size=(n, dim)) * 0.1
     pairs = overlapping_pairs(centres, np.ones(n))
     assert np.array_equal(pairs, np.column_stack(np.triu_indices(n, 1)))
@@ -161,7 +161,7 @@ def test_a_search_lasts_for_several_queries_of_balls_of_steady_speed(speed: floa
 
 
 def test_one_fast_ball_leaves_the_skins_of_slow_ones_narrow() -> None:
-    """A ball that crosses a grid of distant balls adds only its own pairs."""
+    """A ball that crosses a grid of balls, none of which are near each other, adds only its own pairs."""
     grid = 2.2 * np.argwhere(np.ones((5, 5, 5)))
     centres = np.vstack([grid, [[-3.0, 4.4, 5.5]]])
     near, step = NearPairs(np.ones(126)), np.zeros((126, 3))

@@ -289,7 +289,7 @@ def test_a_projection_that_closes_joints_tells_the_overlap_that_it_leaves() -> N
 
 
 def test_joints_that_exceed_the_memory_are_refused() -> None:
-    """The matrix of 100 000 free bodies with joints and 6 coordinates each would take 2 TB."""
+    """Closing the joints of 100 000 free bodies, each with 6 coordinates, would take terabytes of memory."""
     n_dofs, n_rows = 600_000, 300_000
     joints = JointErrors(np.zeros(n_rows), sp.csc_array((n_dofs, n_rows)))
     with pytest.raises(InsufficientMemoryError, match=r"for closing joints with 300,000 rows, but .*; simulate fewer"):

@@ -246,9 +246,9 @@ def test_colliding_balls_switch_alike_under_both_searches() -> None:
 
 @pytest.mark.slow
 def test_it_costs_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
-    """5000 fixed steps take eight times as long and are a thousand times less accurate; they are of first order.
+    """5000 fixed steps take eight times as many solves and are a thousand times less accurate; they are of first order.
 
-    Their time at equal accuracy is extrapolated from this order, not measured.
+    Their number at equal accuracy is extrapolated from this order, not measured.
     """
     state = section_start()
     for step in MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 100_000), PERIOD / 5000).steps(state, 5000):

@@ -33,7 +33,7 @@ def random_problem(rng: np.random.Generator, n_contacts: int, dim: int, form: st
 
 
 def slow_problem(n_rows: int) -> ContactProblem:
-    """Return a frictionless problem with all rows coupled, on which at most 70 sweeps gain a digit."""
+    """Return a frictionless problem with all rows coupled, on which each digit takes at most 70 sweeps."""
     rng = np.random.default_rng(n_rows)
     directions = np.logspace(0.0, -1.45, n_rows)[:, None] * rng.normal(size=(n_rows, n_rows))
     free_velocity = directions.T @ rng.normal(size=n_rows)
