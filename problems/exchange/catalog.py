@@ -16,7 +16,7 @@ from pathlib import Path
 from .. import library
 from ..compilation import interprets_kernels
 from ..contact.problem import UNNAMED, ContactProblem
-from ..errors import LIST_PROBLEMS_COMMAND, PluginError, ProblemError, first_line, suggestion
+from ..errors import LIST_PROBLEMS_COMMAND, PluginError, ProblemError, first_line, raised_at, suggestion
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
 from .files.problem_file import SUFFIX, SUFFIXES, read_problem
@@ -253,7 +253,7 @@ def _built(offer: Offer) -> ContactProblem:
         with redirect_stdout(sys.stderr):
             problem = make()
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{head} cannot be built: {first_line(error)}.") from None
+        raise PluginError(f"{head} cannot be built: {first_line(error)}{raised_at(error)}.") from None
     if not isinstance(problem, ContactProblem):
         raise PluginError(f"{head} returns a value of type {type(problem).__name__}; return a ContactProblem.")
     return problem.renamed(offer.name, plugin=offer.source)
