@@ -222,7 +222,21 @@ def load(name: str | Path) -> ContactProblem:
         return read_problem(_cached(name))
     if name in SUITES["all"]:
         raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {name}")
+    if os.path.exists(name) or "/" in name:
+        raise ProblemError(_not_a_problem_file(name))
     raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}")
+
+
+def _not_a_problem_file(path: str) -> str:
+    """Return why a path is not that of a problem file, and the remedy."""
+    if not os.path.exists(path):
+        return f"there is no problem or file {path!r}; name a problem, or a file that exists."
+    if os.path.isdir(path):
+        return f"{path} is a folder, not a problem file; name a file in it."
+    return (
+        f"{path} is not a problem file, whose name ends in {', '.join(SUFFIXES)}, .hdf5 or .h5; write one with "
+        "numpy.savez('mine.npz', G=G, c=c, mu=mu)."
+    )
 
 
 def _named(problem: ContactProblem, file: Path) -> ContactProblem:

@@ -128,6 +128,8 @@ def read_problem(
             problem, digest = _problem(about, arrays)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
+    except IsADirectoryError:
+        raise ProblemError(f"{name} is a folder, not a problem file; name a file in it.") from None
     except ArchiveError as error:
         raise ProblemError(f"{name} is damaged or not a problem file: {error}; {REWRITE_REMEDY}.") from None
     except ProblemError:
