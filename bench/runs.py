@@ -297,11 +297,11 @@ def study(
 
 def _new_folder(results: Path | str, run_id: str | None, prefix: str = "") -> Path:
     """Return the folder of a new run; without ``run_id``, a number distinguishes runs of the same second."""
-    if not run_id:
+    if run_id is None:
         first = Path(results) / f"{prefix}{datetime.now(UTC):%Y%m%d-%H%M%S}"
         numbered = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
         return next(folder for folder in itertools.chain([first], numbered) if not folder.exists())
-    if run_id != plain_name(run_id):
+    if not isinstance(run_id, str) or not run_id or run_id != plain_name(run_id):
         raise BenchError(f"`run_id` {run_id!r} {INVALID_NAME}")
     return Path(results) / run_id
 

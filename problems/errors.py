@@ -1,7 +1,10 @@
 """Errors that users can cause, and the suggestions in their messages."""
 
+import sysconfig
+import traceback
 from collections.abc import Iterable
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
+from pathlib import Path
 
 
 class ProxbenchError(Exception):
@@ -31,8 +34,11 @@ class PluginError(ProxbenchError, ValueError):
 MAX_NAMES = 12
 """Largest number of known names that a message lists."""
 
-MIN_SIMILARITY = 0.6
-"""Smallest similarity by difflib for a name to be suggested."""
+MIN_SIMILARITY = 0.7
+"""Smallest similarity by difflib for a name to be suggested; 'nope' and 'hopper' have 0.6."""
+
+MIN_PREFIX_SIMILARITY = 0.6
+"""Smallest similarity for a name to be suggested if it begins with the name given, or the reverse."""
 
 LIST_PROBLEMS_COMMAND = "proxbench list problems --suite all"
 """The command that lists all problems."""
@@ -51,12 +57,22 @@ def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
     """
     names = sorted(known)
     lowered = {candidate.lower(): candidate for candidate in names}
-    close = get_close_matches(name.lower(), lowered, n=1, cutoff=MIN_SIMILARITY)
-    if close:
-        return f"; did you mean {lowered[close[0]]!r}?"
+    near = _nearest(name.lower(), lowered)
+    if near is not None:
+        return f"; did you mean {lowered[near]!r}?"
     if len(names) > MAX_NAMES:
         return f"; {len(names)} are known{listed_by and f', and {listed_by} lists them'}."
     return f"; known are {', '.join(names)}." if names else "; none are known."
+
+
+def _nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most similar to ``name``; None if none is similar enough."""
+    names = list(known)
+    for candidate in get_close_matches(name, names, n=len(names) + 1, cutoff=MIN_PREFIX_SIMILARITY):
+        is_extended = candidate.startswith(name) or name.startswith(candidate)
+        if is_extended or SequenceMatcher(None, candidate, name).ratio() >= MIN_SIMILARITY:
+            return candidate
+    return None
 
 
 def error_text(failure: BaseException) -> str:
@@ -69,3 +85,21 @@ def first_line(failure: BaseException) -> str:
     """Return the type of an error and the first line of its text, without the full stop."""
     lines = str(failure).strip().splitlines()
     return type(failure).__name__ + (f": {lines[0][:200].rstrip('.')}" if lines else "")
+
+
+_LIBRARIES = tuple(Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib", "purelib", "platlib"))
+
+_FRAMEWORK = tuple(Path(__file__).parents[1] / package for package in ("problems", "solvers", "bench"))
+
+
+def raised_at(failure: BaseException) -> str:
+    """Return ``" (line 18 of wrapped.py)"`` for the deepest line of the author's files that an exception passed.
+
+    It is empty if the exception passed only libraries and Proxbench.
+    """
+    for frame, line in reversed(list(traceback.walk_tb(failure.__traceback__))):
+        file = Path(frame.f_code.co_filename)
+        is_generated = str(file).startswith("<")
+        if not is_generated and not any(file.is_relative_to(folder) for folder in (*_LIBRARIES, *_FRAMEWORK)):
+            return f" (line {line} of {file.name})"
+    return ""

@@ -13,7 +13,7 @@ import numpy as np
 from ..problems.contact.model import Model
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, Status
-from ..problems.errors import PluginError, ProxbenchError, first_line
+from ..problems.errors import PluginError, ProxbenchError, first_line, raised_at
 
 _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 
@@ -43,7 +43,7 @@ def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -
     except (ProxbenchError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{head} cannot be created: {first_line(error)}.") from None
+        raise PluginError(f"{head} cannot be created: {first_line(error)}{raised_at(error)}.") from None
     fault = form_fault(solver) or _name_fault(solver, name, factory, options)
     if fault:
         raise PluginError(f"{head} breaks the contract: {fault}.")
@@ -72,7 +72,7 @@ def form_fault(solver: Any) -> str | None:
     try:
         name, model = getattr(solver, "name", None), getattr(solver, "model", None)
     except Exception as error:
-        return f"its name or model raised {first_line(error)}"
+        return f"its name or model raised {first_line(error)}{raised_at(error)}"
     if not isinstance(name, str) or not name:
         return _missing("name", name, "the text in tables", "'MySolver'")
     if not isinstance(model, Model):

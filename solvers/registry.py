@@ -284,8 +284,8 @@ def solve(
         limits: ``max_iterations`` and ``max_seconds``.
 
     Raises:
-        SolverError: if the solver, an option or a limit is unknown, or ``problem`` is not a contact problem, a name or
-            a path.
+        SolverError: if the solver, an option or a limit is unknown, ``solver`` breaks the contract of solvers, or
+            ``problem`` is not a contact problem, a name or a path.
         ProblemError: from ``load``.
     """
     unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]
@@ -300,7 +300,22 @@ def solve(
     if not isinstance(problem, ContactProblem):
         raise SolverError(f"problem must be a ContactProblem, a name or a path, not {type(problem).__name__}.")
     method = create(solver) if isinstance(solver, str) else solver
-    reason = method.supports(problem)
+    if not isinstance(solver, str):
+        _check_contract(method, contract.form_fault(method))
+    stop, reason = Stop(tolerance, **limits), method.supports(problem)
+    _check_contract(method, contract.reason_fault(reason))
     if reason:
         return Solution(0.0 * problem.free_velocity, Status.UNSUPPORTED, 0, reason)
-    return method.prepare(problem).solve(Stop(tolerance, **limits))
+    prepared = method.prepare(problem)
+    _check_contract(method, contract.prepared_fault(prepared))
+    solution = prepared.solve(stop)
+    _check_contract(method, contract.solution_fault(problem, solution))
+    return solution
+
+
+def _check_contract(solver: object, fault: str | None) -> None:
+    """Raise ``SolverError`` if a solver breaks the contract."""
+    if isinstance(solver, type):
+        raise SolverError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
+    if fault is not None:
+        raise SolverError(f"the solver {type(solver).__name__} breaks the contract: {fault}.")

@@ -141,7 +141,7 @@ SolveSeconds = Annotated[float, limits(metavar="SECONDS", help="Time limit of on
 Runs = Annotated[Path, output("--output", metavar="FOLDER", help="Folder of runs.")]
 """Folder of runs."""
 
-RunId = Annotated[str, output("--run-id", metavar="NAME", help="Name of the run; by default, the time.")]
+RunId = Annotated[str | None, output("--run-id", metavar="NAME", help="Name of the run; by default, the time.")]
 """Name of a new run."""
 
 Json = Annotated[bool, flag("--json", help="Print one JSON document.")]

@@ -46,7 +46,7 @@ def run(
         list[float] | None, options.selection(metavar="NUMBER", help="Tolerance to time; repeatable.")
     ] = None,
     output: options.Runs = Path("results"),
-    run_id: options.RunId = "",
+    run_id: options.RunId = None,
     resume: Annotated[Path | None, _measuring(metavar="RUN", help="Finish the interrupted run in this folder.")] = None,
     retry_failed: Annotated[bool, _switch("--retry-failed", help="With --resume: measure failed cases again.")] = False,
     mix: Annotated[bool, _switch("--mix", help="With --resume: allow another machine or source.")] = False,
@@ -81,7 +81,7 @@ def run(
                 solver,
                 suite,
                 output,
-                run_id or None,
+                run_id,
                 tolerances=tolerance,
                 on_event=shown,
                 solve_seconds=solve_seconds,

@@ -3,10 +3,11 @@
 import textwrap
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from ...problems.errors import suggestion
-from ...problems.exchange.catalog import load, plugin_problems, problem_names
+from ...problems.exchange.catalog import is_path, load, plugin_problems, problem_names
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import forget, registered
 from ...solvers.registry import available, compiled_solvers, composites, natives, on_devices, peers, plugin_solvers
@@ -14,6 +15,7 @@ from ..errors import BenchError
 from ..isolation.worker import Fault, RenewedWorker
 from ..plugins.descriptions import solver_spec
 from ..plugins.files import use_plugin_files
+from ..plugins.native_files import is_native
 from ..report.layout.text import output_width
 from ..store.outcome import Outcome
 from .task import CHECKS, CheckingTask
@@ -37,7 +39,7 @@ def run_checks(
     """Run all conformance tests on a solver or problem, or on all solvers and problems of a plugin file.
 
     Args:
-        target: a name, with or without options, or the path of a plugin file.
+        target: a name, with or without options, or the path of a plugin file or problem file.
         seconds: time limit of one check [s].
         on_check: called before every check, to show the progress.
 
@@ -51,8 +53,7 @@ def run_checks(
     """
     if not seconds > 0:
         raise BenchError(f"`seconds` must be positive, got {seconds:g}; omit it for the default.")
-    is_path = target.endswith(".py") or "/" in target.partition("(")[0]
-    file = PluginFile.read(target) if is_path else None
+    file = PluginFile.read(target) if _is_plugin_path(target) else None
     known = [other for other, _ in registered()]
     try:
         subjects = _subjects_by_name(target) if file is None else _subjects_of_file(file, seconds)
@@ -61,6 +62,22 @@ def run_checks(
     finally:
         if file is not None and file not in known:
             forget(file)
+
+
+def _is_plugin_path(target: str) -> bool:
+    """Return whether a target is a plugin file; an existing file of another kind is refused as one.
+
+    Raises:
+        BenchError: if it is a shared library or a program.
+    """
+    if is_path(target):
+        return False
+    if is_native(Path(target)):
+        raise BenchError(
+            f"{target} is a shared library or a program; check its solver as 'Shared({target})' or "
+            f"'Executable({target})'."
+        )
+    return target.endswith(".py") or "/" in target.partition("(")[0] or Path(target).is_file()
 
 
 def print_checks(subjects: list[dict[str, Any]], failed_only: bool = False) -> None:
@@ -106,6 +123,9 @@ def _subjects_by_name(target: str) -> list[dict[str, str]]:
     if target.partition("(")[0].strip() in (*available(), *composites(), *peers(), *on_devices(), *natives()):
         solver = solver_spec(target)
         return [{"kind": "solver", "name": solver.name, "source": solver.source}]
+    if is_path(target):
+        load(target)  # raises an error that names what is wrong with the file
+        return [{"kind": "problem", "name": target, "source": ""}]
     known = problem_names()
     if target not in known:
         raise BenchError(

@@ -1,12 +1,10 @@
 """The part of ``proxbench check`` that runs in a child process; only this part runs code of a plugin."""
 
-import traceback
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-from ...problems.errors import ProxbenchError, first_line
+from ...problems.errors import ProxbenchError, first_line, raised_at
 from ...problems.exchange.catalog import load
 from ...solvers.registry import create
 from ..isolation.child import MisbehaviourError
@@ -17,8 +15,6 @@ from .solver_checks import SOLVER_CHECKS
 
 CHECKS: dict[str, tuple[Check[Any], ...]] = {"solver": SOLVER_CHECKS, "problem": PROBLEM_CHECKS}
 """All tests of a subject by its kind."""
-
-_FRAMEWORK = tuple(Path(__file__).parents[2] / package for package in ("problems", "solvers", "bench"))
 
 
 @dataclass
@@ -53,16 +49,5 @@ def _run_check(kind: str, name: str, check_name: str) -> dict[str, str]:
     except MemoryError:
         raise
     except BaseException as error:
-        return {"result": "failed", "sentence": f"it raised {first_line(error)}{_place(error)}."}
+        return {"result": "failed", "sentence": f"it raised {first_line(error)}{raised_at(error)}."}
     return {"result": "passed", "sentence": ""}
-
-
-def _place(error: BaseException) -> str:
-    """Return where an exception was raised in the author's files, not in libraries or Proxbench."""
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if "site-packages" not in frame.filename
-        and not any(Path(frame.filename).is_relative_to(folder) for folder in _FRAMEWORK)
-    ]
-    return f" (line {frames[-1].lineno} of {Path(frames[-1].filename).name})" if frames else ""

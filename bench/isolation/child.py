@@ -17,7 +17,7 @@ from typing import Any
 
 import psutil
 
-from ...problems.errors import InsufficientMemoryError, error_text, first_line
+from ...problems.errors import InsufficientMemoryError, error_text, first_line, raised_at
 from ...problems.exchange.plugins.files import PluginFile
 from ...problems.exchange.plugins.offers import Names, register
 from ...solvers.native.captured_output import last_line, output_size
@@ -128,7 +128,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             elif _is_caused_by_memory(error):
                 answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason} when it requested more than {limit}")
             else:
-                answer = _fault(Outcome.CRASHED, reason)
+                answer = _fault(Outcome.CRASHED, f"{reason}{raised_at(error)}")
         if os.getpid() != own:
             return  # a process that the solver forked: only its parent answers
         _flush()

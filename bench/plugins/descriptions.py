@@ -20,7 +20,7 @@ from ...problems.contact.solver import (
     starts_from_last_answer,
     threads_of,
 )
-from ...problems.errors import PluginError, ProxbenchError, first_line
+from ...problems.errors import PluginError, ProxbenchError, first_line, raised_at
 from ...problems.exchange.catalog import load, plugin_problems
 from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...problems.exchange.plugins.files import PluginFile
@@ -250,6 +250,6 @@ def _unpickled(pickled: bytes) -> Any:
         return cloudpickle.loads(pickled)
     except Exception as error:
         raise BenchError(
-            f"the solver object cannot be created in the process of its cases: {first_line(error)}; define its "
-            "class where that process can import it, or in the script itself."
+            f"the solver object cannot be created in the process of its cases: {first_line(error)}{raised_at(error)}; "
+            "define its class where that process can import it, or in the script itself."
         ) from None

@@ -16,7 +16,7 @@ from pathlib import Path
 from .. import library
 from ..compilation import interprets_kernels
 from ..contact.problem import UNNAMED, ContactProblem
-from ..errors import LIST_PROBLEMS_COMMAND, PluginError, ProblemError, first_line, suggestion
+from ..errors import LIST_PROBLEMS_COMMAND, PluginError, ProblemError, first_line, raised_at, suggestion
 from ..hard import HARD_CASES, hard_case
 from .fclib.files import is_fclib_name, read_fclib
 from .files.problem_file import SUFFIX, SUFFIXES, read_problem
@@ -222,7 +222,21 @@ def load(name: str | Path) -> ContactProblem:
         return read_problem(_cached(name))
     if name in SUITES["all"]:
         raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {name}")
+    if os.path.exists(name) or "/" in name:
+        raise ProblemError(_not_a_problem_file(name))
     raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}")
+
+
+def _not_a_problem_file(path: str) -> str:
+    """Return why a path is not that of a problem file, and the remedy."""
+    if not os.path.exists(path):
+        return f"there is no problem or file {path!r}; name a problem, or a file that exists."
+    if os.path.isdir(path):
+        return f"{path} is a folder, not a problem file; name a file in it."
+    return (
+        f"{path} is not a problem file, whose name ends in {', '.join(SUFFIXES)}, .hdf5 or .h5; write one with "
+        "numpy.savez('mine.npz', G=G, c=c, mu=mu)."
+    )
 
 
 def _named(problem: ContactProblem, file: Path) -> ContactProblem:
@@ -253,7 +267,7 @@ def _built(offer: Offer) -> ContactProblem:
         with redirect_stdout(sys.stderr):
             problem = make()
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{head} cannot be built: {first_line(error)}.") from None
+        raise PluginError(f"{head} cannot be built: {first_line(error)}{raised_at(error)}.") from None
     if not isinstance(problem, ContactProblem):
         raise PluginError(f"{head} returns a value of type {type(problem).__name__}; return a ContactProblem.")
     return problem.renamed(offer.name, plugin=offer.source)

@@ -177,7 +177,7 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     """
     if matrix.shape[0] > MAX_ROWS:
         raise ProblemError(f"G has {matrix.shape[0]} rows, but `indefinite` project supports at most {MAX_ROWS}.")
-    if not matrix.shape[0]:
+    if not matrix.shape[0] or not np.isfinite(matrix.data).all():  # ContactProblem rejects NaN and inf
         return matrix, {}
     values, vectors = np.linalg.eigh(matrix.toarray().astype(np.float64))
     least = float(values[0] / max(values[-1], np.finfo(np.float64).tiny))

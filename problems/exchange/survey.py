@@ -1,6 +1,7 @@
 """Numbers that describe the difficulty of a problem file: size, rank, friction, conditioning."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ MAX_RANK_ROWS = 8000
 """Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
 
 _REPAIRS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
-"""Repairs in the order in which they are tried, so that any asymmetric matrix can be described."""
+"""Repairs in the order in which they are tried after the default one, so that any asymmetric matrix can be described."""
 
 
 @dataclass(frozen=True)
@@ -100,13 +101,18 @@ def survey(path: Path) -> Survey:
 
 
 def _read(path: Path) -> ContactProblem:
-    """Return the problem of a file, read with the first repair that applies."""
-    for way in _REPAIRS[:-1]:
-        try:
-            return _read_with(path, way)
-        except ProblemError:
-            continue
-    return _read_with(path, _REPAIRS[-1])
+    """Return the problem of a file, read with the first repair that applies.
+
+    Raises:
+        ProblemError: that of the default repair, because the remedies of the others are not the reader's choice.
+    """
+    try:
+        return _read_with(path, Repair())
+    except ProblemError as error:
+        for way in _REPAIRS:
+            with suppress(ProblemError):
+                return _read_with(path, way)
+        raise error
 
 
 def _read_with(path: Path, way: Repair) -> ContactProblem:

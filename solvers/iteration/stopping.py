@@ -18,6 +18,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.compilation import COMPILATION
 from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.representation import counted
 
 MAX_CHECK_INTERVAL = 10
 """Largest number of sweeps between two checks of the residual; a check takes about as long as one sweep."""
@@ -140,7 +141,7 @@ class Monitor:
         if residual <= self.stop.tolerance:
             return Outcome(Status.SOLVED, "")
         if not residual < DIVERGENCE_GROWTH * self._first:
-            return Outcome(Status.DIVERGED, f"the residual grew to {residual:.1e} within {iteration} sweeps")
+            return Outcome(Status.DIVERGED, _divergence_text(iteration, residual, impulses))
         limit = self.clock.reached_limit(self.stop, iteration)
         return Outcome(limit, f"residual {self.best_residual:.1e} after {iteration} sweeps") if limit else None
 
@@ -194,3 +195,11 @@ class Monitor:
         """Return the best residual after ``iteration`` sweeps, to within one percent."""
         later = bisect.bisect_right(self._marks, iteration, key=itemgetter(0))
         return self._marks[max(later - 1, 0)][1]
+
+
+def _divergence_text(iteration: int, residual: float, impulses: FloatArray) -> str:
+    """Return the reason for divergence after ``iteration`` sweeps."""
+    sweeps = counted(iteration, "sweep")
+    if not np.isfinite(impulses).all():
+        return f"the impulses are not finite after {sweeps}"
+    return f"the residual grew to {residual:.1e} within {sweeps}"

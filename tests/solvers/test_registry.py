@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.problems import ProblemError, load, save_problem
+from proxbench.problems import ContactProblem, Model, ProblemError, load, save_problem
 from proxbench.solvers import Solver, SolverError, Stop, available, create, solve
 from proxbench.solvers.registry import compiled_solvers, composites, find_offer, parts, plain_names
 
@@ -90,3 +90,36 @@ def test_anything_but_a_problem_is_refused() -> None:
         solve(np.eye(3))  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="there is no problem 'funel-30'; did you mean 'funnel-30'"):
         solve("funel-30")
+
+
+class Faulty:
+    """A solver that breaks the contract in one method."""
+
+    name, model = "Faulty", Model.COULOMB
+
+    def __init__(self, fault: str) -> None:
+        self.fault = fault
+
+    def supports(self, problem: ContactProblem) -> Any:
+        return True if self.fault == "supports" else None
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        return None if self.fault == "prepare" else self
+
+    def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Any:
+        return np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    ("solver", "words"),
+    [
+        (Faulty("supports"), "Faulty breaks the contract: its supports returned True; return None for a supported"),
+        (Faulty("prepare"), "its prepare returned a NoneType, which has no method solve"),
+        (Faulty("solve"), "its solve returned ndarray, not a Solution"),
+        (Faulty, r"the solver Faulty is a class; pass an instance, Faulty\(\)"),
+        (5, "the solver int breaks the contract: it has no name"),
+    ],
+)
+def test_a_solver_that_breaks_the_contract_is_refused_with_the_fault(solver: Any, words: str) -> None:
+    with pytest.raises(SolverError, match=words):
+        solve("hard-no-motion", solver)

@@ -63,7 +63,7 @@ def rejudge(
 def merge(
     sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Bundles, and folders of runs.")],
     output: options.Runs = Path("results"),
-    run_id: options.RunId = "",
+    run_id: options.RunId = None,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> None:
@@ -77,7 +77,7 @@ def merge(
 
     missing: list[str] = []
     with ProgressBar(not progress or as_json) as shown:
-        made = joined(sources, output, run_id or None, on_case=shown.count, on_missing=missing.append)
+        made = joined(sources, output, run_id, on_case=shown.count, on_missing=missing.append)
     for sentence in missing:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:

@@ -33,14 +33,14 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
 
     For steps with the engine's own model, also show the residuals of its forces.
 
-    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
+    The exit code is 1 if a file in a folder cannot be read, 2 if a named file cannot; standard error gives the reason.
     """
     from dataclasses import asdict
 
     from ....problems.exchange.survey import problem_files
     from ...report.layout.text import print_json
 
-    found, broken = _apply(sources, problem_files, lambda file, _: _described(file))
+    found, broken, code = _apply(sources, problem_files, lambda file, _: _described(file))
     if as_json:
         # a condition number may be infinite, which JSON cannot represent
         rows = [
@@ -51,7 +51,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     else:
         _print_surveys([one for one, _ in found], [engine for _, engine in found])
         _print_broken(broken)
-    return int(bool(broken))
+    return code
 
 
 def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
@@ -92,7 +92,7 @@ def import_files(
 
     Captured steps keep the engine's forces. Print the name of each file and the digest of its problem.
 
-    The exit code is 1 if a file in a folder cannot be read; standard error gives the reason.
+    The exit code is 1 if a file in a folder cannot be read, 2 if a named file cannot; standard error gives the reason.
     """
     from ....problems import save_problem
     from ....problems.capture.files import has_step, read_step, save_step
@@ -110,9 +110,9 @@ def import_files(
             save_problem(problem, targets[file])
         return str(targets[file]), problem.digest
 
-    found, broken = _apply(sources, files_of, convert)
+    found, broken, code = _apply(sources, files_of, convert)
     _print_written(dict(found), broken, as_json)
-    return int(bool(broken))
+    return code
 
 
 def export_files(
@@ -183,24 +183,25 @@ def _reader(
 
 def _apply(
     sources: Sequence[Path], files_of: Callable[[Path], Any], act: Callable[[Path, Path], Any]
-) -> tuple[list[Any], list[str]]:
-    """Return the results of ``act`` for the files with their sources, and a message for each failed file of a folder.
+) -> tuple[list[Any], list[str], int]:
+    """Return the results of ``act`` for the files with their sources, messages for failed files, and the exit code.
 
     Raises:
-        ProblemError: if a file named on the command line fails, or a folder has no file.
+        ProblemError: if the only file named on the command line fails, or a folder has no file.
     """
     from ....problems.errors import ProblemError
 
-    found, broken = [], []
+    found, broken, code = [], [], 0
     for source in sources:
         for file in files_of(source):
             try:
                 found.append(act(file, source))
             except ProblemError as error:
-                if file == source:
+                if file == source and len(sources) == 1:
                     raise
                 broken.append(options.with_option_names(str(error)))
-    return found, broken
+                code = max(code, 2 if file == source else 1)
+    return found, broken, code
 
 
 def _import_targets(

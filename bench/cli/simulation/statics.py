@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 MIN_PUSH = 1e-9
 """Largest push, relative to the weight, that is printed as no push."""
 
+MARGIN_HINT = "if the bodies should touch, close small gaps with --margin METRES"
+"""Remedy for a scene without closed contacts."""
+
 _loads = partial(typer.Option, rich_help_panel="Loads and contacts")
 
 
@@ -33,7 +36,7 @@ def statics(
 
     The exit code is 1 if they cannot. The equilibrium of a scene that can stand may still be unstable.
     """
-    from ....problems.motion.equilibrium import find_equilibrium, least_friction, problem_at_rest
+    from ....problems.motion.equilibrium import HasMargin, find_equilibrium, least_friction, problem_at_rest
     from ....problems.motion.mechanism import mechanism_text
     from ...plugins.remote_scene import local_or_remote_scene
     from ...report.layout.text import print_json
@@ -57,7 +60,8 @@ def statics(
     if as_json:
         print_json(row)
     else:
-        print(_sentence(row))
+        is_loose = not problem.n_contacts and not margin and isinstance(built.system, HasMargin)
+        print(_sentence(row) + (f"; {MARGIN_HINT}" if is_loose else ""))
     return int(not found.can_stand)
 
 

@@ -24,7 +24,7 @@ from ....problems.exchange.catalog import (
     plugin_problems,
     problem_names,
 )
-from ....problems.exchange.files.problem_file import SUFFIX, save_problem
+from ....problems.exchange.files.problem_file import SUFFIX, check_folder, save_problem
 from ....problems.hard import HARD_CASES
 from ....problems.hard.spheres import with_rolling_friction
 from ....problems.motion.bodies.mixed_friction import MixedFriction
@@ -158,6 +158,7 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
                 f"there is no recipe for {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}"
             )
     target = folder if folder is not None else cache_folder()
+    check_folder(target)  # before simulations, which may take minutes
     made = (plugin_problem(name) for name in names if name in of_plugins)
     for problem in chain(made, remake_problems(name for name in names if name not in of_plugins)):
         save_problem(problem, target / f"{problem.name}{SUFFIX}")

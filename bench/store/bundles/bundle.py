@@ -25,6 +25,9 @@ MAX_BYTES = 2**30
 
 _REMEDY = "get it again from its source"
 
+_GZIP = b"\x1f\x8b"
+"""First bytes of a bundle."""
+
 
 class _Content(Record, frozen=True, kw_only=True):
     """The document of a bundle; ``problems`` are files as ``save_problem`` writes them."""
@@ -154,11 +157,15 @@ def read_bundle(path: Path) -> Bundle:
         fault = f"{path} is a folder, not a bundle" if path.is_dir() else f"there is no bundle {path}"
         raise BenchError(f"{fault}; name a file that `proxbench bundle` wrote.")
     try:
-        text = inflated(path.read_bytes(), MAX_BYTES)
+        packed = path.read_bytes()
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror}; name a readable file.") from None
+    if not packed.startswith(_GZIP):
+        raise BenchError(f"{path} is not a bundle; name a file that `proxbench bundle` wrote.")
+    try:
+        text = inflated(packed, MAX_BYTES)
     except ValueError as error:
-        raise BenchError(f"{path} is not a bundle, or is damaged ({error}); {_REMEDY}.") from None
+        raise BenchError(f"{path} is damaged ({error}); {_REMEDY}.") from None
     content = decode_record(text, _Content, str(path), _REMEDY)
     found = (read_problem(io.BytesIO(one), f"a problem of {path}") for one in content.problems)
     problems, listed = {problem.digest: problem for problem in found}, content.run.carried

@@ -48,6 +48,8 @@ def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:
                     arrays[member.filename.removesuffix(".npy")] = _read_member(file, member.file_size)
     except ArchiveError:
         raise
+    except zipfile.BadZipFile:
+        raise ArchiveError("it is not an .npz archive, or it is cut off") from None
     except _UNPACKING_ERRORS as error:
         raise ArchiveError(f"it cannot be unpacked ({type(error).__name__})") from None
     if len(arrays) != len(members):

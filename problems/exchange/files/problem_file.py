@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
@@ -64,12 +65,21 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
     write_whole(path, json_text(*_described(problem)).encode() if is_json else packed_problem(problem))
 
 
+def check_folder(folder: Path) -> None:
+    """Raise ``ProblemError`` if a folder for problem files, or a folder above it, is a file."""
+    places = (folder, *folder.parents)
+    blocking = next((place for place in places if os.path.exists(place) and not os.path.isdir(place)), None)
+    if blocking is not None:
+        raise ProblemError(f"cannot write to {folder}: {blocking} is a file, not a folder; choose another folder.")
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file of a problem atomically, and create its folder.
 
     Raises:
         ProblemError: if the file cannot be written.
     """
+    check_folder(path.parent)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:
@@ -118,6 +128,8 @@ def read_problem(
             problem, digest = _problem(about, arrays)
     except FileNotFoundError:
         raise ProblemError(f"there is no problem file {name}.") from None
+    except IsADirectoryError:
+        raise ProblemError(f"{name} is a folder, not a problem file; name a file in it.") from None
     except ArchiveError as error:
         raise ProblemError(f"{name} is damaged or not a problem file: {error}; {REWRITE_REMEDY}.") from None
     except ProblemError:

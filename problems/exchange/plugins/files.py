@@ -43,15 +43,18 @@ class PluginFile:
         """Read a plugin file without running it.
 
         Raises:
-            PluginError: if the file does not exist or cannot be read.
+            PluginError: if the file does not exist, cannot be read, or is not a text.
         """
         absolute = Path(path).expanduser().resolve()
         try:
-            return PluginFile(absolute, absolute.read_bytes())
+            content = absolute.read_bytes()
         except FileNotFoundError:
             raise PluginError(f"there is no plugin file {path}; name a Python file.") from None
         except OSError as error:
             raise PluginError(f"cannot read plugin file {path}: {error.strerror}; name a Python file.") from None
+        if b"\0" in content:
+            raise PluginError(f"{path} is not a plugin file: it contains binary data; name a Python file.")
+        return PluginFile(absolute, content)
 
     @property
     def sha256(self) -> str:

@@ -14,7 +14,7 @@ from functools import partial
 from importlib import metadata
 from typing import Any, get_args
 
-from ...errors import PluginError, first_line
+from ...errors import PluginError, first_line, raised_at
 from .files import Kind, PluginFile, make_importable
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -78,7 +78,7 @@ class Offer:
             raise
         except (Exception, SystemExit) as error:
             said = f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {first_line(error)}"
-            raise PluginError(f"{said}; fix the package or uninstall it.") from None
+            raise PluginError(f"{said}{raised_at(error)}; fix the package or uninstall it.") from None
 
 
 def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:

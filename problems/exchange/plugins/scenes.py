@@ -7,7 +7,7 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import Any
 
-from ...errors import PluginError, ProblemError, first_line, suggestion
+from ...errors import PluginError, ProblemError, first_line, raised_at, suggestion
 from ...motion.scenes.registry import SCENES, parse_scene
 from ...motion.scenes.scene import Scene, bare_scene, completed
 from ...motion.state import State
@@ -35,7 +35,8 @@ def plugin_scene(name: str) -> Offer | None:
             raise PluginError(offer.rejection)
         if offer.name == name:
             return offer
-    raise ProblemError(f"there is no scene {name!r}{suggestion(name, [*SCENES, *(offer.name for offer in found)])}")
+    known = [*SCENES, *(offer.name for offer in found)]
+    raise ProblemError(f"there is no scene {name!r}{suggestion(name, known, 'proxbench list scenes')}")
 
 
 def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
@@ -62,7 +63,7 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
     except ProblemError:
         raise
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{head} cannot be built: {first_line(error)}.") from error
+        raise PluginError(f"{head} cannot be built: {first_line(error)}{raised_at(error)}.") from error
     return _scene(name, {**defaults, **given}, made, head)
 
 

@@ -56,6 +56,19 @@ def test_info_shows_a_line_for_each_file_and_a_reason_for_each_broken_one(folder
     assert (row["contacts"], row["dofs"], row["rank"], row["friction"]) == (2, 6, 6, [0.25, 0.5])
 
 
+@pytest.mark.parametrize("command", ["info", "import plain --output out"])
+def test_a_named_file_that_is_broken_does_not_hide_the_others(
+    command: str, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.savez("good.npz", G=np.eye(3), c=np.ones(3), mu=0.5)
+    np.savez("bad.npz", G=np.full((3, 3), np.nan), c=np.ones(3), mu=0.5)
+    assert run_command([*command.split(), "bad.npz", "good.npz"]) == 2
+    printed = capsys.readouterr()
+    assert "good.npz" in printed.out
+    assert printed.err == "proxbench: bad.npz: G[0, 0] = nan must be finite.\n"
+
+
 def test_info_counts_joints_and_shows_rolling_friction(tmp_path: Path, capsys: Capture) -> None:
     assert run_command(["info", str(write_data(tmp_path / "p.hdf5", rolling_data()))]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[:7] == ["factors", "2", "1", "11", "10", "0.5", "0.125…0.25"]

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from proxbench.bench.cli.main import app, run_command
 from typer.main import get_command
@@ -19,15 +20,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
     (made / "runs" / "one").symlink_to(finished_run)
     (made / "a.bundle").write_bytes(b"")
     (made / "empty").mkdir()
+    np.savez(made / "plain.npz", G=np.eye(3), c=np.ones(3), mu=0.5)
     return made
 
 
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("report a.bundle", "a.bundle is not a bundle, or is damaged (the compressed data are damaged); get it again"),
+        ("report a.bundle", "a.bundle is not a bundle; name a file that `proxbench bundle` wrote."),
         ("run --resume a.bundle", "unpack it with: proxbench merge a.bundle"),
-        ("compare a.bundle runs/one", "a.bundle is not a bundle, or is damaged"),
+        ("compare a.bundle runs/one", "a.bundle is not a bundle; name a file"),
+        ("rejudge plain.npz", "plain.npz is not a bundle; name a file that `proxbench bundle` wrote."),
         ("report runs", "runs is not a stored run (stored runs in it: 1); name one of them, such as runs/one."),
         ("report empty", "empty is not a stored run (it has no run.json); name the folder of a run."),
         ("report nosuch", "nosuch is not a stored run (it does not exist); name the folder of a run."),
@@ -42,6 +45,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
         ("list solvers nosuch", "are known, and proxbench list solvers lists them."),
         ("list nosuch", "there is no kind 'nosuch' to list; known are problems, scenes, solvers, suites."),
         ("list suites --suite hard", "--suite lists problems only; write: proxbench list problems --suite hard"),
+        (
+            "run --problem hard-groove --run-id=",
+            "--run-id '' is not a valid name of a run; use at most 60 of the characters",
+        ),
+        (
+            "generate funnel-30 --output a.bundle",
+            "cannot write to a.bundle: a.bundle is a file, not a folder; choose another folder.",
+        ),
+        (
+            "export npz hard-groove --output a.bundle/deep/mine.npz",
+            "cannot write a.bundle/deep/mine.npz: Not a directory; choose another folder.",
+        ),
         (
             "run --problem hard-groove --run-id ünï",
             "--run-id 'ünï' is not a valid name of a run; use at most 60 of the characters",
@@ -89,7 +104,7 @@ def test_a_mistake_gets_the_sentence_that_mends_it(
     assert printed.err.startswith("proxbench: ")
     assert printed.err.count("\n") == 1
     assert printed.out == ""
-    assert sorted(path.name for path in folder.iterdir()) == ["a.bundle", "empty", "runs"]
+    assert sorted(path.name for path in folder.iterdir()) == ["a.bundle", "empty", "plain.npz", "runs"]
 
 
 def test_a_simulation_of_a_plugin_asks_for_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

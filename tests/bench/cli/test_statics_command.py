@@ -39,7 +39,8 @@ SCENES = {"lone_ball": lone_ball}
         (
             ["bouncing_ball"],
             1,
-            "cannot stand: bodies accelerate at 100 % of the free acceleration; no contact is closed",
+            "cannot stand: bodies accelerate at 100 % of the free acceleration; no contact is closed; "
+            "if the bodies should touch, close small gaps with --margin METRES",
         ),
     ],
 )
@@ -69,6 +70,11 @@ def test_a_margin_closes_contacts_that_are_open(capsys: pytest.CaptureFixture[st
     assert run_command(["statics", "stack(overlap=0)"]) == 1
     assert run_command(["statics", "stack(overlap=0)", "--margin", "1e-6"]) == 0
     assert "can stand" in capsys.readouterr().out
+
+
+def test_a_margin_that_was_given_is_not_proposed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["statics", "bouncing_ball", "--margin", "1e-9"]) == 1
+    assert capsys.readouterr().out.endswith("no contact is closed\n")
 
 
 def test_the_scene_of_a_plugin_is_asked_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

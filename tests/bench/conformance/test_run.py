@@ -2,7 +2,9 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.conformance import BRIEF_CHECKS, SOLVER_CHECKS
@@ -113,6 +115,42 @@ def test_a_problem_can_be_checked() -> None:
     (subject,) = run_checks("hard-groove-frictionless")
     assert subject["kind"] == "problem"
     assert [row["result"] for row in subject["checks"]] == ["passed"] * 4
+
+
+def test_a_problem_file_can_be_checked(tmp_path: Path) -> None:
+    np.savez(tmp_path / "singular.npz", G=np.ones((3, 3)), c=[-1.0, 0.0, 0.0], mu=0.5)
+    (subject,) = run_checks(str(tmp_path / "singular.npz"))
+    assert subject["kind"] == "problem"
+    assert [row["result"] for row in subject["checks"]] == ["passed"] * 3 + ["not applicable"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("none.npz", None, "there is no problem file none.npz"),
+        ("nan.npz", {"G": np.diag([1.0, np.nan, 1.0]), "c": np.ones(3), "mu": 0.5}, "G[1, 1] = nan must be finite"),
+        ("indefinite.npz", {"G": np.diag([1.0, 1.0, -1.0]), "c": np.ones(3), "mu": 0.5}, "not positive semidefinite"),
+        ("array.npy", b"\x93NUMPY\0", "array.npy is not a plugin file: it contains binary data; name a Python file."),
+        ("library.so", b"\x7fELF\0", "check its solver as 'Shared(library.so)' or 'Executable(library.so)'."),
+    ],
+)
+def test_a_file_that_cannot_be_checked_is_refused_with_the_cause(
+    name: str,
+    content: bytes | dict[str, Any] | None,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if isinstance(content, bytes):
+        Path(name).write_bytes(content)
+    elif content is not None:
+        np.savez(name, **content)
+    assert run_command(["check", name]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert words in printed.err
 
 
 @pytest.mark.parametrize(

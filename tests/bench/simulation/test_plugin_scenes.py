@@ -165,7 +165,7 @@ def test_no_code_of_the_scene_runs_here() -> None:
 @pytest.mark.parametrize(
     ("fault", "seconds", "words"),
     [
-        ("raise", 60.0, "RuntimeError: oh no"),
+        ("raise", 60.0, "RuntimeError: oh no (line 49 of scene_plugin.py)"),
         pytest.param("exit", 60.0, "exit code 3", marks=pytest.mark.slow),
         pytest.param("hang", 2.0, "it took longer than 2 s", marks=pytest.mark.slow),
         pytest.param("eat", 60.0, "MiB of memory", marks=pytest.mark.slow),

@@ -75,7 +75,7 @@ def test_an_unknown_name_is_answered_with_the_nearest(call: object, name: str, n
 
 @pytest.mark.parametrize("name", ["../funnel-30", "/etc/passwd", "..", "a/b", "library/funnel-30"])
 def test_names_cannot_leave_their_folder(name: str) -> None:
-    with pytest.raises(ProblemError, match="there is no problem"):
+    with pytest.raises(ProblemError, match=r"there is no problem|is not a problem file|is a folder"):
         load(name)
 
 
@@ -108,3 +108,23 @@ def test_a_damaged_file_in_the_cache_is_named(tmp_path: Path, monkeypatch: pytes
 def test_what_is_neither_a_name_nor_a_path_is_refused(given: object) -> None:
     with pytest.raises(ProblemError, match="load takes the name of a problem or the path of a file, not "):
         load(given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ("g.npy", r"g\.npy is not a problem file, whose name ends in \.npz, \.json, \.hdf5 or \.h5; write one with "),
+        (Path("g.npy"), r"g\.npy is damaged or not a problem file: it is not an \.npz archive, or it is cut off; "),
+        ("folder", "folder is a folder, not a problem file; name a file in it"),
+        (Path("folder"), "folder is a folder, not a problem file; name a file in it"),
+        ("./none", r"there is no problem or file '\./none'; name a problem, or a file that exists"),
+    ],
+)
+def test_a_path_that_is_not_a_problem_file_is_refused_as_such(
+    given: str | Path, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("g.npy", np.eye(3))
+    Path("folder").mkdir()
+    with pytest.raises(ProblemError, match=f"^{sentence}"):
+        load(given)

@@ -99,3 +99,32 @@ def test_files_of_any_format_are_surveyed(tmp_path: Path) -> None:
     np.savez(tmp_path / "plain.npz", G=np.tril(np.ones((3, 3))), c=np.ones(3), mu=0.5)
     plain = survey(tmp_path / "plain.npz")
     assert (plain.form, plain.contacts, plain.asymmetry) == ("G", 1, 1.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_symmetric_matrix_that_is_not_finite_is_refused_and_not_replaced_by_zeros(
+    value: float, tmp_path: Path
+) -> None:
+    delassus = np.eye(3)
+    delassus[0, 1] = delassus[1, 0] = value
+    np.savez(tmp_path / "p.npz", G=delassus, c=np.ones(3), mu=0.5)
+    with pytest.raises(ProblemError, match=rf"p\.npz: G\[0, 1\] = {value} must be finite\.$"):
+        survey(tmp_path / "p.npz")
+
+
+def test_an_indefinite_file_is_refused_as_load_refuses_it(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", G=np.diag([1.0, 1.0, -1.0]), c=np.ones(3), mu=0.5)
+    with pytest.raises(ProblemError) as loaded:
+        load(tmp_path / "p.npz")
+    with pytest.raises(ProblemError) as surveyed:
+        survey(tmp_path / "p.npz")
+    assert str(surveyed.value) == str(loaded.value)
+    assert "its diagonal entry" in str(loaded.value)
+
+
+def test_a_valid_matrix_that_is_too_large_to_project_is_surveyed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("proxbench.problems.exchange.repair.MAX_ROWS", 2)
+    np.savez(tmp_path / "p.npz", G=np.eye(3), c=np.ones(3), mu=0.5)
+    assert survey(tmp_path / "p.npz").rank == 3

@@ -150,6 +150,13 @@ def test_a_generator_may_yield_the_same_array() -> None:
     assert np.array_equal(seen[0], [0.5, 1.0])
 
 
+def test_impulses_that_are_not_finite_are_the_reason_for_divergence() -> None:
+    solution = iterate(load("hard-mixed-laws"), lambda start: itertools.repeat(start + np.nan)).solve(Stop(1e-9))
+    assert solution.status is Status.DIVERGED
+    assert solution.message == "the impulses are not finite after 1 sweep"
+    assert np.isfinite(solution.impulses).all()
+
+
 @pytest.mark.parametrize(("yielded", "words"), [([], "ended"), ([np.zeros(2)], r"yielded an array of shape \(2,\)")])
 def test_a_generator_that_ends_or_yields_something_else_is_an_error(yielded: list[FloatArray], words: str) -> None:
     with pytest.raises(SolverError, match=words):

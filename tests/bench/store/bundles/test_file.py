@@ -15,10 +15,10 @@ from proxbench.bench.store.bundles.bundle import Bundle, read_bundle, write_bund
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (b"", "the compressed data are damaged"),
-        (b"hello", "the compressed data are damaged"),
-        (b"PK\5\6" + bytes(18), "the compressed data are damaged"),
-        (gzip.compress(b"{}", mtime=0)[:-1], "the compressed data are damaged"),
+        (b"", "is not a bundle; name a file"),
+        (b"hello", "is not a bundle; name a file"),
+        (b"PK\5\6" + bytes(18), "is not a bundle; name a file"),
+        (gzip.compress(b"{}", mtime=0)[:-1], "is damaged .the compressed data are damaged"),
         (gzip.compress(b"{}", mtime=0) + b"x", "the compressed data are damaged"),
         (gzip.compress(b"hello", mtime=0), "it is not JSON"),
         (gzip.compress(b"[" * 200_000, mtime=0), "it is not JSON"),

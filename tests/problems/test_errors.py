@@ -1,0 +1,41 @@
+"""Messages suggest near names only, and name the line of the author's file."""
+
+import json
+
+import pytest
+from proxbench.problems.errors import raised_at, suggestion
+from proxbench.problems.motion.scenes.registry import SCENES
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [("funel", "funnel"), ("HOPPER", "hopper"), ("brick", "brick_wall"), ("newtons", "newtons_cradle")],
+)
+def test_a_typing_error_or_the_beginning_of_a_name_is_completed(name: str, near: str) -> None:
+    assert suggestion(name, SCENES) == f"; did you mean {near!r}?"
+
+
+@pytest.mark.parametrize("name", ["nope", "none", "plane", "mine", "dune", "rope"])
+def test_another_word_gets_no_suggestion(name: str) -> None:
+    listed = f"; {len(SCENES)} are known, and proxbench list scenes lists them."
+    assert suggestion(name, SCENES, "proxbench list scenes") == listed
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_any_single_wrong_letter_is_corrected(name: str) -> None:
+    for place in range(len(name)):
+        wrong = f"{name[:place]}?{name[place + 1 :]}"
+        assert suggestion(wrong, SCENES) == f"; did you mean {name!r}?"
+
+
+def test_the_line_of_the_author_is_named_and_not_that_of_a_library() -> None:
+    content = compile("import json\ndef parse():\n    return json.loads('{')\n", "/home/me/wrapped.py", "exec")
+    names: dict[str, object] = {}
+    exec(content, names)
+    with pytest.raises(json.JSONDecodeError) as caught:
+        names["parse"]()  # type: ignore[operator]
+    assert raised_at(caught.value) == " (line 3 of wrapped.py)"
+
+
+def test_an_exception_that_was_not_raised_has_no_line() -> None:
+    assert raised_at(ValueError("odd")) == ""
