@@ -28,7 +28,7 @@ MAX_RANK_ROWS = 8000
 """Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
 
 _REPAIRS = tuple(Repair(symmetry, "project") for symmetry in ("mean", "keep", "lower", "upper"))
-"""Repairs in the order in which they are tried after the default one, so that any asymmetric matrix can be described."""
+"""Repairs that follow the default one, in the order of trials, so that any asymmetric matrix can be described."""
 
 
 @dataclass(frozen=True)
