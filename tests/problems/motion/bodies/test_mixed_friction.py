@@ -55,7 +55,7 @@ def test_all_but_the_laws_is_that_of_the_balls() -> None:
 
 
 def test_a_range_upside_down_is_refused() -> None:
-    with pytest.raises(ProblemError, match="upwards"):
+    with pytest.raises(ProblemError, match="lowest first"):
         MixedFriction(0.9, 0.1)
 
 
