@@ -74,6 +74,9 @@ class ContactProblem:
     engine: EngineModel | None = None
 
     def __post_init__(self) -> None:
+        _require_type("laws", self.laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")
+        _require_type("name", self.name, str, "a text")
+        _require_type("provenance", self.provenance, Mapping, "a dictionary")
         object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if (self.matrix is None) == (self.factors is None):
@@ -83,8 +86,9 @@ class ContactProblem:
         if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:
+            _require_type("answer", self.answer, Answer, "an Answer, as Answer(impulses=...)")
             self.answer.check(self.laws.n_rows)
-        if self.keys:
+        if self.keys != ():
             _check_keys(self.keys, self.n_contacts)
         if self.engine is not None and self.engine.n_rows != self.laws.n_rows:
             raise ProblemError(f"the engine's model has {self.engine.n_rows} impulses for {self.laws.n_rows} rows.")
@@ -107,8 +111,8 @@ class ContactProblem:
     def from_delassus(
         delassus: Any,
         free_velocity: ArrayLike,
-        friction: ArrayLike = 0.0,
-        dim: int = 3,
+        friction: ArrayLike | None = None,
+        dim: int | None = None,
         *,
         laws: Laws | None = None,
         **attributes: Any,
@@ -119,25 +123,25 @@ class ContactProblem:
             delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows), symmetric positive semidefinite. A
                 float32 matrix may be asymmetric by its rounding and is replaced by (G + Gᵀ)/2.
             free_velocity: c [m/s], shape (n_rows,).
-            friction: μ, one number or one for each contact.
-            dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
+            friction: μ, one number or one for each contact; 0 if None.
+            dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2); 3 if None.
             laws: any mixture of laws, instead of ``friction`` and ``dim``.
             attributes: name, provenance, answer, allow_asymmetric and keys, see ``ContactProblem``.
 
         Raises:
             ProblemError: if an argument has the wrong shape or a value that is not finite, G is not symmetric positive
-                semidefinite, or μ is negative.
+                semidefinite, μ is negative, or ``laws`` is given together with ``friction`` or ``dim``.
         """
         c = _as_vector(free_velocity, "c")
-        return ContactProblem(c, laws or _equal_contacts(c, friction, dim), matrix=delassus, **attributes)
+        return ContactProblem(c, _laws_of(c, friction, dim, laws), matrix=delassus, **attributes)
 
     @staticmethod
     def from_factors(
         force_directions: Any,
         inverse_mass: Any,
         free_velocity: ArrayLike,
-        friction: ArrayLike = 0.0,
-        dim: int = 3,
+        friction: ArrayLike | None = None,
+        dim: int | None = None,
         *,
         laws: Laws | None = None,
         free_motion: ArrayLike | None = None,
@@ -149,19 +153,19 @@ class ContactProblem:
             force_directions: W, dense or scipy sparse, shape (n_dofs, n_rows).
             inverse_mass: M⁻¹, its diagonal of shape (n_dofs,), or a (block diagonal) matrix, dense or sparse.
             free_velocity: c [m/s], shape (n_rows,).
-            friction: μ, one number or one for each contact.
-            dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2).
+            friction: μ, one number or one for each contact; 0 if None.
+            dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2); 3 if None.
             laws: any mixture of laws, instead of ``friction`` and ``dim``.
             free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,); optional.
             attributes: name, provenance, answer and keys, see ``ContactProblem``.
 
         Raises:
             ProblemError: if an argument has the wrong shape or a value that is not finite, M⁻¹ is not positive
-                definite, or μ is negative.
+                definite, μ is negative, or ``laws`` is given together with ``friction`` or ``dim``.
         """
         c = _as_vector(free_velocity, "c")
         factors = Factors.create(force_directions, inverse_mass, free_motion)
-        return ContactProblem(c, laws or _equal_contacts(c, friction, dim), factors=factors, **attributes)
+        return ContactProblem(c, _laws_of(c, friction, dim, laws), factors=factors, **attributes)
 
     @property
     def n_rows(self) -> int:
@@ -272,7 +276,12 @@ class ContactProblem:
         return numbers + ([] if self.engine is None else list(self.engine.numbers().items()))
 
     def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
-        """Return the same problem under another name, with ``provenance`` added."""
+        """Return the same problem under another name, with ``provenance`` added.
+
+        Raises:
+            ProblemError: if the name is not a text.
+        """
+        _require_type("name", name, str, "a text")
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
@@ -344,11 +353,29 @@ def _finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
 
 
 def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
+    if not isinstance(keys, Sequence) or isinstance(keys, str) or not all(isinstance(key, str) for key in keys):
+        raise ProblemError(f"`keys` must be a sequence of texts, one for each contact, got {keys!r:.60}.")
     if len(keys) != n_contacts:
         raise ProblemError(f"`keys` must name each of {counted(n_contacts, 'contact')}, got {len(keys)}.")
     repeated = [key for key, count in Counter(keys).items() if count > 1]
     if repeated:
         raise ProblemError(f"`keys` has {repeated[0]!r} more than once; give each contact its own key.")
+
+
+def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | None, laws: Laws | None) -> Laws:
+    """Return ``laws``, or those of equal contacts if it is None; the two ways exclude each other."""
+    if laws is None:
+        return _equal_contacts(free_velocity, 0.0 if friction is None else friction, 3 if dim is None else dim)
+    _require_type("laws", laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")
+    for name, value in (("friction", friction), ("dim", dim)):
+        if value is not None:
+            raise ProblemError(f"{name} has no effect if laws are given; leave it out, or give friction and dim only.")
+    return laws
+
+
+def _require_type(name: str, value: object, kind: type, words: str) -> None:
+    if not isinstance(value, kind):
+        raise ProblemError(f"{name} must be {words}; got a value of type {type(value).__name__}.")
 
 
 def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:

@@ -21,7 +21,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, check_form
 from .programs import ClarabelProgram, ConicStatus, Form, unsupported_reason
@@ -78,7 +78,12 @@ class PreparedConvex:
     program: ClarabelProgram = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
+<<<<<<< HEAD
         """Solve until the judge's residual in the convex model reaches the tolerance; ignore start and observer."""
+=======
+        """Solve to the judge's residual of the convex model; start and observer are ignored."""
+        check_stop(stop)
+>>>>>>> H1
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)

@@ -122,7 +122,8 @@ def problem_of_delassus(
         attributes: dict[str, Any] = {"provenance": provenance | notes, "allow_asymmetric": is_asymmetric}
     else:
         attributes = {"provenance": provenance}  # ``from_delassus`` raises
-    return ContactProblem.from_delassus(matrix, _in_order(c, order), mu, dim, laws=laws, **attributes)
+    given = (mu, dim) if laws is None else ()
+    return ContactProblem.from_delassus(matrix, _in_order(c, order), *given, laws=laws, **attributes)
 
 
 def check_version(arrays: Arrays, newest: int) -> None:

@@ -220,3 +220,44 @@ def test_a_matrix_of_single_precision_stays_a_problem_under_another_name() -> No
     assert np.linalg.eigvalsh(problem.delassus().toarray())[0] < -1e-9 * np.abs(problem.delassus_diagonal).max()
     for same in (problem.renamed("other"), problem.anonymous(), problem.fresh(), problem.answered(None, source="here")):
         assert same.digest == problem.digest
+
+
+LAWS = Laws.contacts(0.3, 3, 1)
+
+
+@pytest.mark.parametrize("given", [{"friction": 0.9}, {"friction": 0.0}, {"dim": 3}, {"dim": 2}])
+def test_friction_and_dimension_beside_laws_are_refused_because_they_have_no_effect(given: dict[str, Any]) -> None:
+    (name,) = given
+    words = f"^{name} has no effect if laws are given; leave it out"
+    with pytest.raises(ProblemError, match=words):
+        ContactProblem.from_delassus(G, C, laws=LAWS, **given)
+    with pytest.raises(ProblemError, match=words):
+        ContactProblem.from_factors(np.eye(3), np.ones(3), C, laws=LAWS, **given)
+
+
+def test_contacts_without_friction_and_dimension_are_spatial_and_frictionless() -> None:
+    problem = ContactProblem.from_delassus(G, C)
+    assert problem.n_contacts == 1
+    assert not problem.laws.friction_coefficient.any()
+
+
+@pytest.mark.parametrize(
+    ("attributes", "words"),
+    [
+        ({"name": 5}, "name must be a text; got a value of type int"),
+        ({"provenance": 5}, "provenance must be a dictionary; got a value of type int"),
+        ({"answer": np.zeros(3)}, "answer must be an Answer, .* got a value of type ndarray"),
+        ({"laws": [1]}, "laws must be Laws, .* got a value of type list"),
+        ({"keys": "a"}, "`keys` must be a sequence of texts, one for each contact, got 'a'"),
+        ({"keys": [5]}, r"`keys` must be a sequence of texts, one for each contact, got \[5\]"),
+        ({"keys": 3}, "`keys` must be a sequence of texts, one for each contact, got 3"),
+    ],
+)
+def test_an_attribute_of_another_type_is_refused(attributes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        ContactProblem.from_delassus(G, C, **attributes)
+
+
+def test_a_new_name_must_be_a_text() -> None:
+    with pytest.raises(ProblemError, match="name must be a text"):
+        ContactProblem.from_delassus(G, C).renamed(5)  # type: ignore[arg-type]
