@@ -78,12 +78,8 @@ class PreparedConvex:
     program: ClarabelProgram = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-<<<<<<< HEAD
         """Solve until the judge's residual in the convex model reaches the tolerance; ignore start and observer."""
-=======
-        """Solve to the judge's residual of the convex model; start and observer are ignored."""
         check_stop(stop)
->>>>>>> H1
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)

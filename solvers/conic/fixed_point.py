@@ -172,12 +172,8 @@ class PreparedFixedPoint:
     phases: tuple[Phase, ...] = field(default=PHASES, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-<<<<<<< HEAD
         """Iterate until the residual reaches the tolerance, from the s of ``start``; ``iterations`` counts programs."""
-=======
-        """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""
         check_stop(stop)
->>>>>>> H1
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)

@@ -65,12 +65,8 @@ class PreparedRounds(ABC):
         """Return the call of the solver for one solve with this time limit [s]."""
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-<<<<<<< HEAD
         """Solve until the judge's residual reaches the tolerance; the observer is ignored."""
-=======
-        """Solve to the judge's residual; the observer is ignored."""
         check_stop(stop)
->>>>>>> H1
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         clock, best = Clock(stop.max_seconds), initial_impulses(self.problem, self.residual, start)
