@@ -130,6 +130,8 @@ class _Candidate:
 
 def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
     """Return all given problems, the reasons of skipped files, and the names of the folders."""
+    for one in given:
+        _require_problem(one)
     known = set(problem_names())
     check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
@@ -149,6 +151,14 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
             candidates.append(_Candidate(problem.name, family, problem))
     require_unique("problem", (candidate.name for candidate in candidates))
     return candidates, left_out, folders
+
+
+def _require_problem(given: object) -> None:
+    if not isinstance(given, str | Path | ContactProblem):
+        raise ProblemError(
+            f"`problems` must be names, files or contact problems, not {type(given).__name__}; for a matrix G, pass "
+            "ContactProblem.from_delassus(G, c, mu)."
+        )
 
 
 def _drawn(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: Sampling) -> list[_Candidate]:

@@ -12,8 +12,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..arrays import FloatArray
-from ..errors import ProxbenchError
+from ..arrays import FloatArray, real_numbers
+from ..errors import ProblemError, ProxbenchError
 from ..representation import counted, html_table
 from .model import Model
 from .problem import ContactProblem
@@ -89,6 +89,27 @@ class Stop:
             )
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
+
+
+def check_stop(stop: object) -> None:
+    """Raise ``SolverError`` unless the first argument of ``Prepared.solve`` is a ``Stop``."""
+    if not isinstance(stop, Stop):
+        raise SolverError(f"solve takes a Stop, such as Stop(1e-6), not a value of type {type(stop).__name__}.")
+
+
+def start_impulses(start: FloatArray, n_rows: int) -> FloatArray:
+    """Return the second argument of ``Prepared.solve`` as a fresh array, shape (n_rows,).
+
+    Raises:
+        ProblemError: if it has the wrong shape, or is not made of finite real numbers.
+    """
+    first = np.array(real_numbers(start, "start"), dtype=np.float64)
+    if first.shape != (n_rows,):
+        raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")
+    if not np.isfinite(first).all():
+        row = int(np.flatnonzero(~np.isfinite(first))[0])
+        raise ProblemError(f"start[{row}] = {first[row]} must be finite; leave out start to begin from zero.")
+    return first
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from ...problems.contact.solver import (
     Solver,
     SolverError,
     Stop,
+    check_stop,
     shows_iterates,
     threads_of,
 )
@@ -132,6 +133,7 @@ class PreparedFallback:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run the parts until one solves the problem; see ``Prepared.solve``. ``iterations`` counts all parts."""
+        check_stop(stop)
         observe = observe if self.fallback.has_iterates else None
         clock = Clock(stop.max_seconds)
         sequence = SolverSequence(self.problem, self._residual(), self.prepared, stop, observe, clock)

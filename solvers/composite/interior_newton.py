@@ -29,7 +29,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.matrices.pieces import Pieces
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Stop
+from ...problems.contact.solver import Observer, Prepared, Solution, Solver, Stop, check_stop
 from ..interior.central_path import CentralPath, ResumablePath
 from ..interior.interior_point import InteriorPoint
 from ..interior.runs import PreparedRuns, SingleRun
@@ -86,6 +86,7 @@ class PreparedInteriorNewton:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run the methods until one solves the problem; see ``Prepared.solve``."""
+        check_stop(stop)
         sequence = SolverSequence(self.problem, self.residual, self.prepared, stop, observe, Clock(stop.max_seconds))
         return run_sequence(sequence, start)
 

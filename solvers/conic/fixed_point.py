@@ -34,7 +34,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ..iteration.anderson import Anderson
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_option
@@ -172,6 +172,7 @@ class PreparedFixedPoint:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Iterate until the residual reaches the tolerance; ``iterations`` counts cone programs, ``start`` gives s."""
+        check_stop(stop)
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)

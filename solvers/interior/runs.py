@@ -13,7 +13,7 @@ from typing import Literal
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Solution, Stop
+from ...problems.contact.solver import Observer, Solution, Stop, check_stop
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_form
 from .progress import Progress
@@ -86,6 +86,7 @@ class PreparedRuns:
 
         Steps below the fraction ``shortest`` of a Newton step are negligible.
         """
+        check_stop(stop)
         first, flops = initial_impulses(self.problem, self.residual, start), self.system.flops
         if self.residual.infeasible:
             return None

@@ -10,8 +10,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual, residual_under
-from ...problems.contact.solver import Observer, Solution, SolverError, Status, Stop
-from ...problems.errors import ProblemError
+from ...problems.contact.solver import Observer, Solution, SolverError, Status, Stop, start_impulses
 from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor, Outcome, sweeps_to_next_check
 
 ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
@@ -202,12 +201,10 @@ def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatAr
     """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros if a start is useless.
 
     Raises:
-        ProblemError: if ``start`` has the wrong shape.
+        ProblemError: if ``start`` has the wrong shape, or is not made of finite real numbers.
     """
     zeros = np.zeros(problem.n_rows)
-    first = zeros if start is None else np.array(start, dtype=np.float64)
-    if first.shape != zeros.shape:
-        raise ProblemError(f"start must have shape {zeros.shape}, one entry per row; got {first.shape}.")
+    first = zeros if start is None else start_impulses(start, problem.n_rows)
     # c = 0 has the solution Λ = 0, and any other start has an infinite relative error
     return zeros if residual.infeasible or residual.scale == 0.0 else first
 

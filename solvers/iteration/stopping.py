@@ -17,7 +17,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.compilation import COMPILATION
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ...problems.representation import counted
 
 MAX_CHECK_INTERVAL = 10
@@ -124,6 +124,7 @@ class Monitor:
     _next_rounding_test: int = 0
 
     def __post_init__(self) -> None:
+        check_stop(self.stop)
         self.clock = Clock(self.stop.max_seconds)
 
     def check_convergence(self, iteration: int, residual: float, impulses: FloatArray) -> Outcome | None:

@@ -15,7 +15,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, unsupported_laws
 from ..iteration.stopping import Clock
@@ -69,6 +69,7 @@ class PreparedEnumeration:
 
         ``iterations`` counts combinations.
         """
+        check_stop(stop)
         n_rows = self.problem.n_rows
         if self.residual.infeasible:
             return infeasible_solution(self.problem)

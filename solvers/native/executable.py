@@ -17,8 +17,16 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
-from ...problems.errors import ProblemError
+from ...problems.contact.solver import (
+    Observer,
+    Prepared,
+    Solution,
+    SolverError,
+    Status,
+    Stop,
+    check_stop,
+    start_impulses,
+)
 from .captured_output import last_line, output_size
 from .messages import (
     DESCRIBE,
@@ -222,15 +230,14 @@ class PreparedProgram:
             SolverError: if the program has ended.
             BrokenInterfaceError: if it sends something that is not an answer.
         """
+        check_stop(stop)
         program, n_rows = self._program, self._n_rows
         program.ensure_own()
         if program.prepared is not self._token:
             self._prepare()
         if self._prepare_status is not Status.SOLVED:
             return refused_solution(n_rows, self._prepare_status, self._message)
-        first = np.zeros(n_rows) if start is None else np.ascontiguousarray(start, dtype=np.float64)
-        if first.shape != (n_rows,):
-            raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")
+        first = np.zeros(n_rows) if start is None else start_impulses(start, n_rows)
         limits = stop.tolerance, stop.max_seconds, int(min(stop.max_iterations, MAX_COUNT)), granted_threads()
         program.send(SOLVE, 0, LIMITS.pack(*limits, observe is not None), first.tobytes())
         try:

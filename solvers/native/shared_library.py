@@ -15,8 +15,16 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
-from ...problems.contact.solver import Observer, Prepared, Solution, SolverError, Status, Stop
-from ...problems.errors import ProblemError
+from ...problems.contact.solver import (
+    Observer,
+    Prepared,
+    Solution,
+    SolverError,
+    Status,
+    Stop,
+    check_stop,
+    start_impulses,
+)
 from .elf import elf_length, own_processor, processor_of
 from .native_solver import (
     BrokenInterfaceError,
@@ -141,6 +149,7 @@ class PreparedLibrary:
         Raises:
             BrokenInterfaceError: if the library writes beyond the impulses, or returns an unknown status.
         """
+        check_stop(stop)
         if self._prepare_status is not Status.SOLVED:
             return refused_solution(self._n_rows, self._prepare_status, self._message)
         request, result = self._request, self._result
@@ -163,10 +172,8 @@ class PreparedLibrary:
     def _set_start(self, start: FloatArray | None) -> None:
         if start is None:
             self._start.fill(0.0)
-        elif np.shape(start) != self._start.shape:
-            raise ProblemError(f"start must have shape ({self._n_rows},), one entry per row; got {np.shape(start)}.")
         else:
-            self._start[:] = start
+            self._start[:] = start_impulses(start, self._n_rows)
 
     def _observed(self, observe: Observer) -> int:
         """Solve with an observer; raise its first exception after the library has returned."""

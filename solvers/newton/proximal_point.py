@@ -17,7 +17,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method
 from ..iteration.stopping import Clock
@@ -65,6 +65,7 @@ class PreparedProximalPoint:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve inner problems until the residual reaches the tolerance; see ``Prepared.solve``."""
+        check_stop(stop)
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)

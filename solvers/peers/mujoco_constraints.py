@@ -9,7 +9,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import residual_under
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.method import Method, check_option
 from ..iteration.stopping import Clock
@@ -113,6 +113,7 @@ class PreparedMuJoCo:
 
         Newton and CG start from the accelerations that the impulses of ``start`` cause, PGS from zero.
         """
+        check_stop(stop)
         self.library_seconds = None
         if self.residual.infeasible:
             return infeasible_solution(self.problem)

@@ -16,7 +16,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Solution, Status, Stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ..iteration.loop import infeasible_solution, initial_impulses
 from ..iteration.stopping import Clock
 
@@ -66,6 +66,7 @@ class PreparedRounds(ABC):
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve to the judge's residual; the observer is ignored."""
+        check_stop(stop)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         clock, best = Clock(stop.max_seconds), initial_impulses(self.problem, self.residual, start)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.problems import ContactProblem, judge
-from proxbench.solvers import Solver, Status, Stop, available, create
+from proxbench.problems import ContactProblem, ProblemError, judge
+from proxbench.solvers import Solver, SolverError, Status, Stop, available, create
 from proxbench.solvers.contract import prepared_fault
 from proxbench.solvers.registry import composites
 
@@ -205,3 +205,31 @@ def test_a_prepared_object_may_give_its_number_of_threads_but_nothing_else_by_th
         fault = prepared_fault(prepared(wrong))
         assert fault is not None
         assert fault.endswith(f"of which threads is {wrong!r}; it must be a whole number, at least 1")
+
+
+STARTED = ["Robust", "SORprox", "NSGS", "SemismoothNewton", "InteriorPoint", "CentralPath", "Refined(ClarabelCoulomb)"]
+
+
+def box() -> ContactProblem:
+    return ContactProblem.from_delassus(np.eye(3), [-1.0, 0.2, 0.0], 0.5)
+
+
+@pytest.mark.parametrize("name", [*STARTED, "Fallback(NSGS)", "ProximalPoint", "HybridNewton", "ClarabelSOCP", "Lemke"])
+def test_a_tolerance_alone_is_no_stop(name: str) -> None:
+    with pytest.raises(SolverError, match=r"^solve takes a Stop, such as Stop\(1e-6\), not a value of type float"):
+        create(name).prepare(box()).solve(1e-6)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", STARTED)
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ("abc", "start must be an array of real numbers"),
+        (np.ones(3) * 1j, "start must be an array of real numbers, got an array of complex128"),
+        ([0.0, np.nan, 0.0], r"start\[1\] = nan must be finite; leave out start to begin from zero"),
+        ([1.0, 2.0], r"start must have shape \(3,\), one entry per row; got \(2,\)"),
+    ],
+)
+def test_a_start_that_is_no_finite_vector_is_refused(name: str, start: Any, words: str) -> None:
+    with pytest.raises(ProblemError, match=f"^{words}"):
+        create(name).prepare(box()).solve(Stop(1e-6), start=start)

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ....problems.arrays import FloatArray
+from ....problems.arrays import FloatArray, real_numbers
 from ....problems.compilation import DeferredKernels
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED
-from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop
+from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop, check_stop
 from ...iteration.stopping import MIN_PLATEAU_SWEEPS
 from ..sweep_selection import MAX_SMALL_SIZE, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
@@ -70,8 +70,9 @@ class PreparedSmall:
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep in one kernel; if it stops early, solve with ``Robust``. See ``Prepared.solve``."""
+        check_stop(stop)
         n_rows = len(self.problem.free_velocity)
-        impulses = np.zeros(n_rows) if start is None else np.array(start, dtype=np.float64)
+        impulses = np.zeros(n_rows) if start is None else np.array(real_numbers(start, "start"), dtype=np.float64)
         has_time = stop.max_seconds >= longest_seconds(n_rows)
         if observe is None and has_time and impulses.shape == (n_rows,):
             limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS), self._min_sweeps

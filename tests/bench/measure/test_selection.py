@@ -3,6 +3,7 @@
 import os
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -176,3 +177,9 @@ def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
     plan = make_plan(["hard-groove", "hard-counterexample"], ["NSGS"], shard="01/2")
     assert plan.record.shard == "1/2"
     assert plan.problems == ("hard-groove",)
+
+
+@pytest.mark.parametrize("given", [[np.eye(3)], [5], [None]])
+def test_anything_but_a_name_a_file_or_a_problem_is_refused(given: Any) -> None:
+    with pytest.raises(ProblemError, match=r"^`problems` must be names, files or contact problems, not "):
+        select(given, "quick")
