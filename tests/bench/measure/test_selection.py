@@ -181,5 +181,5 @@ def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
 
 @pytest.mark.parametrize("given", [[np.eye(3)], [5], [None]])
 def test_anything_but_a_name_a_file_or_a_problem_is_refused(given: Any) -> None:
-    with pytest.raises(ProblemError, match="^`problems` must be names, files or contact problems, not "):
+    with pytest.raises(ProblemError, match=r"^`problems` must be names, files or contact problems, not "):
         select(given, "quick")
