@@ -369,7 +369,7 @@ def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | N
     _require_type("laws", laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")
     for name, value in (("friction", friction), ("dim", dim)):
         if value is not None:
-            raise ProblemError(f"{name} has no effect if laws are given; leave it out, or give friction and dim only.")
+            raise ProblemError(f"{name} has no effect if laws are given; omit it, or give friction and dim only.")
     return laws
 
 

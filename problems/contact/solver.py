@@ -108,7 +108,7 @@ def start_impulses(start: FloatArray, n_rows: int) -> FloatArray:
         raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")
     if not np.isfinite(first).all():
         row = int(np.flatnonzero(~np.isfinite(first))[0])
-        raise ProblemError(f"start[{row}] = {first[row]} must be finite; leave out start to begin from zero.")
+        raise ProblemError(f"start[{row}] = {first[row]} must be finite; omit start to begin from zero.")
     return first
 
 

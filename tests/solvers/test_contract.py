@@ -226,7 +226,7 @@ def test_a_tolerance_alone_is_no_stop(name: str) -> None:
     [
         ("abc", "start must be an array of real numbers"),
         (np.ones(3) * 1j, "start must be an array of real numbers, got an array of complex128"),
-        ([0.0, np.nan, 0.0], r"start\[1\] = nan must be finite; leave out start to begin from zero"),
+        ([0.0, np.nan, 0.0], r"start\[1\] = nan must be finite; omit start to begin from zero"),
         ([1.0, 2.0], r"start must have shape \(3,\), one entry per row; got \(2,\)"),
     ],
 )

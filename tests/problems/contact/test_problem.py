@@ -228,7 +228,7 @@ LAWS = Laws.contacts(0.3, 3, 1)
 @pytest.mark.parametrize("given", [{"friction": 0.9}, {"friction": 0.0}, {"dim": 3}, {"dim": 2}])
 def test_friction_and_dimension_beside_laws_are_refused_because_they_have_no_effect(given: dict[str, Any]) -> None:
     (name,) = given
-    words = f"^{name} has no effect if laws are given; leave it out"
+    words = f"^{name} has no effect if laws are given; omit it"
     with pytest.raises(ProblemError, match=words):
         ContactProblem.from_delassus(G, C, laws=LAWS, **given)
     with pytest.raises(ProblemError, match=words):
