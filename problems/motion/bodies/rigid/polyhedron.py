@@ -1,5 +1,6 @@
 """Convex polyhedra as shapes of rigid bodies: the hull of given points, in its principal axes of inertia."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -37,8 +38,8 @@ class Polyhedron:
         inertia: principal moments of inertia for a density of 1 [m⁵], shape (3,).
 
     Raises:
-        ProblemError: if faces are flat, inside out or not those of a convex body around the origin, or volume or
-            inertia is not positive.
+        ProblemError: if faces are flat, inside out or not those of a convex body around the origin, do not close the
+            surface, or volume or inertia is not positive.
     """
 
     vertices: FloatArray
@@ -62,6 +63,16 @@ class Polyhedron:
                 )
             if (self.vertices @ normal).max() > height + slack:
                 raise ProblemError(f"a polyhedron is not convex at its face {number}; divide the body, or {remedy}.")
+        self._check_edges(remedy)
+
+    def _check_edges(self, remedy: str) -> None:
+        """Require that each edge of a face is, in the opposite direction, an edge of another face."""
+        edges = Counter(edge for face in self.faces for edge in zip(face, (*face[1:], face[0]), strict=True))
+        for (begin, end), count in edges.items():
+            if count != 1 or edges[end, begin] != 1:
+                raise ProblemError(
+                    f"the edge from vertex {begin} to vertex {end} of a polyhedron must belong to two faces; {remedy}."
+                )
 
     @cached_property
     def bounding_radius(self) -> float:

@@ -106,6 +106,8 @@ def dented() -> NDArray[np.float64]:
         ),
         ({"vertices": np.add(cube_with()["vertices"], [3.0, 0.0, 0.0])}, "around the centre of mass"),
         ({"vertices": dented()}, "not convex at its face .; divide the body"),
+        ({"faces": cube_with()["faces"][1:]}, "the edge from vertex . to vertex . of a polyhedron must belong to two"),
+        ({"faces": (*cube_with()["faces"], cube_with()["faces"][0])}, "must belong to two faces; build the polyhedron"),
         ({"inertia": np.array([1.0, 0.0, 1.0])}, "volume and inertia of a polyhedron must be positive"),
         ({"volume": -1.0}, "build the polyhedron from its corners with convex_polyhedron"),
     ],
