@@ -37,6 +37,7 @@ def check_known(names: Iterable[str]) -> None:
     known = problem_names()
     for name in names:
         if name not in known:
+            load(name)  # raises an error that tells a path from an unknown name
             raise ProblemError(f"there is no problem {name!r}{suggestion(name, known, LIST_PROBLEMS_COMMAND)}")
 
 

@@ -183,3 +183,9 @@ def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
 def test_anything_but_a_name_a_file_or_a_problem_is_refused(given: Any) -> None:
     with pytest.raises(ProblemError, match=r"^`problems` must be names, files or contact problems, not "):
         select(given, "quick")
+
+
+def test_a_file_that_is_not_a_problem_file_is_refused_as_such(tmp_path: Path) -> None:
+    np.save(tmp_path / "g.npy", np.eye(3))
+    with pytest.raises(ProblemError, match=r"g\.npy is not a problem file, whose name ends in \.npz"):
+        select([str(tmp_path / "g.npy")], "quick")
