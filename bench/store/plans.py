@@ -1,6 +1,7 @@
 """The settings and the plan of a run, set on the command line or in Python, and stored with the run."""
 
 from collections.abc import Iterable
+from numbers import Real
 from typing import Annotated, Literal, Self
 
 import msgspec
@@ -37,7 +38,7 @@ class Limits(Struct, frozen=True):
         max_iterations: limit of iterations of one solve.
 
     Raises:
-        BenchError: if a limit is not positive and finite.
+        BenchError: if a limit is not a positive, finite number.
     """
 
     solve_seconds: Number = 0.5
@@ -47,18 +48,25 @@ class Limits(Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
+            _require_number(name, value)
             if not 0 < value < MAX_NUMBER:
                 raise BenchError(f"`{name}` must be positive and finite, got {value:g}; omit it for the default.")
+
+
+def _require_number(name: str, value: object) -> None:
+    if not isinstance(value, Real):
+        raise BenchError(f"`{name}` must be a number, got {value!r:.60}.")
 
 
 def limit_in_bytes(memory: float | None) -> int | None:
     """Convert a memory limit from MiB to bytes; None remains None.
 
     Raises:
-        BenchError: if the limit is less than 1 MiB or not finite.
+        BenchError: if the limit is not a number, less than 1 MiB or not finite.
     """
     if memory is None:
         return None
+    _require_number("memory", memory)
     if not 1 <= memory < MAX_MEBIBYTES:
         raise BenchError(f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; omit it for the default.")
     return round(memory * 2**20)
@@ -92,11 +100,15 @@ class RunSettings(Record, frozen=True, kw_only=True):
         """Return validated settings; a thorough run has more tolerances and passes by default.
 
         Raises:
-            BenchError: if a tolerance, the number of passes or the seed is out of range.
+            BenchError: if a tolerance, the number of passes or the seed is not a number or out of range.
         """
         default_ladder, default_passes = (THOROUGH_LADDER, THOROUGH_PASSES) if thorough else (LADDER, PASSES)
-        ladder = sorted(set(tolerances or default_ladder), reverse=True)
+        chosen = tuple(tolerances or default_ladder)
         passes = default_passes if passes is None else passes
+        for name, values in (("tolerances", chosen), ("passes", (passes,)), ("seed", (seed,))):
+            for value in values:
+                _require_number(name, value)
+        ladder = sorted(set(chosen), reverse=True)
         for tolerance in ladder:
             if not 0.0 < tolerance < 1.0:
                 raise BenchError(f"`tolerances` must be between 0 and 1, got {tolerance:g}; choose one such as 1e-4.")

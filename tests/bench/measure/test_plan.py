@@ -1,11 +1,12 @@
 """A plan is checked as a whole before anything runs."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from proxbench.bench.errors import BenchError
 from proxbench.bench.measure.plan import DEFAULT_SOLVERS, make_plan
-from proxbench.bench.store.plans import LADDER, THOROUGH_LADDER, THOROUGH_PASSES, Limits, RunSettings
+from proxbench.bench.store.plans import LADDER, THOROUGH_LADDER, THOROUGH_PASSES, Limits, RunSettings, limit_in_bytes
 from proxbench.problems import ProblemError
 from proxbench.problems.exchange.catalog import is_shipped
 from proxbench.solvers import SolverError
@@ -70,6 +71,22 @@ def test_tolerances_are_ordered_from_coarse_to_fine_without_repetition() -> None
 def test_limits_must_be_positive(name: str) -> None:
     with pytest.raises(BenchError, match=name):
         Limits(**{name: 0})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("made", "name"),
+    [
+        (lambda: Limits(solve_seconds="1"), "solve_seconds"),  # type: ignore[arg-type]
+        (lambda: limit_in_bytes("x"), "memory"),  # type: ignore[arg-type]
+        (lambda: RunSettings.checked("x"), "tolerances"),  # type: ignore[arg-type]
+        (lambda: RunSettings.checked(passes="x"), "passes"),  # type: ignore[arg-type]
+        (lambda: RunSettings.checked(seed=None), "seed"),  # type: ignore[arg-type]
+    ],
+    ids=lambda given: given if isinstance(given, str) else "",
+)
+def test_a_setting_that_is_no_number_is_shown(made: Callable[[], object], name: str) -> None:
+    with pytest.raises(BenchError, match=f"^`{name}` must be a number, got "):
+        made()
 
 
 def test_an_empty_list_is_refused_and_does_not_mean_the_default() -> None:
