@@ -37,8 +37,8 @@ MAX_NAMES = 12
 MIN_SIMILARITY = 0.7
 """Smallest similarity by difflib for a name to be suggested; 'nope' and 'hopper' have 0.6."""
 
-MIN_PREFIX_SIMILARITY = 0.6
-"""Smallest similarity for a name to be suggested if it begins with the name given, or the reverse."""
+MIN_SIMILARITY_OF_SAME_INITIAL = 0.6
+"""Smallest similarity for a name to be suggested if it begins with the first letter of the name given."""
 
 LIST_PROBLEMS_COMMAND = "proxbench list problems --suite all"
 """The command that lists all problems."""
@@ -68,9 +68,8 @@ def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
 def _nearest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that is most similar to ``name``; None if none is similar enough."""
     names = list(known)
-    for candidate in get_close_matches(name, names, n=len(names) + 1, cutoff=MIN_PREFIX_SIMILARITY):
-        is_extended = candidate.startswith(name) or name.startswith(candidate)
-        if is_extended or SequenceMatcher(None, candidate, name).ratio() >= MIN_SIMILARITY:
+    for candidate in get_close_matches(name, names, n=len(names) + 1, cutoff=MIN_SIMILARITY_OF_SAME_INITIAL):
+        if candidate[:1] == name[:1] or SequenceMatcher(None, candidate, name).ratio() >= MIN_SIMILARITY:
             return candidate
     return None
 

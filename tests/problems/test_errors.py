@@ -15,7 +15,12 @@ def test_a_typing_error_or_the_beginning_of_a_name_is_completed(name: str, near:
     assert suggestion(name, SCENES) == f"; did you mean {near!r}?"
 
 
-@pytest.mark.parametrize("name", ["nope", "none", "plane", "mine", "dune", "rope"])
+@pytest.mark.parametrize(("name", "near"), [("Moro", "Moreau"), ("SPA", "SAP")])
+def test_less_similar_names_are_suggested_if_they_have_the_same_initial(name: str, near: str) -> None:
+    assert suggestion(name, ["SORprox", "Moreau", "SAP"]) == f"; did you mean {near!r}?"
+
+
+@pytest.mark.parametrize("name", ["nope", "none", "mine", "dune", "rope"])
 def test_another_word_gets_no_suggestion(name: str) -> None:
     listed = f"; {len(SCENES)} are known, and proxbench list scenes lists them."
     assert suggestion(name, SCENES, "proxbench list scenes") == listed
