@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...problems.contact.problem import ContactProblem
-from ...problems.errors import LIST_PROBLEMS_COMMAND, ProblemError, suggestion
+from ...problems.errors import ProblemError, suggestion
 from ...problems.exchange.catalog import SUITES, is_available, is_shipped, load, plugin_problems, problem_names
 from ...problems.exchange.sequences import Predecessors, predecessors
 from ..errors import BenchError
@@ -33,12 +33,11 @@ def resolve_problem(problem: str | Path | ContactProblem) -> ContactProblem:
 
 
 def check_known(names: Iterable[str]) -> None:
-    """Raise ``ProblemError`` if a name is unknown; the message suggests the nearest name."""
+    """Raise ``ProblemError`` if a name is unknown; see ``load``."""
     known = problem_names()
     for name in names:
         if name not in known:
-            load(name)  # raises an error that tells a path from an unknown name
-            raise ProblemError(f"there is no problem {name!r}{suggestion(name, known, LIST_PROBLEMS_COMMAND)}")
+            load(name)  # raises the error
 
 
 def check_numbers(problem: ContactProblem) -> None:

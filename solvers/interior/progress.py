@@ -142,7 +142,7 @@ class Progress:
             and np.abs(r).max(initial=0.0) > LARGE
             and proves_infeasibility(self._problem, self._latest)
         ):
-            self.end(Status.INFEASIBLE, "impulses that hold the contacts or joints would have to move no body")
+            self.end(Status.INFEASIBLE, "only impulses that move no body could hold the contacts or joints")
 
     def solution(self) -> Solution:
         """Return the best Λ with the outcome of the solve."""
