@@ -97,12 +97,14 @@ def check_stop(stop: object) -> None:
         raise SolverError(f"solve takes a Stop, such as Stop(1e-6), not a value of type {type(stop).__name__}.")
 
 
-def start_impulses(start: FloatArray, n_rows: int) -> FloatArray:
-    """Return the second argument of ``Prepared.solve`` as a fresh array, shape (n_rows,).
+def start_impulses(start: FloatArray | None, n_rows: int) -> FloatArray:
+    """Return the second argument of ``Prepared.solve`` as a fresh array, shape (n_rows,); zeros for None.
 
     Raises:
         ProblemError: if it has the wrong shape, or is not made of finite real numbers.
     """
+    if start is None:
+        return np.zeros(n_rows)
     first = np.array(real_numbers(start, "start"), dtype=np.float64)
     if first.shape != (n_rows,):
         raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")

@@ -56,7 +56,7 @@ BODY_GROUPS: dict[str, list[str]] = {
     "arches": [*(f"arch-{n}-{state}" for n in ARCH_STONES for state in ("thick", "thin")), "arch-13-sliding"],
     "card houses": ["cards-1", "cards-3", "cards-3-slipping", "cards-6"],
     "box piles": ["pile-100-falling", "pile-100", "pile-300", "pile-1000"],
-    "tables": ["table-2", "table-4", "table-4-1e4", "table-10"],
+    "tables": ["table-2", "table-4", "table-4-1e4", "table-10", "table-25"],
     "single bodies": [
         *(f"box-{state}" for state in ("sticking", "sliding", "thrown", "tipping")),
         *("sphere-rolling", "cylinder-rolling", "top-on-tip"),

@@ -119,9 +119,9 @@ def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
         return "; ".join(parts)
     if not problem.n_contacts:
         return "no contact is closed"
-    moving = zip((Motion.SLIDES, Motion.OPENS), contact_motions(problem, velocity), strict=True)
+    moving = zip(("slide", "open"), contact_motions(problem, velocity), strict=True)
     counts = [
-        f"{motion} at {int(which.sum())} of {problem.n_contacts} contacts" for motion, which in moving if which.any()
+        f"contacts that {verb}: {int(which.sum())} of {problem.n_contacts}" for verb, which in moving if which.any()
     ]
     return "; ".join(counts) or "no contact slides or opens"
 

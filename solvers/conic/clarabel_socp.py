@@ -21,7 +21,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
-from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop, start_impulses
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, check_form
 from .programs import ClarabelProgram, ConicStatus, Form, unsupported_reason
@@ -80,6 +80,7 @@ class PreparedConvex:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve until the judge's residual in the convex model reaches the tolerance; ignore start and observer."""
         check_stop(stop)
+        start_impulses(start, self.problem.n_rows)  # refuses a wrong start
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)

@@ -204,10 +204,10 @@ def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatAr
     Raises:
         ProblemError: if ``start`` has the wrong shape, or is not made of finite real numbers.
     """
-    zeros = np.zeros(problem.n_rows)
-    first = zeros if start is None else start_impulses(start, problem.n_rows)
-    # c = 0 has the solution Λ = 0, and any other start has an infinite relative error
-    return zeros if residual.infeasible or residual.scale == 0.0 else first
+    first = start_impulses(start, problem.n_rows)
+    if residual.infeasible or residual.scale == 0.0:
+        first[:] = 0.0  # c = 0 has the solution Λ = 0, and any other start has an infinite relative error
+    return first
 
 
 def confirm_residual(

@@ -15,7 +15,7 @@ import numpy as np
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
-from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop, start_impulses
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, unsupported_laws
 from ..iteration.stopping import Clock
@@ -71,6 +71,7 @@ class PreparedEnumeration:
         """
         check_stop(stop)
         n_rows = self.problem.n_rows
+        start_impulses(start, n_rows)  # refuses a wrong start
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         if n_rows == 0:

@@ -15,7 +15,7 @@ from ...problems.contact.coupling import components
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
-from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
+from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop, start_impulses
 from ..iteration.loop import infeasible_solution
 from ..iteration.method import Method, unsupported_laws
 from ..iteration.stopping import Clock
@@ -96,6 +96,7 @@ class PreparedLemke:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Pivot through all groups; ``iterations`` counts pivots, and start and observer are ignored."""
         check_stop(stop)
+        start_impulses(start, self.problem.n_rows)  # refuses a wrong start
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         unknowns, pivots, rays, proofs = np.zeros(len(self.formulated.vector)), 0, 0, 0

@@ -13,8 +13,6 @@ import weakref
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-import numpy as np
-
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import (
@@ -237,7 +235,7 @@ class PreparedProgram:
             self._prepare()
         if self._prepare_status is not Status.SOLVED:
             return refused_solution(n_rows, self._prepare_status, self._message)
-        first = np.zeros(n_rows) if start is None else start_impulses(start, n_rows)
+        first = start_impulses(start, n_rows)
         limits = stop.tolerance, stop.max_seconds, int(min(stop.max_iterations, MAX_COUNT)), granted_threads()
         program.send(SOLVE, 0, LIMITS.pack(*limits, observe is not None), first.tobytes())
         try:

@@ -220,7 +220,7 @@ def test_a_tolerance_alone_is_no_stop(name: str) -> None:
         create(name).prepare(box()).solve(1e-6)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", STARTED)
+@pytest.mark.parametrize("name", [*STARTED, "ClarabelSOCP", "Lemke"])
 @pytest.mark.parametrize(
     ("start", "words"),
     [

@@ -209,12 +209,12 @@ def arch() -> Iterator[dict[str, Any]]:
 
 def sizes() -> Iterator[dict[str, Any]]:
     for stones in (7, 9, 13, 27, 51):
-        for solver in ("Robust", "NSGS"):
-            for tolerance in (1e-4, 1e-6):
-                ratio = thickness_ratio(stones, solver, to_tolerance(tolerance), STEP)
-                limit = least_thickness(stones)
-                found = {"equilibrium": limit, "motion": ratio * limit, "ratio": ratio}
-                yield {"stones": stones, "solver": solver, "tolerance": tolerance, **found}
+        limit = least_thickness(stones)
+        for solver, step, tolerance in ladder(("Robust", "NSGS"), (1e-3, 1e-4, 1e-6)):
+            ratio, motions = search_thickness(stones, solver, to_tolerance(tolerance), step)
+            found = {"equilibrium": limit, "motion": ratio * limit, "ratio": ratio}
+            cost = sum(motion.seconds for motion in motions) / sum(motion.time for motion in motions)
+            yield {"stones": stones, "solver": solver, "step": step, "tolerance": tolerance, **found, "seconds": cost}
 
 
 def friction() -> Iterator[dict[str, Any]]:

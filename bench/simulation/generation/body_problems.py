@@ -105,6 +105,7 @@ def _named_recipes() -> Iterator[tuple[str, BodyRecipe]]:
         "table-4": BoxTable(4),
         "table-4-1e4": BoxTable(4, 1e4),
         "table-10": BoxTable(10),
+        "table-25": BoxTable(25),
         "arch-13-sliding": Arch(13, 0.2, friction=0.3),
         "wall": BrickWall(speed=0.0),
     }

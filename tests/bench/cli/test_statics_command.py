@@ -25,7 +25,7 @@ SCENES = {"lone_ball": lone_ball}
         (
             ["block_on_incline(slope=1.0)"],
             1,
-            "cannot stand: bodies accelerate at 51.1 % of the free acceleration; slides at 1 of 1 contacts",
+            "cannot stand: bodies accelerate at 51.1 % of the free acceleration; contacts that slide: 1 of 1",
         ),
         (["stack"], 0, "can stand; it bears no push along 1,0,0"),
         (["thrown_box"], 0, "can stand; it bears a push of up to 0.5 of its weight along 1,0,0"),

@@ -24,6 +24,9 @@ COMPARED = (
 )
 """Words of the verdicts that compare the times of undisturbed solves."""
 
+TIMED = (*COMPARED, "its own clock explains", "gains nothing")
+"""Words of the verdicts that depend on times."""
+
 NAMED = "named"
 """Verdict on a cheat that is either accused or noted, depending on whether its control solves are preempted."""
 
@@ -31,7 +34,10 @@ FAMILIES = {"OnBox", "Answering", "Tampering", "Changing", "Hiding"}
 """Base classes that are not cheats themselves."""
 
 
-@pytest.mark.parametrize("name", VERDICTS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.alone] * verdict.endswith(TIMED)) for name, verdict in VERDICTS.items()],
+)
 def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
     outcome, _, words = VERDICTS[name].partition(": ")
     differences, is_judged = [], words not in COMPARED
@@ -68,6 +74,7 @@ def difference(case: CaseRecord, outcome: str, words: str) -> str:
     return "" if is_as_told else f"{case.outcome}: {case.reason}; {[*map(str, outcomes)]}; {texts}"
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("problem", ["hard-sticking-box", "funnel-100", "funnel-1000"])
 def test_an_honest_solver_is_accused_of_nothing(problem: str) -> None:
     case = measured(Honest(), problem)

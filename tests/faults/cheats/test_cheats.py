@@ -47,6 +47,7 @@ def test_iterations_are_those_that_were_observed() -> None:
     assert found.iterations == pytest.approx(honest.iterations, rel=0.2)
 
 
+@pytest.mark.alone
 def test_work_that_goes_on_elsewhere_is_waited_for_on_the_clock() -> None:
     points = measured(Elsewhere()).points
     assert {point.outcome for point in points} == {Outcome.SOLVED}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import ContactProblem, Laws, judge, load, suite
+from proxbench.problems import ContactProblem, Laws, ProblemError, judge, load, suite
 from proxbench.problems.hard import HARD_CASES, hard_case
 from proxbench.solvers import Status, Stop, create, solve
 
@@ -73,6 +73,12 @@ def test_the_rod_with_three_solutions_shows_all_of_them() -> None:
     assert len(found) == len(problem.answer.impulses) == 3
     for known in problem.answer.impulses:
         assert min(np.abs(known - impulses).max() for impulses in found) <= 1e-12
+
+
+def test_a_start_of_the_wrong_shape_is_refused() -> None:
+    problem = load("hard-supports-2")
+    with pytest.raises(ProblemError, match=r"start must have shape"):
+        create("Enumeration").prepare(problem).solve(Stop(1e-6), start=np.zeros(1))
 
 
 def test_the_iteration_limit_bounds_the_combinations() -> None:
