@@ -7,19 +7,19 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageOps
 
 FRAMES = {
-    "box_on_incline": 0.6,
+    "box_on_incline": 0.4,
     "tipping_box": 0.25,
-    "thrown_box": 0.3,
-    "rolling_sphere": 0.5,
-    "rolling_cylinder": 0.5,
+    "thrown_box": 0.2,
+    "rolling_sphere": 0.2,
+    "rolling_cylinder": 0.2,
     "box_stack": 0.1,
     "arch": 0.1,
     "card_house": 0.1,
     "spinning_top": 0.3,
-    "dominoes": 0.5,
+    "dominoes": 0.6,
     "brick_wall": 0.2,
     "drum": 0.3,
     "hopper": 0.4,
@@ -34,8 +34,12 @@ STEP = 2e-3
 STIFF_STEPS = {"ball_on_chain": 2e-4}
 """Steps [s] of scenes whose joints do not close with ``STEP``."""
 
-VIEW = (198, 30, 868, 499)
-"""Box around the bodies in a still of 1600 by 1000 pixels: left, top, right, bottom."""
+STACKED, SIDE_BY_SIDE = (0, 30, 1066, 499), (0, 30, 532, 999)
+"""Box around the view of the bodies in a still of 1600 by 1000 pixels, above or beside that of the forces: left, top,
+right, bottom."""
+
+TITLE_BAR, BELOW = (1050, 10), (1050, 510)
+"""Pixels in the title bar of a view, and in that of the lower view if views are stacked."""
 
 COLUMNS, SIZE, GAP = 6, (240, 168), 4
 
@@ -49,7 +53,10 @@ def draw(scene: str, seconds: float, folder: Path) -> Image.Image:
         ["proxbench", "simulate", scene, *method, "--duration", str(seconds), "--output", motion, "--quiet"], check=True
     )
     subprocess.run(["proxbench", "record", motion, "--still", still, "--quiet"], check=True)
-    view = Image.open(still).convert("RGB").crop(VIEW).resize(SIZE, Image.Resampling.LANCZOS)
+    whole = Image.open(still).convert("RGB")
+    is_stacked = whole.getpixel(TITLE_BAR) == whole.getpixel(BELOW)
+    view = whole.crop(STACKED if is_stacked else SIDE_BY_SIDE)
+    view = ImageOps.pad(view, SIZE, Image.Resampling.LANCZOS, color=view.getpixel((5, 5)))
     ImageDraw.Draw(view).text((6, 3), scene, fill="white", font_size=12)
     return view
 

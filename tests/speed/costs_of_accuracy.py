@@ -69,7 +69,7 @@ MAX_SECONDS = 20.0
 """Processor time of one simulation [s]."""
 
 MAX_DRIFT_SECONDS = 40.0
-"""Processor time of one simulation [s] in which sweeps reach their limit of iterations in most steps."""
+"""Processor time of one simulation of a stack [s], in which some solvers reach their limit of iterations."""
 
 N_WARM_UP_STEPS = 5
 """Steps before those that are timed."""
@@ -251,7 +251,8 @@ def stack() -> Iterator[dict[str, Any]]:
         for top, ratio in (("equal", 1.0), ("light", 1e3), ("light", 1e6), ("heavy", 1e3), ("heavy", 1e6)):
             scene = BoxStack(ratio=ratio, heavy_on_top=top == "heavy", overlap=overlap)
             for solver in SOLVERS:
-                motion = simulate(scene, scene.drift, solver, to_tolerance(1e-6), STEPS[0], 10.0, THROWN_OVER)
+                stop = Stop(1e-6, MAX_ITERATIONS, MAX_DRIFT_SECONDS)
+                motion = simulate(scene, scene.drift, solver, stop, STEPS[0], 10.0, THROWN_OVER, MAX_DRIFT_SECONDS)
                 yield {"overlap": overlap, "top": top, "ratio": ratio, "solver": solver, **asdict(motion)}
 
 
