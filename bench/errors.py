@@ -1,4 +1,4 @@
-"""Errors of bench."""
+"""Exceptions of ``bench``."""
 
 from pathlib import Path
 

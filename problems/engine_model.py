@@ -13,9 +13,9 @@ Kamino solves Coulomb's law with compliant contacts and limits. With g = (A + di
 each contact, that f and g + μ ‖g_T‖ e_N are complementary in the cone and its dual (De Saxcé & Feng 1998).
 
 The impulses of the contact problem are Λ = h S f. For an elliptic cone, S is invertible. A contact with a pyramid has
-two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋). A and b depend on these sums
-only, and the edges of a contact have one R. So the forces that belong to Λ are those with the least Σ f²: with
-d_k = f₊ − f₋ and s_k = f₊ + f₋,
+two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋). fᵀA f and fᵀb depend on f
+only through f_N and f_k, and the edges of a contact have one R. So the forces that belong to Λ are those with the
+least Σ f²: with d_k = f₊ − f₋ and s_k = f₊ + f₋,
 
     s_k = max(|d_k|, τ),      with the τ for which Σ s_k = f_N.
 """
@@ -66,7 +66,8 @@ class EngineModel:
         bound: largest force of a row in an interval [N], 0 for other rows, shape (n,).
         combination: h S with Λ = h S f, shape (n_rows, n) over the rows of the captured problem.
         time_step: h [s].
-        back: T with Λ = T Λ' and orthogonal columns, if the rows of the problem differ from the captured ones.
+        back: T, with orthogonal columns, if the rows of the problem differ from the captured ones: Λ = T Λ' with Λ' of
+            the problem.
 
     Raises:
         ProblemError: if shapes do not match, the sets do not tile the rows, or a kind is unknown.
@@ -234,7 +235,7 @@ class _Decoding:
     Attributes:
         single: rows whose force alone determines one impulse, shape (n_single,).
         single_row: row of Λ of each.
-        single_weight: weight of each in it.
+        single_weight: weight of each force in that row.
         pyramids: edges of pyramids.
     """
 

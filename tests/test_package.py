@@ -1,4 +1,4 @@
-"""The installed package agrees with the source tree, and importing problems is light."""
+"""The installed package agrees with the source tree, and importing problems loads few packages."""
 
 import subprocess
 import sys

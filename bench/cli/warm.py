@@ -50,7 +50,7 @@ SIMULATIONS = (
     ("spinning_top", "Moreau(step=1e-3)", 2e-3),
     ("four_bar", "Moreau(step=1e-3)", 2e-3),
 )
-"""Scene, stepper and duration [s] of short simulations, with contacts of every stepper and every kind of body."""
+"""Scene, stepper and duration [s] of short simulations; contacts occur with every stepper and every kind of body."""
 
 
 def warm(
@@ -81,7 +81,7 @@ def warm(
 
 
 def _solve() -> None:
-    """Solve small problems of every kind with every built-in solver, and judge the results."""
+    """Solve small problems of every kind with every built-in solver that has kernels, and judge one result of each."""
     from ...problems.contact.judge import judge
     from ...problems.contact.model import Model
     from ...problems.contact.solver import Stop

@@ -122,7 +122,7 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def undisturbed(self) -> FloatArray:
-        """Undisturbed time of each solve [s], shape (n,)."""
+        """Wall time of each solve, at most its processor time if the process was preempted [s], shape (n,)."""
         return np.minimum(self.totals, self.processor) if self.is_preempted else self.totals
 
     @property
@@ -132,7 +132,7 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def is_preempted(self) -> bool:
-        """Whether another process ran on its core for more than a tolerable part of its time."""
+        """Whether the solves lost more time to other processes than a round may lose."""
         wall = float(self.walls.sum())
         missing, waited = wall - sum(self.processor), self.waited or 0.0
         may_have_slept = self.voluntary > 0 and self.involuntary == 0

@@ -48,7 +48,7 @@ class SolverSpec:
 
     @property
     def n_processes(self) -> int:
-        """Number of processes that it keeps in addition to its case: one for each executable."""
+        """Number of processes that it keeps in addition to that of its case: one for each executable."""
         return sum(use.name.startswith(Executable.__name__) for use in self.files)
 
     @property

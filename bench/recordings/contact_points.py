@@ -1,12 +1,12 @@
 """Positions and directions of contacts, which a contact problem does not contain.
 
 They are reconstructed from the factors. The force directions of a rigid body contain the axes e of each contact and the
-moments a × e, and thus the arm a from the body's centre to the contact. Two bodies in contact share a point,
+moments a × e, which determine the arm a from the body's centre to the contact. Two bodies in contact share a point,
 x_i + a_i = x_j + a_j. These equations determine the relative positions of all bodies in a connected heap. Separate
 heaps are drawn side by side. Contacts of other problems are drawn on a grid, with normals upwards.
 
 A body is a ball if its arms have the same length and are parallel to the normals, and its moment of inertia is at most
-that of a uniform ball of that radius. Of other bodies only the centre and the arms are known.
+that of a uniform ball of that radius. Only the centre and the arms of other bodies are known.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from ..report.layout.text import counted
 from .bodies.meshes import in_space
 
 RIGID_TOLERANCE = 1e-9
-"""Largest error of orthonormal axes, and relative error of the moments of an arm, of a rigid body."""
+"""Largest error of the inner products of axes, and relative error of the moments a × e, of a rigid body."""
 
 RIGID_SHAPES = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
 """Dimension and rotational degrees of freedom of a body, by the rows of a contact and all degrees of freedom."""
@@ -45,7 +45,7 @@ class Bodies:
     Attributes:
         centres: centres [m], shape (n_bodies, 3).
         radii: radii of balls [m], NaN for other bodies, shape (n_bodies,).
-        arms: pairs of points from the centre of another body to a contact [m], shape (n_arms, 2, 3).
+        arms: centre and contact, for each contact of each body that is not a ball [m], shape (n_arms, 2, 3).
     """
 
     centres: FloatArray
@@ -143,7 +143,7 @@ def _from_factors(problem: ContactProblem) -> Places | None:
 def _bodies(
     touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, least_radii: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact; a body whose arms fit a ball counts as one if its radius is large enough."""
+    """Return the bodies in contact; a body whose arms fit a ball is a ball if its radius is large enough."""
     n_bodies = len(centres)
     contact, side = np.nonzero(touching < n_bodies)
     body, arm = touching[contact, side], arms[contact, side]
@@ -159,9 +159,9 @@ def _bodies(
 
 
 def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
-    """Return the least radius r [m] at which a uniform ball has the inertia of each body, θ <= 2/5 m r² in space.
+    """Return the least radius r [m] at which each body can be a ball: θ = 2/5 m r² in space.
 
-    It is infinite for bodies without rotations, and for those whose mass matrix does not consist of m 1 and θ 1.
+    It is infinite for bodies without rotations, and for those whose mass matrix does not consist of blocks m I and θ I.
     """
     assert problem.factors is not None
     inverse, length = problem.factors.inverse_mass.matrix, dimension + n_rotations
@@ -179,7 +179,10 @@ def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int)
 
 
 def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
-    """Return both bodies of each contact (n_chunks for none) and their pieces; None if a contact has more than two."""
+    """Return both bodies of each contact (n_chunks for none) and their pieces.
+
+    Return None if a contact has more than two bodies, or no first body.
+    """
     if pieces.in_pairs:
         bodies, values = pieces.chunks.reshape(-1, 2), pieces.values.reshape(-1, 2, pieces.width, pieces.length)
     elif (np.diff(pieces.starts) == 1).all():
@@ -210,7 +213,7 @@ def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatAr
     if not moments.size:
         return spatial[:, 0], np.zeros((len(values), 2, 3))
     turned = moments if dimension == 3 else -moments * np.array([0.0, 1.0, 0.0])
-    # a of m = a × e for orthonormal e: Σ e × m = Σ (a − e (e·a)), twice a with three axes, once with two
+    # for orthonormal e and m = a × e, Σ e × m = Σ (a − e (e·a)) is 2a with three axes, and a with two
     arms: FloatArray = np.cross(spatial, turned).sum(axis=2) / (width - 1)
     if np.abs(np.cross(arms[:, :, None], spatial) - turned).max() > RIGID_TOLERANCE * max(1.0, np.abs(arms).max()):
         return None
@@ -218,7 +221,7 @@ def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatAr
 
 
 def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> FloatArray:
-    """Return the centres of the bodies, shape (n_bodies, 3), each heap in the least-squares sense."""
+    """Return the centres of the bodies, shape (n_bodies, 3), computed for each heap by least squares."""
     paired = np.flatnonzero(bodies[:, 1] < n_bodies)
     first, second = bodies[paired, 0], bodies[paired, 1]
     count = len(paired)
@@ -236,7 +239,7 @@ def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> 
 
 
 def _side_by_side(centres: FloatArray, heap: IntArray, touched: IntArray, size: float) -> FloatArray:
-    """Return the centres with the largest heap at the origin and the other heaps in contact to its right.
+    """Return the centres with the largest heap at the origin, and the other heaps that have contacts to its right.
 
     The other heaps form columns as deep as the largest heap, on the same floor.
     """

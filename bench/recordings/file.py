@@ -1,4 +1,4 @@
-"""A recording file: validated before any work, streamed to a temporary file, and renamed when complete."""
+"""A recording file: its path is checked before any work, and its data go to a temporary file, renamed at the end."""
 
 import os
 import uuid

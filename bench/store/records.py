@@ -181,7 +181,7 @@ class Measured(Record, frozen=True, kw_only=True):
             runs that were stored before they were counted.
         repeats: number of timed solves.
         is_excluded: whether all rounds are excluded, so that comparisons ignore the times.
-        rounds: the rounds, those of a trajectory one for each member.
+        rounds: the rounds; a trajectory has one for each member.
         first_seconds: times of first solves in fresh processes during which no other program used the core [s].
         first_repeated_seconds: for each of them, the time of repeated solves that it is compared with [s].
         copy_seconds: times of first solves of copies of the problem [s].

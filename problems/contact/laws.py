@@ -8,8 +8,8 @@ Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) w
     bilateral            C = R                       1 row
     rolling friction     C = {x ∈ Rᵏ : ‖x‖ ≤ b}      k = 1, 2 or 3 rows
 
-The friction bound is b = a + μ max(Λ_partner, 0). Its fixed part a belongs to a joint with dry friction, its Coulomb
-part to a unilateral law, the partner. A bilateral law is a row of a joint: ξ = 0, and Λ is free. Kernels represent a
+The friction bound is b = a + μ max(Λ_partner, 0). Its fixed part a represents dry friction in a joint. In its Coulomb
+part, the partner is a unilateral law. A bilateral law is a row of a joint: ξ = 0, and Λ is free. Kernels represent a
 law by its ``ConvexSet``, its rows and its bound.
 
 Rolling friction resists the relative angular velocity ξ_R [rad/s] of two bodies in contact by an impulsive moment
@@ -100,7 +100,7 @@ class Laws:
         friction_coefficient: μ ≥ 0 of each friction law, μ_r [m] of a rolling one, 0 for all others, shape (n_laws,).
         fixed_bound: a ≥ 0 of each friction law [N s], of a rolling one [N m s], 0 for all others, shape (n_laws,).
         partner: index of the unilateral law whose impulse bounds this friction law, −1 for none, shape (n_laws,).
-            Rolling friction always has one, and follows it directly or after the sliding friction between them.
+            A rolling law always has a partner. It directly follows the partner or the partner's sliding law.
 
     Raises:
         ProblemError: if the arrays are inconsistent; the message names the field, the law and the value.
@@ -190,7 +190,7 @@ class Laws:
         return mask
 
     def friction_bounds(self, impulses: FloatArray) -> FloatArray:
-        """Return the friction bound a + μ max(Λ_partner, 0) of every law [N s], shape (n_laws,)."""
+        """Return the friction bound a + μ max(Λ_partner, 0) of every law [N s; N m s for rolling], shape (n_laws,)."""
         normal = np.maximum(impulses[self.first_row[np.maximum(self.partner, 0)]], 0.0) if self.n_laws else np.zeros(0)
         bounds: FloatArray = self.fixed_bound + np.where(self.partner >= 0, self.friction_coefficient * normal, 0.0)
         return bounds
@@ -273,7 +273,7 @@ class Laws:
 
     @staticmethod
     def contacts(friction: ArrayLike, dim: int, n_contacts: int) -> "Laws":
-        """Return ``n_contacts`` equal contacts with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3).
+        """Return the laws of ``n_contacts`` contacts with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3).
 
         Args:
             friction: μ, one number or shape (n_contacts,); ignored for dim 1.
@@ -324,7 +324,7 @@ class Laws:
 
         Args:
             friction: μ_r [m], one number or one for each unilateral law.
-            n_rows: axes of rolling: 1, 2 or 3.
+            n_rows: number of rolling axes, 1, 2 or 3.
 
         Raises:
             ProblemError: if ``n_rows`` is not 1, 2 or 3, or the laws already have rolling friction.

@@ -49,7 +49,7 @@ def stored_summaries() -> Mapping[str, ProblemSummary]:
 
 
 def current_summaries() -> dict[str, ProblemSummary]:
-    """Build all of these problems and return their summaries."""
+    """Build the hard cases and the problems of the frozen library, and return their summaries."""
     return {name: summary_of(load(name)) for name in SUITES["all"] if is_shipped(name)}
 
 

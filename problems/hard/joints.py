@@ -1,7 +1,7 @@
-"""Linked bodies in closed form: hanging and towed chains, loops with redundant joints, pendulums.
+"""Linked bodies with solutions in closed form: hanging and towed chains, loops with redundant joints, pendulums.
 
-Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 there. The momentum that the
-joints transfer, W Λ = M (u − u_f), is known wherever the motion u is, even if Λ is not unique.
+Joints are rows of bilateral laws, two for each pin in the plane. Every solution has ξ = 0 in these rows. If the
+motion u is known, so is the momentum that the joints transfer, W Λ = M (u − u_f), even if Λ is not unique.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from .bodies import WEIGHT, body_problem, box_friction_impulses
 
 
 def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
-    """Return a hanging chain of slender links of 1 m with ``masses`` [kg] from above.
+    """Return a hanging chain of slender links of 1 m with ``masses`` [kg], listed from the top.
 
     The tension at the top of link k is g Δt Σ_{j≥k} m_j + ``pull`` [N s], where ``pull`` acts on the last link. The
     chain is straight, without transverse forces. q = (x, y, φ) of each link; rows (x, y) of each pin.
@@ -42,8 +42,8 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     """Return parallel cranks between the ground and a coupler, all of 1 kg and 1 m, that fall from rest.
 
     Two cranks form a four-bar loop. Each further crank adds four rows and three degrees of freedom but does not
-    restrict the motion, so one more row is redundant. With the velocities J per angular velocity ω of the cranks, at
-    ``angle`` [rad] from the horizontal, ω = JᵀM u_f/JᵀMJ.
+    restrict the motion, so one more row is redundant. The cranks make ``angle`` [rad] with the horizontal. With
+    the velocities J of all bodies at a unit angular velocity of the cranks, this velocity is ω = JᵀM u_f/JᵀMJ.
     """
     tangent = np.array([-np.sin(angle), np.cos(angle)])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
@@ -110,7 +110,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
 
 
 def immovable_joint() -> ContactProblem:
-    """Return a joint between two walls that separate at 1 m/s, G_ii = 0, and one that a body can close."""
+    """Return a joint between two walls that separate at 1 m/s, with G_ii = 0, and a joint that a body can close."""
     laws = Laws.joints(2)
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 

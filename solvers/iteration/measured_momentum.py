@@ -2,11 +2,11 @@
 
 Sweeps with momentum β have a memory of the last m = 1/(1 − β) sweeps. If sweeps without momentum reduce a mode of the
 error by a small fraction δ per sweep, its amplitude z with momentum obeys z_{k+1} = (1 − δ)(z_k + β (z_k − z_{k−1})).
-Its roots are real while 4δm² < 1:
+The characteristic roots are real if 4δm² < 1:
 
     4δm² < 1    the error falls by the factor exp(−δm) per sweep, so twice the memory doubles the rate
-    4δm² = 1    the fastest fall of this mode, about exp(−1/(2m))
-    4δm² > 1    the error oscillates within √β = exp(−1/(2m)), so a longer memory is slower
+    4δm² = 1    this mode falls fastest, by the factor of about exp(−1/(2m)) per sweep
+    4δm² > 1    the error oscillates and falls by √β ≈ exp(−1/(2m)), so a longer memory is slower
 
 Let s be the measured rate, the decrease of the logarithm of the residual per sweep. The first case holds if s = δm is
 below 1/(4m), that is, if the residual falls by less than the factor e in 4m sweeps. Then m is doubled. The slow modes
@@ -28,7 +28,7 @@ DELAY = 4.0
 """d, the number of sweeps after which β may be one half."""
 
 MEMORIES_PER_WINDOW = 4.0
-"""Number of sweeps in a window, relative to the memory; slow modes gain less than the factor e in this window."""
+"""Number of sweeps in a window, relative to the memory; slow modes fall by less than the factor e in this window."""
 
 GROWTH = 2.0
 """Factor by which the memory and the waiting time grow."""

@@ -1,4 +1,4 @@
-"""MuJoCo: the constraint solvers of MuJoCo, on the cone program of a contact problem or of a captured step."""
+"""MuJoCo's constraint solvers, applied to the cone program of a contact problem or of a captured step."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
@@ -24,7 +24,7 @@ OWN_TOLERANCES = (*(10.0**-digits for digits in range(2, 17)), 1e-30)
 """MuJoCo's tolerances of the cost, in the order of the calls; with the last one, only rounding ends a call."""
 
 FIRST_ITERATIONS, GROWTH = 100, 10
-"""Iteration limit of the first call, and its factor after a call that does not meet its own tolerance."""
+"""Iteration limit of the first call, and factor on the limit after a call that does not meet MuJoCo's tolerance."""
 
 
 @dataclass(frozen=True)

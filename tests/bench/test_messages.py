@@ -1,4 +1,4 @@
-"""Messages name options as in Python, and the command line replaces them by its own spelling."""
+"""Messages contain the names of options in Python, which the command line replaces with its own."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""A run in Python: its arguments, its result, and that its folder alone suffices afterwards."""
+"""Runs from Python: arguments, results, and later use of their folder alone."""
 
 import dataclasses
 import os
@@ -187,7 +187,7 @@ def test_a_report_writes_what_it_names(finished: Run) -> None:
 
 
 class Texts(HTMLParser):
-    """Collects tags and texts."""
+    """Collect the tags and texts of a page."""
 
     def __init__(self, page: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Messages suggest near names only, and name the line of the author's file."""
+"""Messages suggest only similar names, and name the line of the author's file."""
 
 import json
 

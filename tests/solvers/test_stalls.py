@@ -1,6 +1,6 @@
-"""Stalled solves are continued ten times as long, without the rule and from the returned impulses.
+"""Stalled solves are repeated with ten times the iterations: from their impulses, and without the rules for stalls.
 
-A stall is false if the continuation halves the judged residual, unless that was already rounding.
+A stall is false if one of them halves the judged residual; the second is omitted if the residual is rounding.
 """
 
 from collections.abc import Callable
@@ -42,7 +42,7 @@ PROBLEMS = (
     "hard-stack-2-top-1e4",
     "funnel-30-early",
 )
-"""Problems on which solvers stall, and two on which less patient solvers would."""
+"""Problems on which solvers stall, and two on which solvers with earlier limits would stall."""
 
 TOLERANCE = 1e-12
 
@@ -70,7 +70,7 @@ def without_rules(patch: pytest.MonkeyPatch) -> None:
 
 
 def stalls() -> list[tuple[str, ContactProblem, Callable[..., Solution], Solution]]:
-    """Return solver, problem, its prepared ``solve`` and the solution of every cell that ends stalled."""
+    """Return solver, problem, its prepared ``solve`` and the solution of every solve that stalls."""
     found = []
     for problem in map(load, PROBLEMS):
         for name in SOLVERS:

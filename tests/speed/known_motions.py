@@ -1,7 +1,7 @@
-"""Measure motions whose result is known from equilibrium, a theory or an empirical law, with ``Robust``.
+"""With ``Robust``, simulate motions whose result is known from equilibrium, a theory or an empirical law.
 
-``cards``      card houses with two per cent less and more friction than they need
-``dominoes``   speed of the wave, the theory, and the energy that a row loses
+``cards``      card houses with 2 % less and 2 % more friction than they need
+``dominoes``   speed of the wave, simulated and in theory, and the energy that a row loses
 ``containers`` slope of boxes in a drum, and flow of boxes out of a hopper, for some seeds
 ``walls``      largest displacement of a wall without friction
 
@@ -27,7 +27,7 @@ MOVED = 0.01
 """Displacement of a card [m] at which a house counts as falling."""
 
 N_DOMINOES, MEASURED = 12, (7, 11)
-"""Dominoes of a row, and indices of those between which the speed of the wave is measured."""
+"""Number of dominoes in a row, and indices of the two between which the speed of the wave is measured."""
 
 PUSH = 12.0
 """Angular velocity of the first domino [rad/s]."""
@@ -107,7 +107,7 @@ def energy(system: RigidBodies, state: State) -> float:
 def containers(
     seeds: tuple[int, ...] = SEEDS, drum_boxes: int = 48, hopper_boxes: int = 100
 ) -> Iterator[dict[str, Any]]:
-    """Yield the slope of boxes in a drum [degrees], and the flow out of a hopper [boxes/s], by the seed."""
+    """Yield the slope of boxes in a drum [degrees], and the flow out of a hopper [boxes/s], for each seed."""
     for seed in seeds:
         drum = RotatingDrum(drum_boxes, seed=seed)
         taken = list(steps_of(drum, 1e-4, drum.step_size, 1.5, 20_000))
@@ -129,7 +129,7 @@ def _unsolved(taken: list[Step]) -> int:
 
 
 def walls(seconds: float = 2.0, step: float = 1e-3) -> Iterator[dict[str, Any]]:
-    """Yield the largest displacement [m] of a wall without friction and without a ball, by tolerance."""
+    """Yield the largest displacement [m] of a wall without friction and without a ball, for each tolerance."""
     wall = BrickWall(speed=0.0, friction=0.0)
     for tolerance in (1e-6, 1e-10):
         taken = list(steps_of(wall, tolerance, step, seconds))

@@ -83,7 +83,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     elif not quiet:
         print_simulation(simulation, console)
         console.print()
-    # write these files last: they are slow and may fail
+    # write these files last, because this is slow and may fail
     for what, path in _files(simulation, file):
         console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
     code = _outcome(simulation)
@@ -118,8 +118,8 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
         as_json: print one JSON document instead.
 
     Raises:
-        BenchError: if the file is missing, damaged or foreign, a link for its files leads out of their folder, or with
-            ``quiet`` if they cannot be written.
+        BenchError: if the file is missing, damaged or no result, a link for its files leads out of their folder, or
+            with ``quiet`` if they cannot be written.
         FailedSimulationError: if a step failed.
     """
     simulation = read_simulation(file)
@@ -138,7 +138,7 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
     """Write the recording of a stored simulation.
 
     Raises:
-        BenchError: if the file is missing, damaged or foreign, or the recording exists or cannot be written.
+        BenchError: if the file is missing, damaged or no result, or the recording exists or cannot be written.
     """
     _record(read_simulation(file), recording, force)
 
@@ -149,7 +149,7 @@ def _start_or_resume(request: Request) -> Simulation:
         simulation = resumable_simulation(request.resume, given, request.duration)
         own = simulation.outputs
         simulation.outputs = choose_outputs(own, request.chart, request.record, request.force)
-        if simulation.outputs != own:  # if no steps remain, nothing else is written
+        if simulation.outputs != own:  # not written later if no steps remain
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
@@ -165,7 +165,7 @@ def _start_or_resume(request: Request) -> Simulation:
 
 
 def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path]]:
-    """Write chart and recording of a simulation, and yield the kind and path of each of its files."""
+    """Write the chart and the recording of a simulation, and yield the kind and path of each of its files."""
     yield "result", file
     chart, recording = simulation.outputs.chart, simulation.outputs.recording
     if simulation.n_steps and chart is not None:

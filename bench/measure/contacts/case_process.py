@@ -79,7 +79,7 @@ class Measurement:
     """One case in its process.
 
     Attributes:
-        problem: the problem; at first a perturbed copy, to warm up on.
+        problem: the present problem; for the warm-up, a perturbed copy.
         solver: the solver.
         before: state of the process before the solver was created.
         times_library: whether only the ``library_seconds`` of a prepared solver count, if it has them.
@@ -98,7 +98,7 @@ class Measurement:
         return reason or ""
 
     def warm_up(self, stop: Stop) -> None:
-        """Run everything once, so that compilation and first memory accesses are not timed.
+        """Prepare and solve once, so that compilation and first memory accesses are not timed.
 
         Exempt the objects that then exist, such as imported modules, from later garbage collections. A full collection
         takes 1 to 5 ms with them and 1 µs without, and would count as untimed work between solves.
@@ -318,7 +318,7 @@ def _read_only_copy(start: FloatArray | None) -> FloatArray | None:
 
 
 def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> TimedRound:
-    """Return the round of solves since ``before``, which ends now."""
+    """Return the round of the solves between ``before`` and now."""
     last, switches = solves[-1].solution, ContextSwitches.now().since(before)
     return TimedRound(
         last.status,

@@ -30,7 +30,7 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class ReferenceSimulated:
-    """The reference of a trajectory has been simulated, before the measurements; it may have been stored already."""
+    """The reference of a trajectory is available before the measurements: newly simulated, or stored earlier."""
 
     trajectory: TrajectoryRecord
 
@@ -74,6 +74,6 @@ class ProblemPassFinished:
 
 
 Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseFinished | ProblemPassFinished
-"""What an observer of a run receives."""
+"""Any event of a run."""
 
 OnEvent = Callable[[Event], None]

@@ -36,7 +36,7 @@ LARGE_SOLVER = "MomentumFallback"
 """The solver for many contacts."""
 
 LARGE_STEPS = (8.0, 4.0, 2.0, 1.0, 0.5)
-"""Fixed step sizes for many contacts, relative to that of the scene; the reference has half of the last."""
+"""Fixed step sizes for many contacts, relative to that of the scene; the reference has half the last one."""
 
 LARGE_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)
 """Tolerances of the solver for many contacts."""

@@ -1,4 +1,4 @@
-"""Steppers with solvers, as data: each gives a curve over a ladder of the stepper or of the solver.
+"""Specifications of steppers with solvers; each yields a curve over a ladder of the stepper or the solver.
 
 ``Extrapolated(search='nested') with SORprox``   the tolerance of the stepper varies, or the step of a fixed one [s]
 ``SORprox in Moreau(step=0.001)``                the tolerance of the solver varies
@@ -32,7 +32,7 @@ ITERATIONS = 20_000
 
 @dataclass(frozen=True)
 class Method:
-    """A stepper with a solver, as data.
+    """The specification of a stepper with a solver.
 
     Attributes:
         record: its name, ladder and limits.

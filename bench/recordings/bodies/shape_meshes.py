@@ -18,11 +18,11 @@ N_AROUND, N_MERIDIAN = 32, 8
 def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
     """Return the surface of a bounded shape; quadrants of round shapes alternate in colour, to show their rotation.
 
-    Each triangle has its own corners, three in a row, so that edges stay sharp.
+    Each triangle has its own three consecutive corners, so that edges stay sharp.
 
     Args:
         shape: any shape except a half-space.
-        colour: its colour.
+        colour: red, green and blue, 0 to 255.
     """
     normals = None
     corners = _revolved(_profile(shape)) if isinstance(shape, Round) else _hull(shape_points(shape))

@@ -1,7 +1,7 @@
 """Problems of the suite ``bodies``: steps of scenes of rigid bodies.
 
-Most of them are the first step of a scene that starts at rest, and need no solver. Others follow steps that a solver
-takes. The captured step itself is not solved.
+Most of them are the first step of a scene that starts at rest, and need no solver. The others are later
+steps, and a solver solves the steps before them. The captured step itself is not solved.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ from ....solvers.registry import create
 from .box_scenes import BoxPile, BoxTable, BoxTrain
 
 SETTLING_SOLVER = "SORprox(relaxation=1.3)"
-"""Solver while boxes settle or slump."""
+"""Solver of the steps in which boxes settle or slump."""
 
 SETTLING_STOP = Stop(tolerance=1e-4, max_iterations=50)
 """Solver limits while boxes settle. Only their final positions matter, and their contacts are redundant."""

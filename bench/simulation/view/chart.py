@@ -1,6 +1,6 @@
 """The chart of a simulation, as SVG and PNG: the motion with its switching points, its cost, and its step size.
 
-Named coordinates are drawn over the last half second, with switching points as dots (figure 2 of the paper).
+Named coordinates are drawn over the last half second, with switching points as dots (Studer & Glocker 2005, figure 2).
 For scenes without named coordinates, such as many balls, the chart shows contacts, iterations, penetration and energy
 over the whole time, with counts of switching points.
 """

@@ -168,7 +168,7 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 
 
 def _print_segments(simulation: Simulation, console: Console) -> None:
-    """Print the settings of each segment; the iteration limit has a column only if it differs."""
+    """Print the settings of each segment; the iteration limit has a column only if segments differ in it."""
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
     heads = ["max iter."] if has_limits else []
     table = plain_table("steps", "stepper", "solver", "tolerance", *heads, "start", "missed")
@@ -218,7 +218,7 @@ def _energy(value: float | None) -> str:
 
 
 def _digits(value: float, number: int) -> str:
-    """Return a number with ``number`` significant digits, but all digits before the point."""
+    """Return a value with ``number`` significant digits, or all digits before the decimal point if there are more."""
     return f"{value:.{number}g}" if value < 10**number else f"{value:.0f}"
 
 
@@ -242,7 +242,7 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
 
 
 def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
-    """Yield the total and the unsolved steps, each line with its style."""
+    """Yield the lines below the tables, such as the total and the unsolved steps, each with its style."""
     total = summary(simulation)
     ending = _ending(simulation)
     if not total["steps"]:

@@ -134,7 +134,7 @@ def check_version(arrays: Arrays, newest: int) -> None:
 
 
 def normal_first(n_contacts: int, first_row: int = 0) -> IntArray:
-    """Return rows T1, T2, N of contacts in the order N, T1, T2, without moving the rows before ``first_row``."""
+    """Return indices of rows T1, T2, N of contacts in the order N, T1, T2; rows before ``first_row`` stay in place."""
     contacts = first_row + np.arange(3 * n_contacts).reshape(-1, 3)[:, [2, 0, 1]].ravel()
     return np.append(np.arange(first_row), contacts).astype(np.int64)
 
@@ -165,7 +165,7 @@ def _dim(arrays: Arrays) -> int:
 
 
 def _order(arrays: Arrays, dim: int, rows: int) -> IntArray:
-    """Return the rows in the order N, T1, T2."""
+    """Return the indices of the rows in the order N, T1, T2."""
     place = str(arrays.get("normal", np.array("first")))
     if place not in ("first", "last"):
         raise ProblemError(f"'normal' must be 'first' or 'last', got {place!r}.")

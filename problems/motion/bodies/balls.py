@@ -1,12 +1,12 @@
 """Systems of rigid balls (spatial) or discs (planar) among fixed surfaces.
 
-Friction alone can turn a ball, so without it a ball has no rotational degrees of freedom and a contact one row:
+Only friction can rotate a ball. Without it, a ball has no rotational degrees of freedom and a contact has one row:
 
     spatial    u = (v, ω) ∈ R⁶, rows N, T1, T2        without friction u = v ∈ R³, row N
     planar     u = (v, ω) ∈ R³, rows N, T             without friction u = v ∈ R², row N
 
-A cell list finds the contacts. They are written directly into W in pieces, one or two per contact, without a dense
-matrix.
+A cell list finds the contacts. Their force directions are stored as pieces of W, one or two per contact, without a
+dense matrix.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ Acceleration = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """(centres, velocities, masses) ↦ acceleration of the centres [m/s²]; shapes (n, d), (n, d), (n,) and (n, d)."""
 
 PairCoefficient = Callable[[IntArray], FloatArray]
-"""Keys of pairs of bodies ↦ a coefficient of their contacts, μ or ε_N, both of shape (n_contacts,)."""
+"""(keys of pairs of bodies) ↦ coefficients of their contacts, μ or ε_N; shapes (n_contacts,) and (n_contacts,)."""
 
 Potential = Callable[[FloatArray, FloatArray], float]
 """(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
@@ -56,7 +56,7 @@ def known_potential(potentials: Sequence[Potential | None], n_forces: int) -> Po
 
 @dataclass(frozen=True, eq=False)
 class BallSystem:
-    """Balls, surfaces, and the effects on them; ``scenes.effects`` builds one from a list of effects.
+    """Balls, surfaces, and the effects on them; ``scenes.effects`` builds such a system from a list of effects.
 
     Attributes:
         radii: r [m], shape (n,).
@@ -159,9 +159,11 @@ class BallSystem:
         return self.at_rest(np.broadcast_to(direction, (self.n_balls, self.dimension)))
 
     def with_margin(self, margin: float) -> "BallSystem":
-        """Return balls with radii larger by ``margin`` [m], so that contacts with smaller gaps count as closed.
+        """Return balls with radii larger by ``margin`` [m].
 
-        All lever arms of a ball grow by the same amount, so the equilibrium of its moments does not change.
+        Gaps below ``margin`` to surfaces, and below twice ``margin`` between balls, then count as closed.
+
+        All lever arms of a ball grow by the same length, so the equilibrium of its moments does not change.
         """
         return replace(self, radii=self.radii + margin)
 
@@ -170,7 +172,7 @@ class BallSystem:
         return position + seconds * self.twists(velocity)[:, : self.dimension].ravel()
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Linearise at q_M: gaps and W of the contacts that overlap there."""
+        """Linearise at q_M: free motion, and gaps and W of the contacts with g(q_M) < 0."""
         centres = self.centres(midpoint)
         free = self.twists(velocity).copy()
         translation = self.twists(velocity)[:, : self.dimension]
@@ -180,7 +182,7 @@ class BallSystem:
         return StepAssembly(free.ravel(), self.inverse_mass, contacts)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
-        """Return keys, ascending, and gaps [m] of the pairs, and of balls and surfaces, with a gap below ``limit``."""
+        """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``, which is not negative."""
         found = self.with_margin(limit)._touching(self.centres(position))
         gap = found.gap + np.where(found.chunks[1::2] == self.n_balls, limit, 2.0 * limit)
         near = gap < limit
@@ -249,7 +251,7 @@ class TouchingBalls(NamedTuple):
 
     Attributes:
         keys: identity of each contact, shape (n_contacts,); in keys, surfaces are numbered after the balls.
-        chunks: first and second ball of each contact, the number of balls for a surface, shape (2 · n_contacts,).
+        chunks: first and second ball of each contact, or the number of balls for a surface, shape (2 · n_contacts,).
         gap: g [m], negative, shape (n_contacts,).
         normals: from the second ball or the surface to the first ball, shape (n_contacts, d).
     """
@@ -286,8 +288,8 @@ def _is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
 def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-untyped-def]
     """Return keys, chunks, gaps and normals of all overlaps, ordered by first ball, then second ball or surface.
 
-    ``near`` holds pairs of balls in this order. The overlaps of each surface, which end at ``ends``, ascend by ball.
-    The normal of concentric balls, which is not defined, points along x.
+    ``near`` holds pairs of balls in this order. The overlaps of each surface end at ``ends`` and are sorted by ball.
+    The normal of concentric balls is undefined and is set to the x axis.
     """
     n, dim = centres.shape
     n_bodies, room = n + len(ends), len(near) + len(ball)

@@ -13,7 +13,7 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # type: ignore[no-untyped-def]
     """Write the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
 
-    An edge with one end within the slack and the other beyond it does not cross the plane; it is cut at the former.
+    An edge between a corner within the slack above the plane and one beyond the slack is cut at the former.
 
     Args:
         polygon: corners; only the first ``n`` are used.

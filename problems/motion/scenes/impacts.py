@@ -53,7 +53,7 @@ class ObliqueImpact(ClosedFormScene):
     def sticks(self) -> bool:
         """Whether the point of contact sticks: |v_T| ≤ 7/2 μ (1 + ε_N) |v_N|.
 
-        The impulse 2/7 m v_T that stops the point of contact must lie below μ Λ_N = μ (1 + ε_N) m |v_N|.
+        The impulse 2/7 m v_T that stops the point of contact must not exceed μ Λ_N = μ (1 + ε_N) m |v_N|.
         """
         available = self.friction * (1.0 + self.restitution) * self.normal_speed
         return abs(self.tangential_speed) <= 3.5 * available

@@ -280,7 +280,7 @@ class ClosedFormScene(ABC):
 
 
 def kinetic_energy(system: System, start: State, driven_bodies: Sequence[int] = ()) -> Callable[[FloatArray], float]:
-    """Return u ↦ T [J] of a system, with its mass matrix at ``start``, without that of driven rigid bodies."""
+    """Return u ↦ T [J] of a system, with its mass matrix at ``start``, and without the energy of driven bodies."""
     if isinstance(system, RigidBodies) and driven_bodies:
         is_free = np.ones((system.n_bodies, 1))
         is_free[list(driven_bodies)] = 0.0

@@ -1,7 +1,7 @@
 """The woodpecker toy: a bird on a spring, hopping down a pole (Glocker 1995; Leine, Glocker & van Campen 2001).
 
-q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. Contacts: 1 the beak on the
-pole, 2 the lower edge of the sleeve, 3 its upper edge; all planar, with rows N and T.
+q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. The contacts are
+1 the beak on the pole, 2 the lower edge of the sleeve and 3 its upper edge. All are planar, with rows N and T.
 """
 
 from collections.abc import Mapping
@@ -160,7 +160,7 @@ LIMIT_CYCLE = KnownCycle(
     section=1,
     section_error=section_error,
     source="table 1 of the paper",
-    transient=60,  # the deviation decreases by a factor of 0.839 per period, and of 3e-5 in 60 periods
+    transient=60,  # the deviation is multiplied by 0.839 in each period, and by 3e-5 in 60 periods
 )
 """The limit cycle; at its section the lower edge of the sleeve begins to slip."""
 

@@ -27,7 +27,7 @@ class Moreau(Stepper):
     holds_forces: ClassVar[bool] = False
 
     def with_defaults_of(self, scene: Scene) -> Self:
-        """Return the stepper with a step size."""
+        """Return the stepper with its own step size, or the default of the scene."""
         return self if self.step is not None else replace(self, step=scene.step_size)
 
     def shortest_step(self, scene: Scene) -> float:

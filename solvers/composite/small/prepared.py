@@ -24,7 +24,7 @@ from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_ov
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
-"""Upper bound of the time of a sweep [s], per entry of G and per each of 20 numbers of a row: twice the time on a slow
+"""Upper bound of the time of a sweep [s], per entry of G, with 20 more entries for each row: twice the time on a slow
 core."""
 
 MAX_SWEEPS = 10**9

@@ -45,7 +45,7 @@ class SolvedProblems(NamedTuple):
 def solve_many(
     problems: Iterable[ContactProblem | str | Path], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
 ) -> SolvedProblems:
-    """Solve many problems by ``Robust``, with the same results as one by one, and judge each solution.
+    """Solve many problems by ``Robust``, with the same results as separate solves, and judge each solution.
 
     Problems of up to 150 rows, given by G or by the columns of W with a diagonal M⁻¹, are solved in batches. Other
     problems, and those that sweeps alone do not solve, are solved one by one in one thread.
@@ -136,7 +136,7 @@ class Batch(NamedTuple):
 
 
 def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator[Batch]:
-    """Yield the small problems that are solved within the time limit: those given by G, and by W and a diagonal M⁻¹."""
+    """Yield batches of small problems whose sweeps end in time: those given by G, and by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
         is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds

@@ -37,7 +37,7 @@ def _swap_if_equal(typing_context, array, index, expected, new):  # type: ignore
 
 
 swap_if_equal: Any = intrinsic(_swap_if_equal)
-"""Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was. (array, index, expected, new)"""
+"""Replace ``array[index]`` by ``new`` if it is ``expected``; return whether it was (array, index, expected, new)."""
 
 
 def _add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
@@ -49,7 +49,7 @@ def _add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
 
 
 add: Any = intrinsic(_add)
-"""Add ``number`` to ``array[index]``; return its previous value; (array, index, number)."""
+"""Add ``number`` to ``array[index]``; return its previous value (array, index, number)."""
 
 
 def _read(typing_context, array, index):  # type: ignore[no-untyped-def]
@@ -61,7 +61,7 @@ def _read(typing_context, array, index):  # type: ignore[no-untyped-def]
 
 
 read: Any = intrinsic(_read)
-"""Return ``array[index]`` as other threads have left it; (array, index)."""
+"""Return ``array[index]`` as other threads have left it (array, index)."""
 
 
 @njit(cache=True)

@@ -1,8 +1,8 @@
 # mypy: ignore-errors
 """Kernels of Warp for sweeps over the factors, for contacts of at most two bodies; one thread per contact or body.
 
-They do in double precision what the kernels of ``sweeps.factors`` do. Every number has one writer, and a body adds the
-changes of its contacts in their order, so results on a device are bitwise reproducible.
+They perform the operations of the kernels of ``sweeps.factors`` in double precision, with v = W̃ Λ. One thread writes
+each number, and adds the changes of a body's contacts in their order, so results on a device are bitwise reproducible.
 """
 
 import warp as wp
@@ -25,9 +25,9 @@ class Contacts:
         bodies: two bodies of each contact.
         pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
         free: c, three entries for each contact.
-        sizes: r of N and T.
-        friction: μ.
-        fixed: a.
+        sizes: step sizes r of N and T of each contact.
+        friction: μ of each contact.
+        fixed: fixed part a of the friction bound of each contact.
         coupling: G_T1N and G_T2N, by which ξ_T is corrected after a change of Λ_N; zero in Jacobi sweeps.
     """
 

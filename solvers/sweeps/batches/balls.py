@@ -1,4 +1,4 @@
-"""Sweeps over contacts of balls in batches, from records of a normal.
+"""Sweeps over contacts of balls in batches, from one record with a normal for each contact.
 
 The iterates are those of ``pieces``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
 its balls, because the balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). When the impulse of a contact
@@ -106,7 +106,10 @@ class BallSweep:
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
-        """Return the sweep with step sizes as in ``step_size``; None if there are few contacts, or other bodies."""
+        """Return the sweep with step sizes as in ``step_size``.
+
+        Return None if batches would have few contacts, or the contacts are not those of balls that share κ.
+        """
         balls = balls_of(problem)
         if balls is None:
             return None
@@ -284,7 +287,7 @@ def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untype
 def sweep_balls(  # type: ignore[no-untyped-def]
     count, bodies, records, share, held, moved, change, before, momentum, delay, sweeps, present
 ):
-    """Do ``count`` sweeps on Λ, ``held``, and v and τ, ``moved``; other arguments as in ``pieces.sweep_batches``."""
+    """Do ``count`` sweeps on Λ (``held``), v and τ (``moved``); other arguments as in ``pieces.sweep_batches``."""
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
     n_batches = uint64(len(bodies)) // (two * lanes)
     own, others, turn = np.empty(six * lanes), np.empty(six * lanes), np.empty(lanes)

@@ -12,7 +12,7 @@ REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
 @pytest.fixture
 def copied(tmp_path: Path, finished_run: Path) -> Path:
-    """A run that may be written to."""
+    """Return a copy of a run, to which the test may write."""
     (tmp_path / "cases").mkdir()
     for file in (finished_run / "run.json", *finished_run.glob("cases/*.json")):
         (tmp_path / file.relative_to(finished_run)).write_bytes(file.read_bytes())
@@ -44,7 +44,7 @@ def test_an_unknown_baseline_is_refused_with_the_nearest_name(switch: str, mista
 
 @pytest.fixture
 def faultless(copied: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A run whose exit code depends only on its files: failures of its solvers do not count."""
+    """Return a run whose exit code depends only on its files: failures of its solvers do not count."""
     monkeypatch.setattr("proxbench.bench.cli.report._has_failed", lambda frames: False)
     return copied
 

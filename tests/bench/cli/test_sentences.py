@@ -1,4 +1,4 @@
-"""Each mistake on the command line gets a sentence with the remedy, and each option has one name in all commands."""
+"""The command line answers each mistake with a sentence and a remedy, and options are alike in all commands."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +14,7 @@ PLUGIN = Path(__file__).parents[1] / "plugins" / "scene_plugin.py"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path:
-    """Return a folder with a run in a folder of runs, a bundle and an empty folder."""
+    """Return a folder with a run in a folder of runs, an invalid bundle, an empty folder and a problem file."""
     made = tmp_path_factory.mktemp("here")
     (made / "runs").mkdir()
     (made / "runs" / "one").symlink_to(finished_run)

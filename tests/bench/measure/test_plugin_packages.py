@@ -32,14 +32,14 @@ Command = Callable[..., Answer]
 
 
 def block(page: str, language: str) -> str:
-    """The first code block of a language on a page."""
+    """Return the first code block of a language on a page."""
     found = re.search(rf"^```{language}\n(.*?)^```$", (DOCS / page).read_text(encoding="utf-8"), re.M | re.S)
     assert found is not None
     return found.group(1)
 
 
 def build_wheel(folder: Path, project: str, modules: dict[str, str]) -> Path:
-    """A wheel of single-file modules, written directly, so that neither setuptools nor a network is needed."""
+    """Write a wheel of single-file modules directly, so that neither setuptools nor a network is needed."""
     about = tomllib.loads(project)["project"]
     label = f"{about['name'].replace('-', '_')}-{about['version']}"
     info = f"{label}.dist-info"
@@ -102,7 +102,7 @@ def command_with(*wheels: Path, site: Path) -> Iterator[Command]:
 
 @pytest.fixture(scope="module")
 def proxbench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Command]:
-    """The command line in an environment with both worked examples installed."""
+    """Yield the command line in an environment with both worked examples installed."""
     folder = tmp_path_factory.mktemp("packages")
     solver = build_wheel(
         folder, block("add-a-solver.md", "toml"), {"fixed_step_gradient": block("add-a-solver.md", "python")}

@@ -20,7 +20,7 @@ def box(weight: float, name: str = "any") -> ContactProblem:
 
 
 def filled(folder: Path, sizes: dict[str, int]) -> Path:
-    """A folder of different problems of the same name, whose file names begin with their family."""
+    """Write different problems of one name to a folder, in files whose names begin with their family."""
     for family, size in sizes.items():
         for number in range(size):
             save_problem(box(1.0 + number), folder / f"{family}-{number:03}.npz")
@@ -28,7 +28,7 @@ def filled(folder: Path, sizes: dict[str, int]) -> Path:
 
 
 def broken(folder: Path) -> Path:
-    """A folder with three unusable files: one damaged, one truncated, one with a library name and other numbers."""
+    """Write three unusable files: one damaged, one truncated, and one with a library name and other numbers."""
     (folder / "boxes-damaged.npz").write_bytes(b"no zip")
     write_fclib(box(1.0), folder / "boxes-whole.hdf5")
     (folder / "boxes-cut.hdf5").write_bytes((folder / "boxes-whole.hdf5").read_bytes()[:3000])
@@ -72,7 +72,7 @@ def test_names_files_folders_and_problems_are_given_together(tmp_path: Path) -> 
         "single-1": "single",
         "mine-1": "my own",
     }
-    assert chosen.problems[0] == "funnel-30"  # loaded when its turn comes
+    assert chosen.problems[0] == "funnel-30"  # loaded later
     assert select([mine], "quick").problems == (mine,)
 
 

@@ -9,7 +9,7 @@ from proxbench.solvers import Model, Solution, Stop, create
 
 @dataclass
 class CrashingBelow:
-    """SORprox that raises an exception for a tolerance finer than its own limit."""
+    """SORprox that raises an exception below ``tolerance`` if more than 1000 iterations are allowed."""
 
     tolerance: float
     problem: ContactProblem | None = None

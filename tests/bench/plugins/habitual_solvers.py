@@ -1,4 +1,4 @@
-"""SORprox with habits, for tests of first and repeated solves."""
+"""SORprox with differences between first and repeated solves, for tests."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +10,7 @@ from proxbench.problems import ContactProblem
 from proxbench.solvers import Model, Solution, Stop, create
 
 STOP = Stop(1e-6, max_seconds=30.0)
-"""When timed solves stop."""
+"""Stopping criterion of timed solves."""
 
 
 @njit(cache=True)
@@ -21,10 +21,10 @@ def sorted_sum(numbers: Any) -> Any:
 
 @dataclass
 class Wrapped:
-    """SORprox with a habit.
+    """SORprox whose first solves differ from repeated ones.
 
-    It may "remember" answers, "compile" (take long in the first solve of a process), or "load" a kernel for problems in
-    which the velocities of the first contact have the directions of ``sides``.
+    ``habit`` is "remember" (return the previous answer to a problem), "compile" (take long in the first timed solve of
+    a process), or "load" (load a kernel for problems whose ``directions`` are ``sides``).
     """
 
     habit: str = ""
@@ -45,7 +45,7 @@ class Wrapped:
 
 
 def directions(problem: ContactProblem) -> tuple[float, ...]:
-    """Return the velocities of the first contact over its first one; these ratios do not depend on units."""
+    """Return the velocities of the first contact divided by the first of them; these ratios do not depend on units."""
     velocities = problem.free_velocity[:3]
     return tuple((velocities / velocities[0]).tolist())
 

@@ -24,7 +24,7 @@ from proxbench.solvers import Model, Solution, Status, Stop, create
 
 @dataclass(frozen=True)
 class Misbehaving:
-    """Solves as SORprox does, after the named ``action``; with ``only``, supports only that problem."""
+    """SORprox with the fault named ``action``; with ``only``, it supports only that problem."""
 
     action: str
     only: str = ""

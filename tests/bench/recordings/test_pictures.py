@@ -1,4 +1,4 @@
-"""A still shows the end of a recording, and a film all of it; a failure gives one sentence."""
+"""A still shows the end of a recording, and a film shows all of it; a failure prints one sentence."""
 
 import os
 import shutil
@@ -73,7 +73,7 @@ def test_a_film_shows_the_motion_from_start_to_end(capsys: pytest.CaptureFixture
             frames.seek(number)
             pictures.append(np.asarray(frames.convert("L"), dtype=int))
     assert (np.abs(np.diff(pictures, axis=0)) > 50).sum(axis=(1, 2)).min() > 500  # the rod moved
-    assert pictures[0][1:27, 120:-1].max() <= 40  # no buttons, only noise of the compression
+    assert pictures[0][1:27, 120:-1].max() <= 40  # no buttons, only compression noise
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Notes of a row in addition to its numbers."""
+"""Notes on a row of a table, in addition to its numbers."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from stored_cases import case_record, measured_in, timed_round
 from times_under_load import restore_limits
 
 FAST, FALL = 80.0, 0.005
-"""Speed of a ball that touches a pile, and free fall of a step [m/s]."""
+"""Speed of a ball that touches a pile, and change of velocity by gravity in a step [m/s]."""
 
 
 @pytest.fixture(autouse=True)
@@ -94,9 +94,9 @@ def test_a_local_residual_beside_a_judged_one_of_zero_is_noted_without_a_ratio()
 
 
 def note(is_randomised: bool = False, excluded: tuple[str, ...] = ("",), slowest: float = 1.0, **measured: Any) -> str:
-    """Return the notes about a point whose repeated solves take a second in most rounds, of which some are excluded.
+    """Return the notes on a point with a round for each entry of ``excluded``, the reason of its exclusion or "".
 
-    The last round takes ``slowest`` seconds.
+    The repeated solves take 1 s, and ``slowest`` seconds in the last round.
     """
     times = [1.0] * (len(excluded) - 1) + [slowest]
     point = Point(
@@ -142,7 +142,7 @@ def test_slow_first_solves_and_slow_copies_are_noted() -> None:
 
 
 def test_a_slow_excluded_round_explains_slow_first_solves_and_a_slow_other_one_does_not() -> None:
-    """Excluded rounds show the machine; a solver could make any other round slow to hide the ratio."""
+    """Excluded rounds show how slow the machine is; a solver could slow down any other round to hide the ratio."""
     slow = firsts([3.0, 9.0, 4.0], [1.0] * 3)
     assert note(**slow, excluded=("", "", "unsteady"), slowest=2.9) == ""
     assert note(**slow, excluded=("", "", ""), slowest=2.9) == note(**slow) != ""
@@ -155,7 +155,7 @@ def test_first_solves_are_not_noted_if_one_is_explained_or_if_there_are_few() ->
 
 
 def test_the_fastest_first_solve_is_compared_with_the_slowest_repeated_ones() -> None:
-    """A core that is slow at times slows both down, but not always both solves of a pair."""
+    """A core that is slow at times delays first and repeated solves, but not always both solves of a pair."""
     assert note(**firsts([2.0, 2.0, 9.0], [0.5, 1.0, 1.5])) == "first solves take at least 1.3 times as long"
     assert note(**firsts([9.0, 2.0, 3.0], [2.0, 1.0, 1.0])) == ""
 

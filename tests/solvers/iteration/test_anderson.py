@@ -1,4 +1,4 @@
-"""Anderson acceleration is GMRES on linear maps, and the plain iteration without memory."""
+"""Anderson acceleration is equivalent to GMRES for linear maps; without memory, it is the plain iteration."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from proxbench.solvers.iteration.anderson import Anderson
 
 
 def contraction(seed: int, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """A linear map x ↦ A x + b with spectral radius 0.9."""
+    """Return A, symmetric with eigenvalues from 0.1 to 0.9, and b of a linear map x ↦ A x + b."""
     rng = np.random.default_rng(seed)
     vectors = np.linalg.qr(rng.normal(size=(n, n)))[0]
     return vectors @ np.diag(rng.uniform(0.1, 0.9, n)) @ vectors.T, rng.normal(size=n)

@@ -1,4 +1,4 @@
-"""DART: a scene in a world that never sleeps."""
+"""DART: a scene in a world that does not deactivate bodies at rest."""
 
 from importlib import import_module
 from typing import Any
@@ -53,7 +53,10 @@ class DartEngine:
         self._before = self.states()
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step; a force acts on the first body of a contact, along its normal."""
+        """Return the problem of the last step; None without contacts.
+
+        DART's forces act on the first body of a contact, along its normal.
+        """
         found = self.world.getLastCollisionResult().getContacts()
         if not found:
             return None
@@ -116,5 +119,8 @@ def _body_name(collision_object: Any) -> str:
 
 
 def build(description: Description, time_step: float, options: dict[str, Any]) -> DartEngine:
-    """Build a scene; options: ``detector``, ``sweeps``, ``nsgs``."""
+    """Build a scene.
+
+    Options: ``detector``, ``sweeps`` (iteration limit of the matrix-free solver), and ``nsgs`` (whether NSGS is used).
+    """
     return DartEngine(description, time_step, options)

@@ -23,7 +23,7 @@ class Body:
 
     Attributes:
         is_cube: whether it is a cube, with axes parallel to those of the world at the start.
-        half_size: radius, or half the edge [m].
+        half_size: radius, or half the edge length [m].
         mass: mass [kg].
         position: position of its centre at the start [m].
         velocity: velocity of its centre at the start [m/s]; its spin is zero.
@@ -47,7 +47,7 @@ class Panel:
 
     Attributes:
         centre: centre [m].
-        half_sizes: half the edges [m].
+        half_sizes: half the edge lengths [m].
         rotation: its axes as columns, shape (3, 3).
     """
 

@@ -1,4 +1,4 @@
-"""MuJoCo: a scene as a model, stepped by ``mj_step``; judged steps are captured, to judge its own model as well."""
+"""MuJoCo: a scene as a model, stepped by ``mj_step``; judged steps are also judged under MuJoCo's own model."""
 
 import copy
 from dataclasses import replace
@@ -64,7 +64,7 @@ class MuJoCoEngine:
         return None if solved is None else replace(solved, own_residual=self._own_residual())
 
     def _own_residual(self) -> float:
-        """Return the residual of the forces of the last step under MuJoCo's own model, from the same step of a copy."""
+        """Return the residual of the last forces under MuJoCo's own model, captured from a copy of the data."""
         step = captured_step(self.model, self._data_before)
         return judge_own_model(step.engine, self.data.efc_force)
 

@@ -34,7 +34,7 @@ class PyBulletEngine:
             library.changeDynamics(
                 body,
                 -1,
-                lateralFriction=float(np.sqrt(description.friction)),  # Bullet multiplies both coefficients
+                lateralFriction=float(np.sqrt(description.friction)),  # Bullet multiplies those of two bodies
                 restitution=0.0,
                 linearDamping=0.0,
                 angularDamping=0.0,
@@ -58,7 +58,7 @@ class PyBulletEngine:
         self._before = self.states()
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step."""
+        """Return the problem of the last step; None without contacts."""
         index = {body: k for k, body in enumerate(self.bodies)}
         found = [c for c in self.library.getContactPoints() if c[1] in index or c[2] in index]
         contacts = {

@@ -1,7 +1,7 @@
 """A wall of bricks in running bond, at rest or struck by a ball.
 
-The bricks are dry. They stand with any friction: each one lies level on two others, so that normal forces balance its
-weight, and the equilibrium program confirms this at μ = 0. The ball flies horizontally at half the height of the wall.
+The bricks lie level, without mortar. The wall stands with any friction, because normal forces alone balance all
+weights; the equilibrium program confirms this at μ = 0. The ball flies horizontally at half the height of the wall.
 """
 
 from collections.abc import Iterator, Sequence

@@ -28,7 +28,7 @@ def _limits_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Controlled:
-    """First solves with given results, and a list of the requested ones."""
+    """Control solves with given results, and the tolerances of the requested ones."""
 
     def __init__(self, first: Callable[[Stop], ControlSolve], copy: Callable[[Stop], ControlSolve]) -> None:
         self._first, self._copy = first, copy

@@ -1,4 +1,4 @@
-"""Each method has a unique name, from which it can be created again, and which tells what its ladder varies."""
+"""Each method has a unique name, from which it can be created again, and which states what its ladder varies."""
 
 import pytest
 from proxbench.bench.measure.trajectories.methods import make_method, scaled_stepper, stored_method

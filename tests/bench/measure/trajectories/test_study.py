@@ -30,12 +30,12 @@ SLIDING: dict[str, Any] = {
     "members": (0.9, 1.0, 1.1),
     "methods": {"Moreau with SORprox": (4e-3, 2e-3, 1e-3), "SORprox in Moreau(step=1e-3)": (1e-2, 1e-6)},
 }
-"""A study of a second or two."""
+"""Arguments of a study that takes one or two seconds."""
 
 
 @pytest.fixture(scope="module")
 def pour(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A study of thirty balls."""
+    """Return a study of thirty balls."""
     return study(
         "funnel(balls=30, outlet=3.0)",
         results=tmp_path_factory.mktemp("pour"),

@@ -1,4 +1,4 @@
-"""The times of a study are read from the clocks, in its undisturbed members."""
+"""The times of a study are the clock times of its undisturbed members."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ VALUES = {"q": 1.0}
 
 @pytest.fixture
 def case() -> TrajectoryCase:
-    """A curve over three members without measurements."""
+    """Return a case of three members without measurements."""
     problem = TrajectoryProblem("sliding_sphere", 0.02, (0.9, 1.0, 1.1), EndPosition(VALUES, 1.0))
     method = make_method("Holding in Moreau(step=1e-3)", [1e-6], given=solver_spec(Holding()))
     return TrajectoryCase(problem, method, LIMITS, None, CasePass())
@@ -89,7 +89,7 @@ def test_a_failed_member_has_a_round_and_no_part_in_the_times(case: TrajectoryCa
 def test_finer_points_are_simulated_unless_a_coarser_one_took_too_long(
     outcome: Outcome, reason: str, ends: str, case: TrajectoryCase
 ) -> None:
-    """A step at which a coarse point fails need not fail a finer one."""
+    """If a coarser point fails, a finer one need not fail."""
     measured = None if outcome is Outcome.NOT_ATTEMPTED else measured_in([timed_round(0, 1.0)])
     point = Point(tolerance=1e-3, outcome=outcome, status=outcome.value, reason=reason, measured=measured)
     assert case.reason_to_stop(point) == ends

@@ -1,4 +1,4 @@
-"""Printed texts count periods, sections and switching points of a motion, in the singular or plural as required."""
+"""The printed summary states numbers of periods, sections and switching points, in the singular or plural."""
 
 import io
 
@@ -15,7 +15,7 @@ from rich.console import Console
 
 
 def pecking(periods: float, residual: float = 0.0, first: int = 0, extra: tuple[int, ...] = ()) -> Simulation:
-    """A motion along the limit cycle from row ``first`` + 1 on; periods in ``extra`` have an additional switch."""
+    """Return a motion along the limit cycle from row ``first`` + 1; periods in ``extra`` have one more switch."""
     simulation = Simulation(make_simulation_plan("woodpecker", duration=(periods + 2.0) * PERIOD))
     rows = []
     count = round(periods * len(SWITCH_EVENTS))

@@ -1,4 +1,4 @@
-"""Contacts of polyhedra agree with those of equal boxes, do not depend on the order, and persist."""
+"""Contacts of polyhedra agree with those of equal boxes, do not depend on the order of bodies, and persist."""
 
 import numpy as np
 import pytest

@@ -93,7 +93,7 @@ def test_other_engines_publish_no_model(name: str) -> None:
 
 
 def test_a_stiff_cone_program_lifts_the_thrown_cube_by_its_closed_form() -> None:
-    """Its velocity v lies in the dual cone: v_N = μ ‖v_T‖ with v_T = 6 m/s − μ v_N, so that v_N = 6 μ/(1 + μ²)."""
+    """The velocity v is in the dual cone: v_N = μ ‖v_T‖ with v_T = 6 m/s − μ v_N, so that v_N = 6 μ/(1 + μ²)."""
     description = describe("thrown-cube")
     names = [setting.name for setting in ENGINES["mujoco"].settings]
     engine = engine_of("mujoco", "thrown-cube", names.index("stiff"))
@@ -162,7 +162,7 @@ def test_steps_that_the_impulses_of_rapier_do_not_explain_are_not_judged() -> No
 
 @pytest.mark.parametrize("scene", ["thrown-cube", "incline-slide", "incline-rest", "stack"])
 def test_cubes_of_proxbench_move_as_the_closed_form_says(scene: str) -> None:
-    """Errors are due to the tolerance: micrometres, and 1e-6 of the speed or the distance."""
+    """Errors, of micrometres and 1e-6 of the speed or the distance, are due to the tolerance."""
     description = describe(scene)
     engine = OwnEngine(description, 2.5 * description.step, 1e-8)
     motion, _, _, solved = measure(description, engine, 2.5 * description.step)

@@ -149,7 +149,7 @@ def test_free_fall_gains_no_energy_and_a_lift_gains_its_height() -> None:
 
 
 def test_a_spinning_cube_has_the_energy_of_its_inertia() -> None:
-    """m a² / 6 about every axis of a cube with the edge a, and 2/5 m r² of a ball."""
+    """The moment of inertia is m a²/6 for a cube with edges of length a, and 2/5 m r² for a ball."""
     scene = describe("stack")
     assert [body.inertia for body in scene.bodies] == pytest.approx([body.mass * 0.5**2 / 6.0 for body in scene.bodies])
     start = scene.start()

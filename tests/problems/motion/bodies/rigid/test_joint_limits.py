@@ -40,14 +40,14 @@ def heights(found: list[Step]) -> np.ndarray[Any, Any]:
 @pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_pendulum_rebounds_from_its_limit_to_the_height_that_restitution_leaves(restitution: float) -> None:
-    """From θ₀ it hits a limit at 0 with ω² ~ 1 − cos θ₀, and returns to 1 − cos θ₁ = ε² (1 − cos θ₀)."""
+    """Released at θ₀, it hits a limit at 0 with ω² ~ 1 − cos θ₀, and returns to θ₁: 1 − cos θ₁ = ε² (1 − cos θ₀)."""
     scene = Pendulum()
     joint = Joint("revolute", 0, WORLD, (0.0, 0.0, 0.5), axis=Y_AXIS, limits=(0.0, 2.0), restitution=restitution)
     found = steps(jointed_bodies([*scene.system().shapes], np.array([1.0]), [joint], G), scene.start(), 2e-3, 550)
     angles = np.array([scene.angle_of(step.state) for step in found])
     hit = int(angles.argmin())
     assert found[hit].state.time == pytest.approx(0.25 * scene.period, abs=4e-3)
-    assert angles.min() >= -4e-3 * 2.0  # less than the motion of one step, then corrected
+    assert angles.min() >= -4e-3 * 2.0  # less than the motion of one step; corrected afterwards
     assert angles[hit + 2 :].min() >= -1.2e-6
     rebound = acos(1.0 - restitution**2 * (1.0 - cos(1.0)))
     assert angles[hit:].max() == pytest.approx(rebound, abs=8e-3)

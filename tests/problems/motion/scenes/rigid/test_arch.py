@@ -152,7 +152,7 @@ def test_the_scene_has_the_limit_of_straight_stones() -> None:
 
 
 def largest_displacement(arch: Arch, time_step: float, tolerance: float, solver: str = "NSGS") -> float:
-    """Return how far a stone moves within a second, up to a millimetre [m]."""
+    """Return the largest displacement of a stone after a second, or when it exceeds a millimetre [m]."""
     rule = MidpointRule(arch.system(), create(solver), Stop(tolerance, 20_000), time_step)
     moved = 0.0
     for step in rule.steps(arch.start(), round(1.0 / time_step)):

@@ -79,8 +79,8 @@ def test_the_theory_is_independent_of_the_push_and_of_mass_and_scales_with_gravi
 def test_the_theory_is_that_of_an_independent_program(friction: float, expected: float) -> None:
     """The program of M. Chapman (github.com/eigenmatt/domino-simulation) solves for accelerations and normal forces.
 
-    Its equations were integrated by its classical Runge-Kutta rule with steps of 0.1 ms; expected are the speeds
-    between the 40th and the 41st of the default dominoes [m/s].
+    Its equations were integrated by its classical Runge-Kutta rule with steps of 0.1 ms; ``expected`` is the
+    speed between the 40th and the 41st of the default dominoes [m/s].
     """
     assert Dominoes(friction=friction).limit_speed == pytest.approx(expected, rel=2e-6)
 

@@ -1,4 +1,4 @@
-"""A sphere and a cylinder roll to rest under rolling resistance as in closed form."""
+"""A sphere and a cylinder roll to rest under rolling resistance as their closed forms predict."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,9 @@ from proxbench.solvers import Status, Stop, create
 def test_a_round_body_rolls_to_rest_as_in_closed_form(
     kind: type[RollingSphere | RollingCylinder], factor: float
 ) -> None:
-    """Velocities are exact; a stop at the fraction s of a step shortens the distance by a (s − s²) Δt²/2."""
+    """Velocities are exact; a stop at the fraction s of a step, with the deceleration a, shortens the distance by
+    a (s − s²) Δt²/2.
+    """
     scene = kind()
     assert scene.deceleration == pytest.approx(factor * 0.01 * 9.81 / 0.1, rel=1e-14)
     time_step = scene.stop_time / 100.5
