@@ -142,7 +142,7 @@ def type_fault(solution: Any) -> str | None:
     if isinstance(count, bool) or not isinstance(count, int | np.integer):
         return f"it returned {str(count)[:60]} as its number of iterations, which is not a whole number"
     if not 0 <= count <= MAX_ITERATIONS:
-        return f"it returned a number of iterations that is {'negative' if count < 0 else 'beyond 2**53'}"
+        return f"it returned a number of iterations that is {'negative' if count < 0 else 'larger than 2**53'}"
     if not isinstance(message, str):
         return f"it returned a message of type {type(message).__name__}, not text"
     return None

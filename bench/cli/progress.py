@@ -98,7 +98,7 @@ class RunProgress(ProgressBar):
                     self.count(event.points_done, event.points)
                     self.refresh()
                 if event.work:
-                    self.note(f"to do: {event.work}")
+                    self.note(f"remaining: {event.work}")
         elif isinstance(event, ReferenceSimulated):
             from ..report.studies import motion_warning
 

@@ -13,7 +13,7 @@ from .samples import supported
 STOP = Stop(1e-4, max_iterations=200, max_seconds=0.5)
 """Limits of each solve."""
 
-PATIENCE_SECONDS = 1.0
+WAIT_SECONDS = 1.0
 """Time to wait for threads and processes to end [s]."""
 
 
@@ -27,7 +27,7 @@ def has_no_side_effects(solver: Solver) -> None:
         raise Violation(f"{fault}.")
     if changed := before.changed():
         raise Violation(f"it changed {_join_words(changed)}; restore global state before solve returns.")
-    deadline = time.monotonic() + PATIENCE_SECONDS
+    deadline = time.monotonic() + WAIT_SECONDS
     while _n_running() > others and time.monotonic() < deadline:
         time.sleep(0.01)
     if (left := _n_running() - others) > 0:

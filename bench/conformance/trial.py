@@ -49,7 +49,7 @@ def run_trial(solver: Solver, problem: ContactProblem, stop: Stop, start: FloatA
     if answer is not None and answer.solvable and solution.status is Status.INFEASIBLE:
         raise Violation(
             f"{problem.name} has a solution, but is reported as infeasible; report infeasible only with a proof, "
-            "else stalled."
+            "otherwise stalled."
         )
     return Trial(problem, solution, confirmed_residual(solver, problem, solution, stop.tolerance))
 
@@ -83,8 +83,8 @@ def confirmed_residual(solver: Solver, problem: ContactProblem, solution: Soluti
     residual = own_residual(solver, problem, solution.impulses)
     if solution.status is Status.SOLVED and not residual <= WRONG_FACTOR * tolerance:
         raise Violation(
-            f"it claims to have solved {problem.name} to {tolerance:g}, but the judge of its model ({solver.model}) "
-            f"reads {residual:.1e}; stop on the judge's residual."
+            f"it claims to have solved {problem.name} to {tolerance:g}, but its judged residual ({solver.model}) "
+            f"is {residual:.1e}; stop on the judge's residual."
         )
     return residual
 

@@ -26,7 +26,7 @@ from ..store.outcome import Outcome
 from .pipe import read_message, write_message
 from .process_tree import describe_exit, end_with_parent
 
-IN_A_COPY = "in a copy"
+FORK_REQUEST = "in a copy"
 """Request to fork the process; its arguments are another request, which the fork answers."""
 
 MAX_FILE_BYTES = 2**24
@@ -106,7 +106,7 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             request, arguments = pickle.loads(read_message(pipe))
         except (EOFError, OSError):
             return
-        if request == IN_A_COPY:
+        if request == FORK_REQUEST:
             if not _fork_copy(pipe):
                 continue
             request, arguments = arguments

@@ -62,7 +62,7 @@ class Bodies:
         """A sentence about how the bodies are drawn."""
         balls = int(self.is_ball.sum())
         others = len(self.radii) - balls
-        ball_text = counted(balls, "ball") + " of the radius that the force directions show"
+        ball_text = counted(balls, "ball") + ", with radii from the force directions"
         dot_text = f"{counted(others, 'body', 'bodies')} of unknown shape as dots joined to their contacts"
         return "Drawn: " + " and ".join([ball_text] * (balls > 0) + [dot_text] * (others > 0)) + "."
 

@@ -99,7 +99,7 @@ def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], targe
     except Exception as error:  # any exception of the viewer and its experimental interface
         remedy = "install a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
         if isinstance(error, TimeoutError):
-            remedy = "repeat the command while fewer programs run"
+            remedy = "repeat the command when the machine is less busy"
         raise BenchError(
             f"{recording} is kept, but the viewer cannot draw {target} here ({error_text(error)}); {remedy}."
         ) from error

@@ -55,7 +55,7 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
         ("copies of the problem", measured.copy_seconds, measured.copy_repeated_seconds),
     ):
         if (ratio := _least_ratio(measured, seconds, repeated_seconds)) is not None:
-            yield f"{name} take at least {ratio:.2g} times as long"
+            yield f"{name} take at least {ratio:.2g} times as long as repeated ones"
 
 
 def _least_ratio(measured: Measured, seconds: list[float], repeated_seconds: list[float]) -> float | None:

@@ -73,7 +73,7 @@ _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind
 _PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
 """Plain numbers: NumPy compares them six times as fast as members of an enumeration."""
 
-MAX_KEPT_CONTACTS = 64
+MAX_CACHED_CONTACTS = 64
 """Largest number of contacts of equal friction whose laws are cached."""
 
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
@@ -129,7 +129,7 @@ class Laws:
         _require((self.kind >= 0) & (self.kind < len(LawKind)), "kind", self.kind, _KNOWN)
         rows = np.zeros(len(self.kind), dtype=np.int64)
         np.cumsum(ROWS_OF_KIND[self.kind[:-1]], out=rows[1:])
-        _require(self.first_row == rows, "first_row", self.first_row, "the row after the law before it")
+        _require(self.first_row == rows, "first_row", self.first_row, "the first row after the previous law")
         for name in ("friction_coefficient", "fixed_bound"):
             values = getattr(self, name)
             _require(np.isfinite(values) & (values >= 0), name, values, "finite and not negative")
@@ -148,7 +148,7 @@ class Laws:
         law, partner = np.arange(len(self.kind)), self.partner
         slides_before = self.is_friction & ~self.is_rolling & (partner == law - 1) & (partner >= 0)
         follows = (partner == law - 1) | ((partner == law - 2) & np.append(False, slides_before[:-1]))
-        wanted = "the unilateral law right before it, or before the sliding friction between them"
+        wanted = "the preceding unilateral law, directly or before its sliding law"
         _require(~self.is_rolling | ((partner >= 0) & follows), "partner", partner, wanted)
 
     @cached_property
@@ -267,7 +267,7 @@ class Laws:
             object.__setattr__(laws, name, change(getattr(self, name)))
         return laws
 
-    def chosen(self, laws: IntArray, partner: IntArray) -> "Laws":
+    def subset(self, laws: IntArray, partner: IntArray) -> "Laws":
         """Return the laws of these indices, in the order given, with new partners; an index may occur twice."""
         return Laws.in_order(self.kind[laws], self.friction_coefficient[laws], self.fixed_bound[laws], partner)
 
@@ -287,7 +287,7 @@ class Laws:
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
         given = frozen(friction, np.float64, "friction")
         if given.ndim == 0 and 0.0 <= given < np.inf:
-            make = _few_equal_laws if n_contacts <= MAX_KEPT_CONTACTS else _equal_laws
+            make = _few_equal_laws if n_contacts <= MAX_CACHED_CONTACTS else _equal_laws
             return make(float(given), dim, n_contacts)
         try:
             coefficient = np.broadcast_to(given, (n_contacts,))
@@ -308,7 +308,7 @@ class Laws:
         return Laws.in_order(np.full(n_rows, LawKind.BILATERAL), zeros, zeros, np.full(n_rows, -1))
 
     @staticmethod
-    def together(parts: Sequence["Laws"]) -> "Laws":
+    def concatenate(parts: Sequence["Laws"]) -> "Laws":
         """Return the laws of all parts, concatenated."""
         first = np.cumsum([0, *(part.n_laws for part in parts)])
         partners = [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first, strict=False)]

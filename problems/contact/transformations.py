@@ -52,7 +52,7 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
     place[laws] = np.arange(len(laws))
     place[-1] = -1  # partner −1 selects this entry
     old = problem.laws
-    new_laws = old.chosen(laws, place[old.partner[laws]])
+    new_laws = old.subset(laws, place[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
@@ -86,7 +86,7 @@ def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
     fixed[laws] *= 0.5
     partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
     both, partners = np.append(np.arange(old.n_laws), laws), np.append(old.partner, partner)
-    new_laws = replace(old, fixed_bound=fixed).chosen(both, partners)
+    new_laws = replace(old, fixed_bound=fixed).subset(both, partners)
     rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
     return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
 
@@ -163,7 +163,7 @@ def united(problems: Sequence[ContactProblem]) -> ContactProblem:
     """
     matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
     c = np.concatenate([problem.free_velocity for problem in problems])
-    laws = Laws.together([problem.laws for problem in problems])
+    laws = Laws.concatenate([problem.laws for problem in problems])
     return ContactProblem.from_delassus(matrix, c, laws=laws, answer=_united_answer(problems))
 
 

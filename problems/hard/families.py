@@ -81,7 +81,7 @@ def random_linked_problem(family: LinkedFamily, seed: int) -> ContactProblem:
     laws = _contacts(family)
     if family.rolling_rows:
         laws = laws.with_rolling(family.rolling_friction, family.rolling_rows)
-    laws = Laws.together([laws, Laws.joints(family.n_joints)])
+    laws = Laws.concatenate([laws, Laws.joints(family.n_joints)])
     directions, inverse_mass = _factors(family, rng, laws.n_rows)
     sliding = [part.reshape(family.n_contacts, -1) for part in _complementary(family, rng)]
     rolling = [np.zeros((family.n_contacts, family.rolling_rows)) for _ in range(2)]

@@ -101,7 +101,9 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     speed = (pull + friction_impulses[0]) / total_mass
     mass_behind = 1.0 - mass * np.arange(1, n + 1) + 1.0  # of each joint: the rest of the line, and the wheel
     impulses = np.concatenate([friction_impulses[0] - mass_behind * speed, [WEIGHT], friction_impulses])
-    laws = Laws.together([Laws.joints(n), Laws.contacts(np.array([friction]), 2, 1).with_rolling(rolling_friction, 1)])
+    laws = Laws.concatenate(
+        [Laws.joints(n), Laws.contacts(np.array([friction]), 2, 1).with_rolling(rolling_friction, 1)]
+    )
     inverse_mass = np.append(np.full(n, 1.0 / mass), [1.0, 1.0, 1.0 / inertia])
     velocity = directions.T @ (inverse_mass * (directions @ impulses) + motion)
     velocity[: n + 1] = 0.0

@@ -97,11 +97,11 @@ class _Iterate:
 
     def _start_cold(self) -> None:
         kind, uses = self._kind, self._scaled.uses
-        rubs = kind >= cones.CONE
+        has_friction = kind >= cones.CONE
         self._r, self._u = np.zeros(uses.shape), np.zeros(uses.shape)
         has_normal = (kind == cones.NORMAL) | (kind == cones.CONE) | (kind == cones.BOTH)
         self._r[has_normal, 0] = self._u[has_normal, 0] = START
-        self._u[:, 1:] = np.where(uses[:, 1:] & rubs[:, None], START_TANGENT, 0.0)
+        self._u[:, 1:] = np.where(uses[:, 1:] & has_friction[:, None], START_TANGENT, 0.0)
         bound = np.where(kind == cones.CONE, START, self._scaled.bounds(self._r))
         self._r[:, 1:] = self._u[:, 1:] * bound[:, None]
         self._s = np.where(kind == cones.CONE, tangential_lengths(self._u), START)

@@ -133,11 +133,11 @@ def _sliding_kinds(layout: BlockLayout) -> tuple[IntArray, IntArray]:
     own = layout.partner == np.arange(layout.n_blocks)
     mu, fixed = layout.friction_coefficient, layout.fixed_bound
     has_normal, has_friction = layout.normal_law >= 0, layout.friction_law >= 0
-    rubs = has_friction & ((mu > 0.0) | (fixed > 0.0))
+    has_bound = has_friction & ((mu > 0.0) | (fixed > 0.0))
     kind = np.full(layout.n_blocks, cones.IDLE, dtype=np.int64)
-    kind[has_normal & ~rubs] = cones.NORMAL
-    kind[has_normal & rubs] = cones.BOTH
-    kind[~has_normal & rubs] = cones.DISC
+    kind[has_normal & ~has_bound] = cones.NORMAL
+    kind[has_normal & has_bound] = cones.BOTH
+    kind[~has_normal & has_bound] = cones.DISC
     kind[has_normal & own & (mu > 0.0) & (fixed == 0.0)] = cones.CONE
     kind[layout.is_bilateral] = cones.JOINT
     return kind, np.flatnonzero(has_friction & ~own & (mu > 0.0))

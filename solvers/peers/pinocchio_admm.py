@@ -7,7 +7,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
 from .installed import check_installed
-from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_reason
+from .pinocchio_problem import Contacts, call_with_stack, pinocchio, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 TOLERANCE_RATIO = 0.5
@@ -93,7 +93,7 @@ class PreparedADMM(PreparedRounds):
         settings.anderson_capacity = options.anderson
         settings.admm_update_rule = getattr(pin.ADMMUpdateRule, options.update.upper())
         settings.lanczos_size = lanczos_steps(options.lanczos, self.problem.n_rows, max_seconds)
-        operator = on_deep_stack(lambda: pin.DelassusOperatorSparse(contacts.matrix), self.problem.n_contacts)
+        operator = call_with_stack(lambda: pin.DelassusOperatorSparse(contacts.matrix), self.problem.n_contacts)
 
         def call(impulses: FloatArray, tolerance: float, iterations: int) -> Round:
             settings.absolute_feasibility_tol = settings.absolute_complementarity_tol = TOLERANCE_RATIO * tolerance
@@ -103,7 +103,7 @@ class PreparedADMM(PreparedRounds):
                 settings.warmstart_rho_with_previous_result = True
             result.setConstraintImpulseGuess(contacts.to_pinocchio(impulses))
             arguments = operator, contacts.velocity, contacts.models, contacts.datas, settings, result
-            is_converged = on_deep_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
+            is_converged = call_with_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
             solution = contacts.from_pinocchio(result.retrieveConstraintImpulses())
             return Round(solution, min(result.iterations, iterations), bool(is_converged))
 

@@ -8,7 +8,7 @@ from ...problems.contact.matrices.memory import to_dense
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import Method, check_option
 from .installed import check_installed
-from .pinocchio_problem import Contacts, on_deep_stack, pinocchio, unsupported_reason
+from .pinocchio_problem import Contacts, call_with_stack, pinocchio, unsupported_reason
 from .rounds import Call, PreparedRounds, Round
 
 UNREACHABLE = 1e-300
@@ -62,7 +62,7 @@ class PreparedPGS(PreparedRounds):
         self._options, self._contacts = options, Contacts.of(problem)
         dense = to_dense(self._contacts.matrix, "use PinocchioADMM")
         pin = pinocchio()
-        self._operator = on_deep_stack(lambda: pin.DelassusOperatorDense(dense), problem.n_contacts)
+        self._operator = call_with_stack(lambda: pin.DelassusOperatorDense(dense), problem.n_contacts)
 
     def begin(self, max_seconds: float) -> Call:
         """Return the call of the sweeps, whose only state is Λ."""
@@ -76,7 +76,7 @@ class PreparedPGS(PreparedRounds):
             settings.max_iterations = iterations
             result.setConstraintImpulseGuess(contacts.to_pinocchio(impulses))
             arguments = self._operator, contacts.velocity, contacts.models, contacts.datas, settings, result
-            on_deep_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
+            call_with_stack(lambda: solver.solve(*arguments), self.problem.n_contacts)
             return Round(contacts.from_pinocchio(result.retrieveConstraintImpulses()), iterations, False)
 
         return call

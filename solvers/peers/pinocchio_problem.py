@@ -105,7 +105,7 @@ class Contacts:
         return first
 
 
-def on_deep_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
+def call_with_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
     """Return the result of ``call``, run in a thread whose stack is large enough for ``n_contacts``.
 
     Raises:

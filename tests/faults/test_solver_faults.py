@@ -25,7 +25,7 @@ ACTIONS = {
     "lie": (MEASURED, "wrong"),
     "mask": (MISBEHAVED, "type MaskedArray"),
     "count down": (MISBEHAVED, "iterations that is negative"),
-    "count on": (MISBEHAVED, "iterations that is beyond"),
+    "count on": (MISBEHAVED, "iterations that is larger"),
     "refuse without words": (MISBEHAVED, "its supports returned ' '"),
     "refuse at length": ("unsupported", "never never"),
     "whisper": (MEASURED, ""),

@@ -120,7 +120,7 @@ def thrown_cube() -> pd.DataFrame:
         engine = build(name, description, chosen)
         lowest = engine.states().positions[0, 2]
         for step in range(1, round(description.duration / description.step) + 1):
-            engine.remember()
+            engine.store_state()
             engine.step()
             solved = engine.solved_problem()
             residual = None if solved is None else judge(solved.problem, solved.impulses).residual

@@ -49,7 +49,7 @@ def heap(n_balls: int, is_shuffled: bool = False) -> tuple[BallSystem, State]:
     effects = (Gravity(9.81), Friction(0.3), Restitution(0.3, 0.0))
     surfaces = [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))]
     system = ball_system(np.full(n_balls, RADIUS), np.full(n_balls, MASS), surfaces, effects)
-    return system, State(0.0, centres.ravel(), system.at_rest(rng.normal(scale=SPEED, size=(n_balls, 3))))
+    return system, State(0.0, centres.ravel(), system.without_spin(rng.normal(scale=SPEED, size=(n_balls, 3))))
 
 
 @njit(cache=True, fastmath={"reassoc"})

@@ -32,7 +32,7 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Status, Stop
 from ....problems.exchange.files.problem_file import problem_bytes
-from ...isolation.child import IN_A_COPY
+from ...isolation.child import FORK_REQUEST
 from ...isolation.fork_server import load_kernels
 from ...isolation.worker import Fault, Worker, numbers_of
 from ...plugins.solver_specs import SolverSpec
@@ -325,7 +325,7 @@ class Controls:
         worker, request = self._worker, ("first_solves", (stop, problems, start))
         worker.busy_seconds = 0.0
         began = time.monotonic()
-        answer, content = worker.ask(IN_A_COPY, *request) if self._can_fork else worker.ask(request[0], *request[1])
+        answer, content = worker.ask(FORK_REQUEST, *request) if self._can_fork else worker.ask(request[0], *request[1])
         passed = time.monotonic() - began
         if not self._can_fork:
             self.close()

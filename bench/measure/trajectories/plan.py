@@ -105,7 +105,8 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
     chosen = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
     wrong = next((one for one in chosen if not (0.0 <= one < math.inf and (is_pour or one))), None)
     if wrong is not None or not chosen:
-        raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {wrong}.")
+        given = "none" if wrong is None else wrong
+        raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {given}.")
     seconds = made.duration if duration is None else duration
     if not 0.0 < seconds < math.inf:
         raise BenchError(f"`duration` must be positive and finite, got {seconds:g}; omit it for the default.")

@@ -8,7 +8,7 @@ from ....problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sph
 from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
 from .meshes import WHITE, Mesh
 
-Round = Sphere | Capsule | Cylinder
+RoundShape = Sphere | Capsule | Cylinder
 """Shapes with round surfaces."""
 
 N_AROUND, N_MERIDIAN = 32, 8
@@ -25,9 +25,9 @@ def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
         colour: red, green and blue, 0 to 255.
     """
     normals = None
-    corners = _revolved(_profile(shape)) if isinstance(shape, Round) else _hull(shape_points(shape))
+    corners = _revolved(_profile(shape)) if isinstance(shape, RoundShape) else _hull(shape_points(shape))
     colours = np.tile(np.array(colour, dtype=np.uint8), (len(corners), 1))
-    if isinstance(shape, Round):
+    if isinstance(shape, RoundShape):
         middle = corners.mean(axis=1)
         colours[middle[:, 0] * middle[:, 1] > 0.0] = WHITE
     if isinstance(shape, Sphere | Capsule):
@@ -42,7 +42,7 @@ def shape_mesh(shape: Shape, colour: tuple[int, int, int]) -> Mesh:
 def shape_points(shape: Shape) -> FloatArray:
     """Return the corners of a bounded shape, or points on its surface if it is round [m], shape (n, 3)."""
     assert not isinstance(shape, HalfSpace)
-    if isinstance(shape, Round):
+    if isinstance(shape, RoundShape):
         return _rings(_profile(shape)).reshape(-1, 3)
     return shape.vertices
 
@@ -63,7 +63,7 @@ def _hull(points: FloatArray) -> FloatArray:
     return corners
 
 
-def _profile(shape: Round) -> FloatArray:
+def _profile(shape: RoundShape) -> FloatArray:
     """Return distances from the axis and heights of the surface [m], from the bottom up, shape (n, 2)."""
     if isinstance(shape, Cylinder):
         half, radius = 0.5 * shape.length, shape.radius

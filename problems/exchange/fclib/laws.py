@@ -52,7 +52,7 @@ def laws_of(contents: LocalContents | GlobalContents) -> Laws:
         ProblemError: if ``spacedim`` is not supported, or a friction coefficient is negative or not finite.
     """
     contacts = _laws_of_contacts(contents)
-    return Laws.together([contacts, Laws.joints(contents.n_joints)]) if contents.n_joints else contacts
+    return Laws.concatenate([contacts, Laws.joints(contents.n_joints)]) if contents.n_joints else contacts
 
 
 def _laws_of_contacts(contents: Contents) -> Laws:

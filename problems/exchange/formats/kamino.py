@@ -79,7 +79,9 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     delassus = _first(arrays, "D", n * n).reshape(n, n) / scale[:, None] / scale
     mu = _first(arrays, "mu", contacts) if contacts else np.zeros(0)
     friction = _bounded_laws(arrays, bounded, scale[joints : joints + bounded])
-    laws = Laws.together([Laws.joints(joints), friction, Laws.contacts(0.0, 1, limits), Laws.contacts(mu, 3, contacts)])
+    laws = Laws.concatenate(
+        [Laws.joints(joints), friction, Laws.contacts(0.0, 1, limits), Laws.contacts(mu, 3, contacts)]
+    )
     order = normal_first(contacts, joints + bounded + limits)
     c = _first(arrays, "v_f", n) / scale
     notes: dict[str, Any] = {"source": "Kamino"}

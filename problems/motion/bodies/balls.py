@@ -150,13 +150,13 @@ class BallSystem:
         """Return (v, ω) of each ball, shape (n, dofs_per_ball), of a velocity vector u."""
         return velocity.reshape(self.n_balls, self.dofs_per_ball)
 
-    def at_rest(self, velocities: FloatArray) -> FloatArray:
+    def without_spin(self, velocities: FloatArray) -> FloatArray:
         """Return u for centres moving with ``velocities``, shape (n, d), and no spin."""
         return np.column_stack([velocities, np.zeros((self.n_balls, self.spins))]).ravel()
 
     def translation(self, direction: FloatArray) -> FloatArray:
         """Return u for all balls moving with one velocity, shape (d,), and no spin."""
-        return self.at_rest(np.broadcast_to(direction, (self.n_balls, self.dimension)))
+        return self.without_spin(np.broadcast_to(direction, (self.n_balls, self.dimension)))
 
     def with_margin(self, margin: float) -> "BallSystem":
         """Return balls with radii larger by ``margin`` [m].

@@ -380,7 +380,7 @@ class MechanicalSystem:
             return Laws.contacts(friction, self.width, len(contacts))
         counts = self._contact_rows[contacts].tolist()
         parts = [Laws.contacts([mu], count, 1) for mu, count in zip(friction.tolist(), counts, strict=True)]
-        return Laws.together([*parts, Laws.joints(int(self._row_counts[len(self._contact_rows) :].sum()))])
+        return Laws.concatenate([*parts, Laws.joints(int(self._row_counts[len(self._contact_rows) :].sum()))])
 
 
 def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:

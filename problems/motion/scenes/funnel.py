@@ -109,7 +109,7 @@ class Funnel:
         system = self.system()
         velocities = np.zeros((self.n_balls, system.dimension))
         velocities[:, -1] = -DROP_SPEED
-        return State(0.0, self._lattice(system.dimension).ravel(), system.at_rest(velocities))
+        return State(0.0, self._lattice(system.dimension).ravel(), system.without_spin(velocities))
 
     def balls_through(self, position: FloatArray) -> int:
         """Return how many balls of q, shape (n_balls · d,), have their centre below the outlet."""

@@ -61,7 +61,7 @@ class Stack(ClosedFormScene):
         system = self.system()
         centres = np.zeros((system.n_balls, 3))
         centres[:, 2] = self.radius - self.overlap + np.arange(system.n_balls) * (2.0 * self.radius - self.overlap)
-        return State(time, centres.ravel(), system.at_rest(np.zeros((system.n_balls, 3))))
+        return State(time, centres.ravel(), system.without_spin(np.zeros((system.n_balls, 3))))
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def test_a_study_shows_its_work_and_counts_its_points_from_the_start() -> None:
         shown(RunStarted(Path("run"), 2, 0, points=7, points_done=2, work="7 points, 35 simulations"))
         shown(ProblemStarted("bouncing_ball"))
         shown(PointFinished("bouncing_ball", "Moreau with SORprox", 1e-3))
-    assert "to do: 7 points, 35 simulations" in text.getvalue()
+    assert "remaining: 7 points, 35 simulations" in text.getvalue()
     assert "3/7" in text.getvalue()
     assert "/?" not in text.getvalue().split("to do")[1]
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import psutil
 import pytest
@@ -15,6 +16,7 @@ from proxbench.bench.isolation.process_tree import (
     processor_seconds,
     running,
     send_signal,
+    writers,
 )
 
 PARENT = "import subprocess, sys; subprocess.Popen(['sleep', '60']); print(flush=True); sys.stdin.read()"
@@ -49,6 +51,36 @@ def test_the_processor_time_of_a_process_is_finer_than_the_ticks_of_the_system()
         before = time.process_time()
         found = processor_seconds(os.getpid()) - children
         assert before - 1e-9 <= found <= time.process_time() + 1e-9
+
+
+def test_without_its_clock_the_processor_time_of_a_process_is_that_in_user_and_system_mode(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(clock: int) -> float:
+        raise OSError(clock)
+
+    work(0.02)
+    for _ in range(3000):
+        os.stat("/")  # system mode
+    monkeypatch.setattr(time, "clock_gettime", refuse)
+    before, found, after = os.times(), processor_seconds(os.getpid()), os.times()
+    assert sum(before[:4]) - 0.02 <= found <= sum(after[:4]) + 0.02
+    assert found >= before.user + before.children_user + before.children_system - 0.02
+
+
+def test_processes_that_write_to_a_file_are_found(tmp_path: Path) -> None:
+    """By standard output or standard error, and not those that write to another file."""
+    with (tmp_path / "own").open("w") as own, (tmp_path / "other").open("w") as other:
+        started = [
+            subprocess.Popen(["sleep", "60"], stdout=output, stderr=errors)
+            for output, errors in ((own, other), (other, own), (other, other))
+        ]
+        try:
+            assert sorted(writers(own.fileno())) == sorted(one.pid for one in started[:2])
+        finally:
+            for one in started:
+                one.kill()
+                one.wait()
 
 
 def test_the_processor_time_of_a_process_that_is_gone_is_none() -> None:

@@ -1,5 +1,7 @@
 """A fault of a solver affects only its own case, and is recorded by its kind."""
 
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 
@@ -9,7 +11,8 @@ from counting_task import Counting
 from misbehaving_solvers import Misbehaving
 from msgspec.structs import replace
 from proxbench.bench.isolation import fork_server
-from proxbench.bench.isolation.child import IN_A_COPY, MAX_FILE_BYTES
+from proxbench.bench.isolation.child import FORK_REQUEST, MAX_FILE_BYTES
+from proxbench.bench.isolation.process_tree import running
 from proxbench.bench.isolation.worker import Fault, Worker
 from proxbench.bench.measure.contacts.case import Case
 from proxbench.bench.measure.ladder import CasePass
@@ -119,8 +122,8 @@ def worker() -> Iterator[Worker]:
 def test_a_process_learns_nothing_of_what_its_copies_do(worker: Worker) -> None:
     counts = [
         worker.ask("count"),
-        worker.ask(IN_A_COPY, "count", ()),
-        worker.ask(IN_A_COPY, "count", ()),
+        worker.ask(FORK_REQUEST, "count", ()),
+        worker.ask(FORK_REQUEST, "count", ()),
         worker.ask("count"),
     ]
     assert [answer["count"] for answer, _ in counts] == [1, 2, 2, 2]
@@ -128,7 +131,7 @@ def test_a_process_learns_nothing_of_what_its_copies_do(worker: Worker) -> None:
 
 def test_the_end_of_a_copy_is_said_and_its_process_goes_on(worker: Worker) -> None:
     with pytest.raises(Fault, match="exit code 9"):
-        worker.ask(IN_A_COPY, "die", ())
+        worker.ask(FORK_REQUEST, "die", ())
     assert worker.ask("count")[0]["count"] == 1
 
 
@@ -174,6 +177,7 @@ def test_a_process_may_leave_no_core_file_and_no_large_one(worker: Worker) -> No
 
 def test_all_requests_of_a_process_share_its_limit_of_time(worker: Worker) -> None:
     worker.ask("count")
+    worker.busy_seconds += 100.0
     worker.case_seconds = worker.busy_seconds + 0.2
     worker.ask("count")
     with pytest.raises(Fault, match="the case took longer than its") as found:
@@ -207,6 +211,16 @@ def test_processes_of_cases_load_no_cached_kernel_after_the_server_has_loaded_al
     assert _kernels_to_load() > 0
     fork_server.load_kernels()
     assert _kernels_to_load() == 0
+
+
+def test_the_server_has_ended_when_its_process_has() -> None:
+    start = "fork_server._server = fork_server._ServerClient(); print(fork_server._server._process.pid)"
+    program = f"from proxbench.bench.isolation import fork_server; {start}"
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        server = int(process.stdout.readline())
+        assert process.wait() == 0
+        assert not running([server])
 
 
 def test_no_server_is_started_to_load_kernels(new_server: None) -> None:

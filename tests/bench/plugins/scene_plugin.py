@@ -26,7 +26,7 @@ def tower(balls: int = 4, friction: float = 0.3) -> tuple[BallSystem, State]:
     system = ball_system(np.full(balls, 0.1), np.ones(balls), [ground], [Gravity(), Friction(friction)])
     centres = np.zeros((balls, 3))
     centres[:, 2] = 0.11 + 0.205 * np.arange(balls)
-    return system, State(0.0, centres.ravel(), system.at_rest(np.zeros((balls, 3))))
+    return system, State(0.0, centres.ravel(), system.without_spin(np.zeros((balls, 3))))
 
 
 class Faulty:

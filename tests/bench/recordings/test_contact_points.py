@@ -24,7 +24,7 @@ def heap(dimension: int, friction: float | None) -> tuple[ContactProblem, FloatA
         points.append(centres[k] + radii[k] * turn)
     ground = Plane((0.0,) * dimension, (*[0.0] * (dimension - 1), 1.0))
     system = BallSystem(radii, np.ones(5), [ground], dimension, friction=friction)
-    velocity = system.at_rest(np.zeros((5, dimension)))
+    velocity = system.without_spin(np.zeros((5, dimension)))
     assembly = system.assemble(np.concatenate(centres), velocity, 1e-3)
     assert assembly.contacts is not None
     # keys are ordered by the first ball: its contact with the next one, then that with the ground

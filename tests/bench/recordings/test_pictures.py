@@ -127,4 +127,4 @@ def test_a_viewer_that_is_too_slow_asks_for_no_driver(
     assert run_command(line.split()) == 2
     printed = capsys.readouterr().err
     assert f"{tmp_path}/a.rrd is kept, but the viewer cannot draw" in printed
-    assert printed.endswith("repeat the command while fewer programs run.\n")
+    assert printed.endswith("repeat the command when the machine is less busy.\n")

@@ -136,7 +136,8 @@ def firsts(seconds: list[float], repeated: list[float], of: str = "first") -> di
 def test_slow_first_solves_and_slow_copies_are_noted() -> None:
     slow = firsts([3.0, 9.0, 4.0], [1.0] * 3) | firsts([5.0, 2.0, 2.5], [1.0] * 3, of="copy")
     assert note(**slow) == (
-        "first solves take at least 3 times as long; copies of the problem take at least 2 times as long"
+        "first solves take at least 3 times as long as repeated ones; "
+        "copies of the problem take at least 2 times as long as repeated ones"
     )
     assert note(**slow, excluded=("", "preempted", "unsteady")) == note(**slow)
 
@@ -156,7 +157,10 @@ def test_first_solves_are_not_noted_if_one_is_explained_or_if_there_are_few() ->
 
 def test_the_fastest_first_solve_is_compared_with_the_slowest_repeated_ones() -> None:
     """A core that is slow at times delays first and repeated solves, but not always both solves of a pair."""
-    assert note(**firsts([2.0, 2.0, 9.0], [0.5, 1.0, 1.5])) == "first solves take at least 1.3 times as long"
+    assert (
+        note(**firsts([2.0, 2.0, 9.0], [0.5, 1.0, 1.5]))
+        == "first solves take at least 1.3 times as long as repeated ones"
+    )
     assert note(**firsts([9.0, 2.0, 3.0], [2.0, 1.0, 1.0])) == ""
 
 

@@ -74,7 +74,7 @@ def test_an_impulse_that_pulls_allows_no_friction(dim: int, with_joint: bool) ->
     """The bound is μ max(Λ_N, 0): at Λ_N = −0.1 all of Λ_T = 1 is a violation, and no more than that."""
     laws, rows = Laws.contacts(np.array([2.0]), dim, 1), dim + with_joint
     if with_joint:
-        laws = Laws.together([laws, Laws.joints(1)])
+        laws = Laws.concatenate([laws, Laws.joints(1)])
     free, impulses = np.zeros(rows), np.zeros(rows)
     free[:2], impulses[:2] = (1.0, 0.5), (-0.1, 1.0)
     problem = ContactProblem.from_delassus(np.eye(rows), free, laws=laws)
@@ -355,7 +355,7 @@ def test_the_convex_model_of_rolling_friction_is_the_nearest_point_of_both_cones
 
 def test_the_natural_map_of_a_frictionless_contact_beside_frictional_ones_is_the_lesser_of_both() -> None:
     """min(Λ_N, ξ_N) = 0.5 at a contact that is held open at ξ_N = 1.5; the other one is solved."""
-    laws = Laws.together([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
+    laws = Laws.concatenate([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
     problem = ContactProblem.from_delassus(np.eye(4), (-1.0, 0.0, 0.0, 1.0), laws=laws)
     assert judge(problem, (1.0, 0.0, 0.0, 0.5)).natural_map_q == pytest.approx(0.5 / np.sqrt(2.0))
     assert judge(problem, (1.0, 0.0, 0.0, 0.0)).natural_map_q == pytest.approx(0.0, abs=1e-15)
@@ -384,7 +384,7 @@ def test_solvers_stop_on_the_residual_of_the_worst_component() -> None:
 @pytest.mark.parametrize("free", [-2.0, 1.0])
 def test_without_friction_both_models_have_the_same_residual(impulse: float, free: float) -> None:
     """The residual is |min(αΛ, ξ)| with α = 4, also next to a contact with friction."""
-    laws = Laws.together([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
+    laws = Laws.concatenate([Laws.contacts(np.array([0.5]), 3, 1), Laws.contacts(np.array([0.0]), 1, 1)])
     problem = ContactProblem.from_delassus(np.diag([1.0, 1.0, 1.0, 4.0]), (0.0, 0.0, 0.0, free), laws=laws)
     violation = abs(min(4.0 * impulse, 4.0 * impulse + free)) / abs(free)
     for model in (Model.COULOMB, Model.CONVEX):

@@ -105,7 +105,7 @@ def test_rolling_friction_stands_behind_its_own_contact(changes: dict[str, objec
 
 
 def test_rolling_friction_is_added_behind_each_contact_and_nothing_else_changes() -> None:
-    contacts = Laws.together([Laws.contacts([0.1, 0.2], 3, 2), Laws.joints(2), Laws.contacts(0.0, 1, 1)])
+    contacts = Laws.concatenate([Laws.contacts([0.1, 0.2], 3, 2), Laws.joints(2), Laws.contacts(0.0, 1, 1)])
     made = contacts.with_rolling([0.01, 0.02, 0.03], 3)
     assert made.kind.tolist() == [0, 2, 6, 0, 2, 6, 3, 3, 0, 6]
     assert made.partner.tolist() == [-1, 0, 0, -1, 3, 3, -1, -1, -1, 8]
@@ -118,7 +118,9 @@ def test_rolling_friction_is_added_behind_each_contact_and_nothing_else_changes(
 
 
 def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
-    laws = Laws.together([Laws.contacts([0.3], 2, 1), Laws.joints(1), Laws.contacts([0.1], 3, 1).with_rolling(0.01, 2)])
+    laws = Laws.concatenate(
+        [Laws.contacts([0.3], 2, 1), Laws.joints(1), Laws.contacts([0.1], 3, 1).with_rolling(0.01, 2)]
+    )
     layout = layout_of(laws)
     assert (layout.width, layout.sliding, layout.rolling) == (5, 2, 2)
     assert type(layout.width) is type(layout.sliding) is int  # else products with narrow integers widen, uncompiled
@@ -132,7 +134,7 @@ def test_lanes_of_a_block_are_normal_sliding_and_rolling_rows() -> None:
 
 def test_the_layout_of_blocks_does_not_depend_on_what_its_memory_held() -> None:
     """A frictionless contact has no bound and no partner but itself, and a contact is no joint."""
-    laws = Laws.together([Laws.contacts([0.0], 1, 1), Laws.contacts([0.3], 3, 1).with_rolling(0.01, 2)])
+    laws = Laws.concatenate([Laws.contacts([0.0], 1, 1), Laws.contacts([0.3], 3, 1).with_rolling(0.01, 2)])
     given = laws.sets, laws.row_count, laws.is_rolling, laws.partner, laws.friction_coefficient, laws.fixed_bound
     layout = layout_of(laws)
     numbers, bounds, is_bilateral = np.full((5, 4), 7), np.full((4, 4), 7.0), np.ones(4, np.bool_)
@@ -159,7 +161,7 @@ def test_the_laws_of_few_equal_contacts_are_made_once() -> None:
 
 
 def test_counts_name_each_kind_of_law_that_occurs() -> None:
-    laws = Laws.together([Laws.contacts(0.5, 3, 4), Laws.joints(2)])
+    laws = Laws.concatenate([Laws.contacts(0.5, 3, 4), Laws.joints(2)])
     assert laws.counts() == {"unilateral": 4, "spatial friction": 4, "bilateral": 2}
     assert laws.summary == "4 unilateral, 4 spatial friction, 2 bilateral"
 

@@ -160,7 +160,7 @@ def test_a_friction_law_before_the_law_that_bounds_it_takes_the_bound_of_the_cut
 
 @pytest.mark.parametrize("rolling_rows", [1, 2, 3])
 def test_impulses_of_joints_stay_and_each_friction_keeps_its_own_bound(rolling_rows: int) -> None:
-    laws = Laws.together([Laws.joints(1), Laws.contacts([0.5], 3, 1).with_rolling(0.1, rolling_rows)])
+    laws = Laws.concatenate([Laws.joints(1), Laws.contacts([0.5], 3, 1).with_rolling(0.1, rolling_rows)])
     given_impulses = np.array([-7.0, 2.0, 0.3, 0.4, *np.full(rolling_rows, 5.0)])
     projected = project(laws, given_impulses)
     assert projected[:4].tolist() == [-7.0, 2.0, 0.3, 0.4]

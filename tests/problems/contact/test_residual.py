@@ -14,7 +14,7 @@ def varied_problem(rng: np.random.Generator, size: float = 1.0) -> ContactProble
     """A planar or spatial contact that rolls, a frictionless one, two joints, and a joint with dry friction."""
     rolling = Laws.contacts(0.3, int(rng.integers(2, 4)), 1).with_rolling(0.05, int(rng.integers(1, 4)))
     dry = Laws(*map(np.array, ([2], [0], [0.0], [0.4], [-1])))
-    laws = Laws.together([rolling, Laws.contacts(0.0, 1, 1), Laws.joints(2), dry])
+    laws = Laws.concatenate([rolling, Laws.contacts(0.0, 1, 1), Laws.joints(2), dry])
     root = rng.normal(size=(12, laws.n_rows))
     return ContactProblem.from_delassus(root.T @ root, size * rng.normal(size=laws.n_rows), laws=laws)
 

@@ -74,7 +74,7 @@ def test_an_uncoupled_joint_does_not_change_the_iterates_of_contacts(dim: int, s
     alone = ContactProblem.from_factors(directions, np.ones(30), c, 0.4, dim=dim)
     wider = np.zeros((31, 6 * dim + 1))
     wider[:30, :-1], wider[30, -1] = directions, 1.0
-    laws = Laws.together([alone.laws, Laws.joints(1)])
+    laws = Laws.concatenate([alone.laws, Laws.joints(1)])
     beside = ContactProblem.from_factors(wider, np.ones(31), np.append(c, 0.5), laws=laws)
     for before, after in zip(history(solver, alone, 10), history(solver, beside, 10), strict=True):
         assert after[:-1] == pytest.approx(before, rel=1e-12, abs=1e-13)

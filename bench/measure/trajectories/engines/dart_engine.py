@@ -48,7 +48,7 @@ class DartEngine:
         velocities = np.array([body.getLinearVelocity() for body in self.bodies])
         return BodyStates(positions, velocities, np.array([body.getAngularVelocity() for body in self.bodies]))
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         """Store the state before a step."""
         self._before = self.states()
 

@@ -22,7 +22,7 @@ class Engine(Protocol):
     def states(self) -> BodyStates:
         """Return the states of all bodies."""
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         """Store the state before a step whose contact problem is requested."""
 
     def solved_problem(self) -> SolvedProblem | None:

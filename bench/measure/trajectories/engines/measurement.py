@@ -75,7 +75,7 @@ def measure(
     wall = processor = 0.0
     for frame in range(n_frames):
         if frame in judged:
-            engine.remember()
+            engine.store_state()
         for count in (1, per_frame - 1):
             began, began_processor = time.perf_counter(), time.process_time()
             for _ in range(count):

@@ -39,7 +39,7 @@ class MuJoCoEngine:
         spins = np.einsum("bij,bj->bi", rotations, velocities[:, 3:])
         return BodyStates(positions[:, :3].copy(), velocities[:, :3].copy(), spins)
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         """Store the state before a step."""
         self._before, self._data_before = self.states(), copy.copy(self.data)
 

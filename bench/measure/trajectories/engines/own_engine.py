@@ -48,7 +48,7 @@ class OwnEngine:
             positions = self.state.position.reshape(-1, 3)
         return BodyStates(positions @ self.axes, velocities[:, :3] @ self.axes, spins @ self.axes)
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         """Store nothing: each step keeps its problem."""
 
     def solved_problem(self) -> SolvedProblem | None:

@@ -53,7 +53,7 @@ class PyBulletEngine:
         velocities = np.array([self.library.getBaseVelocity(body) for body in self.bodies])
         return BodyStates(positions, velocities[:, 0], velocities[:, 1])
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         """Store the state before a step."""
         self._before = self.states()
 

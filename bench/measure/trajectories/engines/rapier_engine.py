@@ -66,7 +66,7 @@ class RapierEngine:
             )
         )
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         """Store the state before a step, without a call that changes the world."""
         if self.reports_friction:
             self._before = self.states()

@@ -239,7 +239,7 @@ class RigidJoints:
             np.concatenate([keys, self._gap_keys[reached]]),
             np.concatenate([np.zeros(len(keys)), gap]),
             np.concatenate([counts, np.ones(n_reached, dtype=np.int64)]),
-            Laws.together([laws, Laws.contacts(0.0, 1, n_reached)]),
+            Laws.concatenate([laws, Laws.contacts(0.0, 1, n_reached)]),
             columns(bodies, np.concatenate([rates, limit_rates]), self.n_bodies),
             np.concatenate([active.restitution, self._gap_restitution[reached]]),
             np.concatenate([active.drive, np.zeros(n_reached)]),

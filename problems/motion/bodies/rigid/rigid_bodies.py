@@ -374,7 +374,7 @@ class RigidBodies:
         return ActiveContacts(
             np.concatenate([contacts.keys, keys]),
             np.concatenate([contacts.gap, joints.gap]),
-            Laws.together([contacts.laws, joints.laws]),
+            Laws.concatenate([contacts.laws, joints.laws]),
             sp.csc_array(sp.hstack([own.to_csc(), joints.directions])),
             np.concatenate([contacts.restitution, rebound]),
             width,

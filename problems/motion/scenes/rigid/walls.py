@@ -21,7 +21,7 @@ from ..scene import Observable, check_positive
 from .boxes import Size, incline, upright_poses
 from .effects import BodyEffect, rigid_bodies
 
-JOINT = 1e-3
+BRICK_GAP = 1e-3
 """Gap between adjacent bricks of a row divided by the length of a brick."""
 
 
@@ -84,7 +84,7 @@ class BrickWall:
         """Return the bricks, and after them the ball, on the ground z = 0."""
         _, thickness, height = self.size
         shapes: list[Shape] = [
-            Box(((length - JOINT) * self.size[0], thickness, height)) for _, _, length in self._bricks()
+            Box(((length - BRICK_GAP) * self.size[0], thickness, height)) for _, _, length in self._bricks()
         ]
         masses = [self.density * shape.volume for shape in shapes]
         if self.speed:

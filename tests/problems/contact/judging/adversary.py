@@ -135,7 +135,7 @@ def random_contacts(rng: np.random.Generator) -> tuple[ContactProblem, np.ndarra
     dim, n_contacts, n_joints = int(rng.integers(1, 4)), int(rng.integers(1, 5)), int(rng.integers(0, 3))
     laws = Laws.contacts(float(rng.choice([0.0, 0.2, 1.0])), dim, n_contacts)
     if n_joints:
-        laws = Laws.together([laws, Laws.joints(n_joints)])
+        laws = Laws.concatenate([laws, Laws.joints(n_joints)])
     n_rows, n_dofs = laws.n_rows, int(rng.integers(1, 7))
     directions = rng.normal(size=(n_dofs, n_rows))
     root = rng.normal(size=(n_dofs, n_dofs)) + 2.0 * np.eye(n_dofs)

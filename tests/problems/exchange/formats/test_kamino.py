@@ -109,7 +109,7 @@ def compliant_dump(with_answer: bool = True) -> dict[str, Any]:
     c[[4, 7]] -= 2.0
     scale, compliance = rng.uniform(0.5, 2.0, 8), np.array([0.0, 0.5, 0.0, 0.0, 2.0, 0.0, 0.0, 0.25])
     order = np.array([0, 1, 4, 2, 3, 7, 5, 6])
-    laws = Laws.together([Laws.joints(1), Laws.contacts(0.0, 1, 1), Laws.contacts([0.5, 0.0], 3, 2)])
+    laws = Laws.concatenate([Laws.joints(1), Laws.contacts(0.0, 1, 1), Laws.contacts([0.5, 0.0], 3, 2)])
     D = G + np.diag(compliance)
     soft = ContactProblem.from_delassus(D[order][:, order], c[order], laws=laws)
     answer = np.zeros(8)

@@ -80,7 +80,7 @@ def test_contacts_that_vary_without_end_fill_no_memory() -> None:
 @pytest.mark.parametrize(("counts", "first"), [(None, [0, 3, 6]), ([3, 1, 3], [0, 3, 4]), ([1, 1, 3], [0, 1, 2])])
 def test_rows_of_contacts_follow_each_other(counts: list[int] | None, first: list[int]) -> None:
     """A contact has as many rows as its count, or as the widest one without counts; the first one is its normal row."""
-    laws = Laws.together([Laws.contacts(0.0 if rows == 1 else 0.5, rows, 1) for rows in counts or [3, 3, 3]])
+    laws = Laws.concatenate([Laws.contacts(0.0 if rows == 1 else 0.5, rows, 1) for rows in counts or [3, 3, 3]])
     given = None if counts is None else np.array(counts)
     directions = sp.csc_array((1, laws.n_rows))
     contacts = ActiveContacts(np.arange(3), np.zeros(3), laws, directions, np.zeros(laws.n_rows), 3, given)

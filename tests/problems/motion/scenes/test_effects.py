@@ -32,7 +32,7 @@ def motion(effects: list[Effect], steps: int = 150) -> tuple[np.ndarray, BallSys
     system = ball_system(np.full(N, 0.1), np.ones(N), [FLOOR], effects)
     grid = np.stack(np.meshgrid(np.arange(3), np.arange(2), np.arange(2), indexing="ij"), -1).reshape(-1, 3)
     centres = 0.195 * grid + np.array([0.0, 0.0, 0.3]) + 0.003 * np.random.default_rng(0).normal(size=(N, 3))
-    start = State(0.0, centres.ravel(), system.at_rest(np.tile([0.3, 0.0, -1.0], (N, 1))))
+    start = State(0.0, centres.ravel(), system.without_spin(np.tile([0.3, 0.0, -1.0], (N, 1))))
     centres_over_time, rows = [], 0
     for step in MidpointRule(system, create("SORprox"), Stop(1e-13, 20_000), 2e-3).steps(start, steps):
         centres_over_time.append(step.state.position)
@@ -75,7 +75,7 @@ def test_planar_is_the_motion_of_a_spatial_scene_that_stays_in_its_plane() -> No
         floor = Plane((0.0,) * dimension, (0.2, *[0.0] * (dimension - 2), 1.0))
         system = ball_system(np.full(3, 0.1), np.ones(3), [floor], effects)
         position = centres if dimension == 2 else np.insert(centres, 1, 0.0, axis=1)
-        state = State(0.0, position.ravel(), system.at_rest(np.zeros((3, dimension))))
+        state = State(0.0, position.ravel(), system.without_spin(np.zeros((3, dimension))))
         count = 0
         for step in MidpointRule(system, create("SORprox"), Stop(1e-13, 20_000), 1e-3).steps(state, 400):
             state = step.state

@@ -67,7 +67,7 @@ def two_points(mass: np.ndarray) -> MechanicalSystem:
 
 def test_a_ball_that_stays_deep_without_projection_is_lifted_to_the_allowed_depth_with_it() -> None:
     system = floor(1)
-    start = State(0.0, np.array([0.0, 0.0, 0.9 * RADIUS]), system.at_rest(np.zeros((1, 3))))
+    start = State(0.0, np.array([0.0, 0.0, 0.9 * RADIUS]), system.without_spin(np.zeros((1, 3))))
     deep, lifted = (list(stepper(system, depth).steps(start, 10))[-1].state for depth in (None, DEPTH))
     assert deep.position[2] == pytest.approx(0.9 * RADIUS, abs=1e-5)
     assert lifted.position[2] == pytest.approx(RADIUS - DEPTH, abs=0.11 * DEPTH)
@@ -78,7 +78,7 @@ def test_bodies_part_in_inverse_proportion_to_their_masses() -> None:
     masses = np.array([0.01, 0.03])
     system = floor(2, masses, gravity=0.0)
     centres = np.array([[0.0, 0.0, 1.0], [1.8 * RADIUS, 0.0, 1.0]])
-    end = stepper(system, DEPTH).step(State(0.0, centres.ravel(), system.at_rest(np.zeros((2, 3))))).state
+    end = stepper(system, DEPTH).step(State(0.0, centres.ravel(), system.without_spin(np.zeros((2, 3))))).state
     moved = end.position.reshape(2, 3) - centres
     assert moved[0, 0] < 0.0 < moved[1, 0]
     assert masses @ moved == pytest.approx(np.zeros(3), abs=1e-12)
@@ -89,7 +89,7 @@ def test_a_stack_that_overlaps_everywhere_comes_apart() -> None:
     system = floor(5)
     heights = 0.9 * RADIUS + 1.8 * RADIUS * np.arange(5)
     centres = np.column_stack([np.zeros((5, 2)), heights])
-    start = State(0.0, centres.ravel(), system.at_rest(np.zeros((5, 3))))
+    start = State(0.0, centres.ravel(), system.without_spin(np.zeros((5, 3))))
     last = list(stepper(system, DEPTH).steps(start, 30))[-1]
     assert last.contacts is not None
     assert len(last.contacts.keys) == 5
@@ -106,7 +106,7 @@ def test_balls_that_part_push_a_third_one_and_not_into_it(dimension: int, masses
     system = free_balls(dimension, weights)
     centres = np.zeros((3, dimension))
     centres[:, 0] = [0.0, 1.8 * RADIUS, 3.82 * RADIUS]
-    end = stepper(system, DEPTH).step(State(0.0, centres.ravel(), system.at_rest(np.zeros((3, dimension))))).state
+    end = stepper(system, DEPTH).step(State(0.0, centres.ravel(), system.without_spin(np.zeros((3, dimension))))).state
     assert deepest(system, end.position) <= (1.0 + ACCURACY) * DEPTH
     assert (np.diff(system.centres(end.position)[:, 0]) > 0.0).all()
     assert weights @ (system.centres(end.position) - centres) == pytest.approx(np.zeros(dimension), abs=1e-15)
@@ -116,7 +116,7 @@ def test_balls_that_meet_in_the_second_half_of_a_step_end_at_the_allowed_depth_a
     system = free_balls(3, np.array([0.01, 0.03]))
     speed = 2.0 * RADIUS / 5e-4
     centres = np.array([[0.0, 0.0, 0.0], [3.2 * RADIUS, 0.0, 0.0]])
-    start = State(0.0, centres.ravel(), system.at_rest(np.array([[speed, 0.0, 0.0], [0.0, 0.0, 0.0]])))
+    start = State(0.0, centres.ravel(), system.without_spin(np.array([[speed, 0.0, 0.0], [0.0, 0.0, 0.0]])))
     step = stepper(system, DEPTH).step(start)
     assert step.contacts is None
     assert deepest(system, stepper(system, None).step(start).state.position) == pytest.approx(0.8 * RADIUS)
@@ -299,7 +299,7 @@ def test_joints_that_exceed_the_memory_are_refused() -> None:
 def test_the_energy_of_a_resting_pile_does_not_grow() -> None:
     system = floor(5)
     heights = RADIUS - 0.9 * DEPTH + (2.0 * RADIUS - 0.9 * DEPTH) * np.arange(5)
-    start = State(0.0, np.column_stack([np.zeros((5, 2)), heights]).ravel(), system.at_rest(np.zeros((5, 3))))
+    start = State(0.0, np.column_stack([np.zeros((5, 2)), heights]).ravel(), system.without_spin(np.zeros((5, 3))))
     weight = 0.01 * 9.81
 
     def energy(state: State) -> float:
@@ -326,7 +326,7 @@ def test_a_ball_that_falls_on_a_floor_gains_no_more_than_lifting_it_by_half_a_st
 
 def test_what_is_not_too_deep_is_left_in_the_same_bits() -> None:
     system = floor(1)
-    start = State(0.0, np.array([0.0, 0.0, RADIUS - 0.5 * DEPTH]), system.at_rest(np.zeros((1, 3))))
+    start = State(0.0, np.array([0.0, 0.0, RADIUS - 0.5 * DEPTH]), system.without_spin(np.zeros((1, 3))))
     plain, projected = (stepper(system, depth).step(start).state for depth in (None, DEPTH))
     assert plain.position.tobytes() == projected.position.tobytes()
 

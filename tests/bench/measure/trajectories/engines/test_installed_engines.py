@@ -47,7 +47,7 @@ def test_free_motion_and_impulses_of_a_step_make_the_next_velocity(name: str, sc
     engine = engine_of(name, scene, DART_SWEEPS if name == "dart" else 0)
     for _ in range(300 if scene == "pile" else 1):
         engine.step()
-    engine.remember()
+    engine.store_state()
     engine.step()
     solved: Any = engine.solved_problem()
     after = engine.states()
@@ -63,7 +63,7 @@ def test_mujoco_solves_its_own_model_and_not_coulombs_law(scene: str) -> None:
     engine = engine_of("mujoco", scene)
     for _ in range(300 if scene == "pile" else 1):
         engine.step()
-    engine.remember()
+    engine.store_state()
     engine.step()
     solved = engine.solved_problem()
     assert solved is not None
@@ -75,7 +75,7 @@ def test_mujoco_solves_its_own_model_and_not_coulombs_law(scene: str) -> None:
 def test_the_own_model_is_judged_by_the_forces_of_the_step_itself() -> None:
     engine: Any = engine_of("mujoco", "stack")
     engine.step()
-    engine.remember()
+    engine.store_state()
     engine.step()
     assert engine.solved_problem().own_residual < 1e-6
     engine.data.efc_force[:] *= 1.01
@@ -85,7 +85,7 @@ def test_the_own_model_is_judged_by_the_forces_of_the_step_itself() -> None:
 @pytest.mark.parametrize("name", ["pybullet", "dart"])
 def test_other_engines_publish_no_model(name: str) -> None:
     engine = engine_of(name, "stack", DART_SWEEPS if name == "dart" else 0)
-    engine.remember()
+    engine.store_state()
     engine.step()
     solved = engine.solved_problem()
     assert solved is not None
@@ -133,7 +133,7 @@ def test_impulses_of_rapier_give_its_velocities_where_it_reports_friction(scene:
     names = [setting.name for setting in ENGINES["rapier"].settings]
     engine = engine_of("rapier", scene, names.index("Coulomb"))
     for _ in range(50):
-        engine.remember()
+        engine.store_state()
         engine.step()
     solved, after = engine.solved_problem(), engine.states()
     assert solved is not None
@@ -155,7 +155,7 @@ def test_steps_that_the_impulses_of_rapier_do_not_explain_are_not_judged() -> No
     names = [setting.name for setting in ENGINES["rapier"].settings]
     engine = engine_of("rapier", "stack", names.index("Coulomb"))
     for _ in range(50):
-        engine.remember()
+        engine.store_state()
         engine.step()
     assert engine.solved_problem() is None
 

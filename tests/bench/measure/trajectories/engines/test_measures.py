@@ -29,7 +29,7 @@ class ExactEngine:
         positions = start.positions + time * start.velocities + 0.5 * time**2 * self.acceleration
         return BodyStates(positions, start.velocities + time * self.acceleration, start.spins)
 
-    def remember(self) -> None:
+    def store_state(self) -> None:
         self.remembered.append(self.steps)
 
     def solved_problem(self) -> None:
