@@ -22,7 +22,7 @@
 
 ``python tests/speed/costs_of_accuracy.py --tables arch stack`` prints these tables in Markdown. ``--output costs.csv``
 stores them in a file, and ``--charts FOLDER`` draws them. Seconds are processor time of the steps; run
-``proxbench warm`` before, so that kernels are compiled. All tables take three quarters of an hour.
+``proxbench warm`` before, so that kernels are compiled. All tables take one to two hours.
 """
 
 import argparse

@@ -75,7 +75,7 @@ def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArr
     if not isinstance(bodies, BallSystem | RigidBodies):
         if given is None:
             return None
-        raise BenchError(f"{scene.name} has no axes along which its bodies could be pushed; omit --push.")
+        raise BenchError(f"the masses and axes of the bodies of {scene.name} are not known; omit --push.")
     dimension = bodies.dimension if isinstance(bodies, BallSystem) else 3
     words = ["1", *["0"] * (dimension - 1)] if given is None else given.split(",")
     try:

@@ -61,7 +61,7 @@ def test_a_study_shows_its_work_and_counts_its_points_from_the_start() -> None:
         shown(PointFinished("bouncing_ball", "Moreau with SORprox", 1e-3))
     assert "remaining: 7 points, 35 simulations" in text.getvalue()
     assert "3/7" in text.getvalue()
-    assert "/?" not in text.getvalue().split("to do")[1]
+    assert "/?" not in text.getvalue().split("remaining")[1]
 
 
 def test_the_time_left_follows_from_points_that_take_minutes() -> None:

@@ -91,9 +91,12 @@ def rolling_contact(**changes: object) -> Laws:
     [
         (
             {"partner": [-1, 0, -1], "friction_coefficient": [0.0, 0.3, 0.0]},
-            r"partner\[2\] = -1 must be the unilateral",
+            r"partner\[2\] = -1 must be the preceding unilateral",
         ),
-        ({"partner": [-1, -1, 0], "friction_coefficient": [0.0, 0.0, 0.1]}, r"partner\[2\] = 0 must be the unilateral"),
+        (
+            {"partner": [-1, -1, 0], "friction_coefficient": [0.0, 0.0, 0.1]},
+            r"partner\[2\] = 0 must be the preceding unilateral",
+        ),
         ({"kind": [0, 3, 5], "first_row": [0, 1, 2]}, r"friction_coefficient\[1\] = 0.3 must be 0 for a law without"),
         ({"kind": [3, 2, 5]}, r"partner\[1\] = 0 must be the index of a unilateral law"),
     ],

@@ -127,7 +127,7 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
     if not height > FLATNESS * size:
         raise ProblemError(
             f"a polyhedron is too thin: a face is {height:.3g} m from its centre of mass; that must be more than "
-            f"{FLATNESS * size:.3g} m. Make it thicker, or use a Box."
+            f"{FLATNESS * size:.3g} m; make it thicker, or use a Box."
         )
     moments, axes = np.linalg.eigh(inertia)
     if np.linalg.det(axes) < 0.0:

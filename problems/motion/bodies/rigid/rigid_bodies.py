@@ -174,7 +174,10 @@ class RigidBodies:
             if shape.bounding_radius == np.inf:
                 raise ProblemError(f"body {body} is unbounded and cannot move; list its shape among the fixed bodies.")
             if not 0.0 < mass < np.inf:
-                raise ProblemError(f"masses[{body}] must be positive and finite, got {mass}.")
+                raise ProblemError(
+                    f"masses[{body}] must be positive and finite, got {mass}; list a body that cannot move among the "
+                    "fixed bodies."
+                )
         fixed: Sequence[object] = self.fixed
         for number, one in enumerate(fixed):
             if not isinstance(one, FixedBody):
@@ -187,7 +190,10 @@ class RigidBodies:
             raise ProblemError(f"inertias must have shape ({self.n_bodies}, 3), got {self.moments.shape}.")
         for body, moments in enumerate(map(tuple, self.moments.tolist())):
             if not all(0.0 < moment < np.inf for moment in moments):
-                raise ProblemError(f"inertias[{body}] must be positive and finite, got {moments}.")
+                raise ProblemError(
+                    f"inertias[{body}] must be positive and finite, got {moments}; omit inertias for homogeneous "
+                    "bodies."
+                )
             if 2.0 * max(moments) > (1.0 + 1e-12) * sum(moments):
                 raise ProblemError(
                     f"no body has the moments of inertia {moments} of inertias[{body}]: the largest must not "

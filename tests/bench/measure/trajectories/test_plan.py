@@ -96,7 +96,7 @@ def test_a_solver_that_is_named_is_compared_too() -> None:
         ("funnel", {"members": [1]}, "at least 2"),
         ("funnel", {"members": [1, -2]}, r"members must be seeds, got -2\.0"),
         ("bouncing_ball", {"members": [0.0]}, "positive factors, got 0"),
-        ("bouncing_ball", {"members": []}, "positive factors, got None"),
+        ("bouncing_ball", {"members": []}, "positive factors, got none"),
         ("funnel(balls=0)", {}, "balls"),
         ("funnel", {"duration": -1.0}, "duration"),
         ("funnel", {"duration": 1e-9}, "step of Moreau"),
