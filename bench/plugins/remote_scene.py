@@ -23,6 +23,7 @@ from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
 from ..store.outcome import Outcome
 from .ball_records import read_balls
+from .body_records import read_bodies
 from .scene_arrays import (
     MALFORMED_ANSWER_ERRORS,
     Arrays,
@@ -92,6 +93,7 @@ class RemoteSystem(RenewedWorker):
             if any(index >= len(start.position) for index in record.coordinates.values()):
                 raise ValueError("a coordinate is out of range")
             balls = None if record.balls is None else read_balls(record.balls, arrays, *self._sizes)
+            bodies = None if record.bodies is None else read_bodies(record.bodies, arrays, *self._sizes)
         except MALFORMED_ANSWER_ERRORS:
             raise self.failure(invalid_answer_fault()) from None
         functions = record.functions
@@ -108,6 +110,7 @@ class RemoteSystem(RenewedWorker):
             ending=None if record.ending_seconds is None else EndingRule(record.ending_seconds, self._ending),
             exact=self._exact if "exact" in functions else None,
             balls=balls,
+            bodies=bodies,
         )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:

@@ -13,6 +13,7 @@ from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
 from ..store.fields import Count, Number, Positive, Record
 from .ball_records import BallsRecord, ball_arrays, describe_balls
+from .body_records import BodiesRecord, body_arrays, describe_bodies
 from .scene_arrays import Arrays, contact_arrays, mass_arrays, packed, state_arrays
 
 NUMBER = struct.Struct("d")
@@ -38,6 +39,7 @@ class SceneRecord(Record, frozen=True, kw_only=True):
         observables: quantities that are recorded at each step.
         ending_seconds: length of the past that its stopping rule uses [s]; None without a rule.
         balls: the balls for recordings; None without balls.
+        bodies: the rigid bodies for recordings; None without rigid bodies.
     """
 
     options: dict[str, Any]
@@ -56,12 +58,14 @@ class SceneRecord(Record, frozen=True, kw_only=True):
     contact_names: list[str]
     view: str | None
     balls: BallsRecord | None
+    bodies: BodiesRecord | None
+    driven_bodies: list[Count]
 
 
 _FUNCTIONS: tuple[Literal["potential_energy", "exact"], ...] = ("potential_energy", "exact")
 """Optional functions of a scene."""
 
-_MADE_APART = {"balls", "observables"}
+_MADE_APART = {"balls", "bodies", "observables"}
 
 SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_fields__) - _MADE_APART)
 """Fields of the record that are equal to those of the scene."""
@@ -84,7 +88,7 @@ class SceneTask:
                 raise
             return {"refused": str(error)}, b""
         if request == "describe":
-            arrays = state_arrays(self._scene.start) | ball_arrays(self._scene)
+            arrays = state_arrays(self._scene.start) | ball_arrays(self._scene) | body_arrays(self._scene)
             return {"scene": msgspec.to_builtins(_describe(self._scene))}, packed(arrays)
         if request == "number":
             return {}, NUMBER.pack(self._number(self._scene, *arguments))
@@ -118,6 +122,7 @@ def _describe(scene: Scene) -> SceneRecord:
         **{name: getattr(scene, name) for name in SAME_FIELDS},
         time=scene.start.time,
         balls=None if scene.balls is None else describe_balls(scene.balls),
+        bodies=None if scene.bodies is None else describe_bodies(scene.bodies),
         observables=[
             ObservableRecord(**{name: getattr(one, name) for name in ObservableRecord.__struct_fields__})
             for one in scene.observables

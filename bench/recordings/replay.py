@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.errors import suggestion
-from ...problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ...problems.motion.bodies.system import System
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.state import State
@@ -38,7 +37,7 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
     kind: type[SceneRecorder]
     if scene.view is not None:
         kind = VIEWS[scene.view]
-    elif isinstance(scene.system, RigidBodies):
+    elif scene.bodies is not None:
         kind = RigidRecorder
     else:
         kind = CoordinateRecorder if scene.balls is None else BallRecorder

@@ -68,14 +68,15 @@ def statics(
 def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArray] | None":
     """Return the direction of the push and the velocities of bodies that move along it; None without a push."""
     from ....problems.motion.bodies.balls import BallSystem
-    from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
     from ...errors import BenchError
 
-    bodies = scene.balls or scene.system
-    if not isinstance(bodies, BallSystem | RigidBodies):
+    bodies = scene.balls or scene.bodies
+    if bodies is None:
         if given is None:
             return None
-        raise BenchError(f"the masses and axes of the bodies of {scene.name} are not known; omit --push.")
+        raise BenchError(
+            f"the bodies of {scene.name} are neither balls nor rigid bodies, so their axes are not known; omit --push."
+        )
     dimension = bodies.dimension if isinstance(bodies, BallSystem) else 3
     words = ["1", *["0"] * (dimension - 1)] if given is None else given.split(",")
     try:

@@ -11,7 +11,6 @@ from ....problems.arrays import FloatArray
 from ....problems.contact.matrices.contact_frame import contact_frames
 from ....problems.motion.bodies.rigid.joints import RigidJoints
 from ....problems.motion.bodies.rigid.orientation import rotation_matrices
-from ....problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ....problems.motion.bodies.rigid.shapes import HalfSpace, Shape
 from ....problems.motion.scenes.scene import Scene
 from ....problems.motion.state import State
@@ -57,8 +56,8 @@ class RigidRecorder(SceneRecorder):
 
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         super().__init__(scene, file, force, every)
-        assert isinstance(scene.system, RigidBodies)
-        self._system = system = scene.system
+        assert scene.bodies is not None
+        self._system = system = scene.bodies
         self._radii = np.array([shape.bounding_radius for shape in system.shapes])
         self._groups: dict[tuple[Shape, tuple[int, int, int]], list[int]] = {}
         colours = _body_colours(system.centres(scene.start.position), scene.driven_bodies)

@@ -118,11 +118,13 @@ class Scene:
         has_few_contacts: whether contacts are so few that accurate solves and variable steps are the default.
         exact: returns the state in closed form at t [s]; None if there is none.
         balls: sizes and surfaces of the balls, to draw them; None if there are none.
+        bodies: rigid bodies with their shapes and joints, to draw them; None if there are none.
         observables: numbers recorded at each step, in addition to those of all simulations.
         ending: the rule that may end a simulation before its duration, None if there is none.
         contact_names: names of the contacts by their keys, empty if they have none.
         limit_cycle: the known limit cycle, None if there is none.
-        view: name of the view that draws the scene in recordings; if None, its balls or coordinates are drawn.
+        view: name of the view that draws the scene in recordings; if None, its balls, rigid bodies or coordinates are
+            drawn.
         driven_bodies: indices of rigid bodies whose motion is prescribed; recordings draw them as walls.
     """
 
@@ -142,6 +144,7 @@ class Scene:
     has_few_contacts: bool = False
     exact: Callable[[float], State] | None = None
     balls: BallSystem | None = None
+    bodies: RigidBodies | None = None
     observables: Sequence[Observable] = ()
     ending: EndingRule | None = None
     contact_names: Sequence[str] = ()
@@ -152,6 +155,8 @@ class Scene:
     def __post_init__(self) -> None:
         if self.balls is None and isinstance(self.system, BallSystem):
             object.__setattr__(self, "balls", self.system)
+        if self.bodies is None and isinstance(self.system, RigidBodies):
+            object.__setattr__(self, "bodies", self.system)
 
 
 @dataclass(frozen=True)

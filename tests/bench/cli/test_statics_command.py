@@ -10,10 +10,13 @@ from proxbench.bench.cli.main import run_command
 BALL = """
 from proxbench.problems.motion.scenes.registry import make_scene
 
+def own_box():
+    return make_scene("thrown_box")
+
 def lone_ball():
     return make_scene("stack(masses=(1.0,), friction=0.5)")
 
-SCENES = {"lone_ball": lone_ball}
+SCENES = {"lone_ball": lone_ball, "own_box": own_box}
 """
 
 
@@ -81,6 +84,8 @@ def test_the_scene_of_a_plugin_is_asked_too(tmp_path: Path, capsys: pytest.Captu
     (tmp_path / "ball.py").write_text(BALL)
     assert run_command(["statics", "lone_ball", "--plugin", str(tmp_path / "ball.py")]) == 0
     assert capsys.readouterr().out == "lone_ball can stand; it bears no push along 1,0,0\n"
+    assert run_command(["statics", "own_box", "--plugin", str(tmp_path / "ball.py")]) == 0
+    assert capsys.readouterr().out == "own_box can stand; it bears a push of up to 0.5 of its weight along 1,0,0\n"
 
 
 @pytest.mark.parametrize(

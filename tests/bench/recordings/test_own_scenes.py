@@ -1,4 +1,4 @@
-"""Recordings draw the balls of a plugin's scene, which is simulated in a separate process."""
+"""Recordings draw the bodies of a plugin's scene, which is simulated in a separate process."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,4 +22,17 @@ def test_a_recording_of_an_own_scene_draws_its_balls_and_surfaces(
     places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")
     np.testing.assert_allclose(places[0][0], [0.0, 0.0, 0.11], atol=1e-6)
     assert content.static("/scene/surfaces/0", "Mesh3D:vertex_positions") is not None
+    forget(PluginFile.read(PLUGIN))
+
+
+def test_a_recording_of_an_own_scene_draws_its_rigid_bodies_and_joints(
+    tmp_path: Path, read_back: Callable[[Path], Any]
+) -> None:
+    film = tmp_path / "w.rrd"
+    line = f"simulate wiper --duration 0.05 --no-progress --output {tmp_path}/w.npz --recording {film}"
+    assert run_command([*line.split(), "--plugin", str(PLUGIN)]) == 0
+    content = read_back(film)
+    places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")
+    np.testing.assert_allclose(places[0][0], [0.0, 0.0, -0.25], atol=1e-6)
+    assert any(entity.startswith("/scene/joints") for entity, _ in content.logged)
     forget(PluginFile.read(PLUGIN))
