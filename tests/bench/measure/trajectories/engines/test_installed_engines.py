@@ -118,7 +118,7 @@ def test_reading_the_problems_of_steps_does_not_change_a_bit_of_the_motion(name:
     for step in range(100):
         plain.step()
         if step > 0:  # MuJoCo finds no contact at the start
-            read.remember()
+            read.store_state()
         read.step()
         if step > 0:
             read.solved_problem()
@@ -145,7 +145,7 @@ def test_impulses_of_rapier_give_its_velocities_where_it_reports_friction(scene:
     assert np.abs(found - wanted).max() <= 1e-6 * max(1.0, np.abs(wanted).max())
     assert np.abs(factors.free_motion - wanted).max() > 1e-3
     default = engine_of("rapier", scene, names.index("default"))
-    default.remember()
+    default.store_state()
     default.step()
     assert default.solved_problem() is None
 
