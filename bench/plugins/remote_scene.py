@@ -94,6 +94,8 @@ class RemoteSystem(RenewedWorker):
                 raise ValueError("a coordinate is out of range")
             balls = None if record.balls is None else read_balls(record.balls, arrays, *self._sizes)
             bodies = None if record.bodies is None else read_bodies(record.bodies, arrays, *self._sizes)
+            if bodies is not None and any(body >= bodies.n_bodies for body in record.driven_bodies):
+                raise ValueError("a driven body is out of range")
         except MALFORMED_ANSWER_ERRORS:
             raise self.failure(invalid_answer_fault()) from None
         functions = record.functions

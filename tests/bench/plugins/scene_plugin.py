@@ -122,6 +122,11 @@ def broken(what: str = "flat") -> Scene:
     return replace(scene, start=replace(scene.start, position=raised))
 
 
+def driven() -> Scene:
+    """A wiper that declares a body as driven that it does not have."""
+    return replace(wiper(), name="driven", driven_bodies=(7,))
+
+
 def twin(balls: int = 20) -> Scene:
     return make_scene("funnel", {"balls": balls})
 
@@ -145,6 +150,7 @@ SCENES = {
     "coupled": coupled,
     "wiper": wiper,
     "broken": broken,
+    "driven": driven,
     "twin": twin,
     "bouncing": bouncing,
     "needy": needy,

@@ -195,6 +195,7 @@ def test_a_fault_of_the_scene_ends_the_simulation_at_its_step_and_keeps_all_befo
         ("tower(bals=3)", "the scene 'tower' has no option 'bals'; did you mean 'balls'?"),
         ("tower(balls='x')", "cannot be built"),
         ("needy", "takes 'balls' without a default"),
+        ("driven", "scene driven: "),
         ("nothing", "must return a Scene, or a system and its first State, got str"),
     ],
 )
