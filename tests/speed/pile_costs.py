@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from proxbench.bench.simulation.generation.box_scenes import BoxPile
+from proxbench.bench.simulation.step_row import judged_residual
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from proxbench.problems.motion.detection.narrow_phase import ContactSet
@@ -25,8 +26,8 @@ TIMED_SECONDS = 2.0
 """Processor time for which steps are timed [s]."""
 
 TOLERANCE = 1e-4
-SWEEPS = (50, 5000)
-"""Largest number of sweeps of a step: a number that does not depend on the boxes, and one with which steps converge."""
+SOLVES = (("SORprox(relaxation=1.3)", 50), ("SORprox(relaxation=1.3)", 5000), ("MomentumFallback", 5000))
+"""Solvers with their largest numbers of sweeps in a step. The boxes fall with the first one."""
 
 MAX_BOXES_FOR_RANK = 1000
 """Largest number of boxes for which the rank is computed, from all eigenvalues."""
@@ -48,36 +49,40 @@ _detecting = [0.0]
 
 
 def piles(
-    sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS, sweeps: tuple[int, ...] = SWEEPS
+    sizes: tuple[int, ...] = SIZES, settling_steps: int = SETTLING_STEPS, solves: tuple[tuple[str, int], ...] = SOLVES
 ) -> Iterator[dict[str, Any]]:
     """Yield contacts, redundancy and times of a step of each pile, and the growth of the time with the contacts."""
-    before: dict[int, tuple[float, float]] = {}
+    before: dict[tuple[str, int], tuple[float, float]] = {}
     for n_boxes in sizes:
         scene = BoxPile(n_boxes)
         plain = scene.system()
         system = TimedBodies(**{name: getattr(plain, name) for name in plain.__dataclass_fields__})
-        *_, settled = _rule(system, sweeps[0]).steps(scene.start(), settling_steps)
-        for limit in sweeps:
-            row = _timed_steps(system, settled, limit)
-            if limit in before:
-                contacts, milliseconds = before[limit]
+        *_, settled = _rule(system, *solves[0]).steps(scene.start(), settling_steps)
+        for solve in solves:
+            row = _timed_steps(system, settled, *solve)
+            if solve in before:
+                contacts, milliseconds = before[solve]
                 row["growth"] = np.log(row["ms a step"] / milliseconds) / np.log(row["contacts"] / contacts)
-            before[limit] = (row["contacts"], row["ms a step"])
-            yield {"boxes": n_boxes, "sweeps": limit, **row}
+            before[solve] = (row["contacts"], row["ms a step"])
+            yield {"boxes": n_boxes, "solver": solve[0], "sweeps": solve[1], **row}
 
 
-def _rule(system: RigidBodies, sweeps: int) -> MidpointRule:
-    return MidpointRule(system, create("SORprox(relaxation=1.3)"), Stop(TOLERANCE, sweeps), STEP, depth=1e-4)
+def _rule(system: RigidBodies, solver: str, sweeps: int) -> MidpointRule:
+    return MidpointRule(system, create(solver), Stop(TOLERANCE, sweeps), STEP, depth=1e-4)
 
 
-def _timed_steps(system: RigidBodies, last: Step, sweeps: int) -> dict[str, Any]:
-    """Return the means of the steps that fit into ``TIMED_SECONDS``, with the contacts of the last one."""
-    rule = _rule(system, sweeps)
-    _detecting[0], count, converged, began = 0.0, 0, 0, time.process_time()
-    while count == 0 or time.process_time() - began < TIMED_SECONDS:
-        last, count = rule.step(last.state), count + 1
+def _timed_steps(system: RigidBodies, last: Step, solver: str, sweeps: int) -> dict[str, Any]:
+    """Return means and the median residual of the steps that fit into ``TIMED_SECONDS``, and the last contacts."""
+    rule = _rule(system, solver, sweeps)
+    _detecting[0], total, residuals, converged = 0.0, 0.0, list[float](), 0
+    while total < TIMED_SECONDS:
+        began = time.process_time()
+        last = rule.step(last.state)
+        total += time.process_time() - began
         converged += last.status is Status.SOLVED
-    seconds, detecting = (time.process_time() - began) / count, _detecting[0] / count
+        residuals.append(judged_residual(last))
+    count = len(residuals)
+    seconds, detecting = total / count, _detecting[0] / count
     assert last.contacts is not None
     n_boxes, rows = system.n_bodies, last.contacts.laws.n_rows
     is_small = n_boxes <= MAX_BOXES_FOR_RANK
@@ -86,6 +91,7 @@ def _timed_steps(system: RigidBodies, last: Step, sweeps: int) -> dict[str, Any]
         "rows/velocities": rows / (6 * n_boxes),
         "rows - rank": rows - _rank(system, last.contacts) if is_small else f"> {rows - 6 * n_boxes}",
         "converged": f"{converged} of {count}",
+        "residual": float(np.median(residuals)),
         "ms a step": 1e3 * seconds,
         "detection": detecting / seconds,
         "growth": "",
