@@ -1,7 +1,6 @@
 """Balls of a plugin's scene as plain data, so that recordings can draw them without code of the plugin."""
 
-from dataclasses import fields
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -9,9 +8,7 @@ from ...problems.motion.bodies.balls import BallSystem
 from ...problems.motion.bodies.surfaces import Plane, Segment
 from ...problems.motion.scenes.scene import Scene
 from ..store.fields import Positive, Record
-from .scene_arrays import Arrays
-
-S = TypeVar("S", Plane, Segment)
+from .scene_arrays import Arrays, plain_copy
 
 
 class BallsRecord(Record, frozen=True, kw_only=True):
@@ -38,15 +35,9 @@ def describe_balls(balls: BallSystem) -> BallsRecord:
         dimension=balls.dimension,  # type: ignore[arg-type]
         has_rotation=balls.friction is not None,
         inertia_factor=balls.inertia_factor,
-        planes=[_plain(one, Plane) for one in balls.surfaces if isinstance(one, Plane)],
-        segments=[_plain(one, Segment) for one in balls.surfaces if isinstance(one, Segment)],
+        planes=[plain_copy(one, Plane) for one in balls.surfaces if isinstance(one, Plane)],
+        segments=[plain_copy(one, Segment) for one in balls.surfaces if isinstance(one, Segment)],
     )
-
-
-def _plain(surface: S, kind: type[S]) -> S:
-    """Return a surface with plain numbers; a subclass of the plugin is replaced by its base class."""
-    values: dict[str, Any] = {one.name: np.asarray(getattr(surface, one.name)).tolist() for one in fields(kind)}
-    return kind(**values)
 
 
 def ball_arrays(scene: Scene) -> Arrays:

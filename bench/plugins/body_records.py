@@ -1,7 +1,6 @@
 """Rigid bodies of a plugin's scene as plain data, so that recordings can draw them without code of the plugin."""
 
-from dataclasses import fields
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from ...problems.motion.bodies.rigid.round_shapes import Capsule, Cylinder, Sphe
 from ...problems.motion.bodies.rigid.shapes import Box, HalfSpace, Shape
 from ...problems.motion.scenes.scene import Scene
 from ..store.fields import Count, Number, Positive, Record
-from .scene_arrays import Arrays
+from .scene_arrays import Arrays, plain_copy
 
 Vector = tuple[Number, Number, Number]
 
@@ -86,19 +85,17 @@ def describe_bodies(bodies: RigidBodies) -> BodiesRecord:
     return BodiesRecord(
         shapes=[_shape_record(shape) for shape in bodies.shapes],
         fixed=[
-            FixedRecord(shape=_shape_record(one.shape), centre=_plain(one.centre), orientation=_plain(one.orientation))
+            FixedRecord(
+                shape=_shape_record(one.shape),
+                centre=tuple(np.asarray(one.centre).tolist()),
+                orientation=tuple(np.asarray(one.orientation).tolist()),
+            )
             for one in bodies.fixed
         ],
-        joints=[Joint(**{one.name: _plain(getattr(joint, one.name)) for one in fields(Joint)}) for joint in joints],
+        joints=[plain_copy(joint, Joint) for joint in joints],
         has_friction=bodies.friction is not None,
         rolling_axes=bodies.rolling_axes,  # type: ignore[arg-type]
     )
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with plain numbers, and sequences as tuples."""
-    plain = np.asarray(value).tolist()
-    return tuple(plain) if isinstance(plain, list) else plain
 
 
 def _shape_record(shape: Shape) -> ShapeRecord:

@@ -1,7 +1,8 @@
 """States, masses and contacts as named arrays: written in the process of a scene, and validated by the reader."""
 
 import io
-from typing import Any
+from dataclasses import fields
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +19,8 @@ from ...problems.motion.state import State
 
 Arrays = dict[str, NDArray[Any]]
 
+T = TypeVar("T")
+
 MALFORMED_ANSWER_ERRORS = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
 """Exceptions that reading a malformed answer raises."""
 
@@ -26,6 +29,12 @@ LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
 
 SPARSE_PARTS = ("data", "indices", "indptr")
 """Attributes of a sparse matrix in compressed format."""
+
+
+def plain_copy(value: T, kind: type[T]) -> T:
+    """Return an instance of a dataclass with plain numbers; a subclass of the plugin is replaced by ``kind``."""
+    values = {one.name: np.asarray(getattr(value, one.name)).tolist() for one in fields(kind)}  # type: ignore[arg-type]
+    return kind(**values)
 
 
 def state_arrays(state: State) -> Arrays:
