@@ -22,7 +22,7 @@ from proxbench.problems.motion.scenes.effects import Friction, Gravity, Restitut
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule, step_problem
 from proxbench.solvers import Stop, create
-from proxbench.solvers.sweeps.batches.balls import sweep_balls
+from proxbench.solvers.sweeps.batches.ball_kernels import sweep_balls
 
 RADIUS, MASS, PITCH, JITTER, SPEED = 0.01, 0.01, 1.97, 0.02, 0.3
 """Radius [m] and mass [kg], distance and jitter of the lattice [radii], and speed [m/s] of the balls."""

@@ -1,48 +1,46 @@
-"""Tasks of sweeps by colour over contacts of balls: batches of ``sweeps.batches.balls``."""
+"""Tasks of sweeps by colour over contacts of balls: batches of ``sweeps.batches.ball_kernels``."""
 
 from numba import njit, uint64
 
 from ....problems.contact.matrices.contact_frame import tangents
-from ...sweeps.batches.balls import NUMBERS, gather_balls, in_frame, update_balls
+from ...sweeps.batches.ball_kernels import NUMBERS, gather_moves, in_frame, update_impulses
 from ...sweeps.batches.pieces import LANES
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_ball_batch(balls, batch, moved, held, change, present, turn, own, others):  # type: ignore[no-untyped-def]
+def update_ball_batch(balls, batch, moved, held, change, present, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, v and τ of the contacts of a batch; ``balls`` holds bodies, records and κ of ``BallSweep``."""
     bodies, records, share = balls
     lanes, at = uint64(LANES), uint64(LANES) * uint64(batch)
-    gather_balls(bodies, uint64(2) * at, moved, own, others)
-    record = uint64(NUMBERS) * at
-    update_balls(records, record, share, held, change, uint64(3) * at, present, turn, own, others)
-    six, idle, pair = uint64(6), uint64(len(moved)) - uint64(6), uint64(2) * at
+    record, pair = uint64(NUMBERS) * at, uint64(2) * at
+    gather_moves(bodies, pair, moved, moves)
+    update_impulses(records, record, share, held, change, uint64(3) * at, present, turn, moves)
+    three, idle, mass = uint64(3), uint64(len(moved)) - uint64(6), record + uint64(9) * lanes
     for lane in range(lanes):  # the idle ball, which is last, remains zero, because all threads read it
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
+        first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
         if a != idle:
-            for k in range(six):
-                moved[a + k] = own[lanes * k + lane]
+            for k in range(three):
+                moved[a + k] += first_mass * moves[lanes * k + lane]
+                moved[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
         if b != idle:
-            for k in range(six):
-                moved[b + k] = others[lanes * k + lane]
+            for k in range(three):
+                moved[b + k] -= second_mass * moves[lanes * k + lane]
+                moved[b + k + three] -= second_mass * moves[lanes * (k + three) + lane]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def write_ball_velocities(balls, batch, moved, own, others, velocity):  # type: ignore[no-untyped-def]
+def write_ball_velocities(balls, batch, moved, moves, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     bodies, records, share = balls
     one, at = uint64(LANES), uint64(LANES) * uint64(batch)
-    gather_balls(bodies, uint64(2) * at, moved, own, others)
+    gather_moves(bodies, uint64(2) * at, moved, moves)
     two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
     for lane in range(one):
         r, n = uint64(NUMBERS) * at + lane, uint64(3) * at + lane
-        x, y, z = records[r], records[r + one], records[r + two]
-        first, second = tangents(x, y, z)
-        dx = own[lane] - others[lane]
-        dy = own[lane + one] - others[lane + one]
-        dz = own[lane + two] - others[lane + two]
-        sx = share * (own[lane + three] + others[lane + three])
-        sy = share * (own[lane + four] + others[lane + four])
-        sz = share * (own[lane + five] + others[lane + five])
+        first, second = tangents(records[r], records[r + one], records[r + two])
+        frame = (records[r], records[r + one], records[r + two]), first, second
+        apart = moves[lane], moves[lane + one], moves[lane + two]
+        turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
         free = records[r + three], records[r + four], records[r + five]
-        found = in_frame((x, y, z), first, second, (dx, dy, dz), (sx, sy, sz), free)
-        velocity[n], velocity[n + one], velocity[n + two] = found
+        velocity[n], velocity[n + one], velocity[n + two] = in_frame(frame, apart, turned, free)

@@ -207,7 +207,7 @@ def _run_window(  # type: ignore[no-untyped-def]
                         batch = task - stages[1]
                         turn[:] = 0.0
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, held, change, present, turn, own, others)
+                            update_ball_batch(balls, batch, scaled, held, change, present, turn, own)
                         if pieces is not None:
                             update_pieces(pieces, batch, scaled, held, change, present, turn, own, others)
                         turns[sweep % 2, batch] = turn.sum()
@@ -231,15 +231,14 @@ def _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, 
     length, n_batches = BALL_LENGTH, len(claims) - first
     if pieces is not None:
         length = len(pieces[0])
-    own, others = np.empty(2 * LANES * length), np.empty(2 * LANES * length)
-    completed = 0
+    own, completed = np.empty(2 * LANES * length), 0
     for k in range(threads):
         share = (thread + k) % threads
         for batch in range(n_batches * share // threads, n_batches * (share + 1) // threads):
             task = first + batch
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 if balls is not None:
-                    write_ball_velocities(balls, batch, scaled, own, others, velocity)
+                    write_ball_velocities(balls, batch, scaled, own, velocity)
                 if pieces is not None:
                     write_piece_velocities(pieces, batch, scaled, own, velocity)
                 completed += 1

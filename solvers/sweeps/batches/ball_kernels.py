@@ -1,0 +1,160 @@
+"""Compiled loops over contacts of balls in batches, from one record with a normal for each contact.
+
+The balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). When the impulse of a contact changes by P, a
+sweep updates v and τ, where κτ = σ = rω for the radius r and the angular velocity ω,
+
+    ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
+    v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
+
+A record takes 88 bytes, and the indices of both balls take 8. Two pieces with the other data would take 360, and their
+indices 16.
+"""
+
+import numpy as np
+from numba import njit, uint64
+
+from ....problems.contact.matrices.contact_frame import tangents
+from ....problems.contact.residual import outside_disc
+from ...iteration.momentum import momentum_after
+from .pieces import LANES
+
+NUMBERS = 11
+"""Number of entries of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
+
+WEIGHTS = 4
+"""Number of entries of a contact in a check of the residual: α of both laws, and the squares of their ratios."""
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def in_frame(frame, apart, turned, free):  # type: ignore[no-untyped-def]
+    """Return n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2."""
+    (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z) = frame
+    (dx, dy, dz), (sx, sy, sz) = apart, turned
+    along_normal = free[0] + x * dx + y * dy + z * dz
+    along_first = free[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
+    along_second = free[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+    return along_normal, along_first, along_second
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def sweep_balls(  # type: ignore[no-untyped-def]
+    count, bodies, records, share, held, moved, change, before, momentum, delay, sweeps, present
+):
+    """Do ``count`` sweeps on Λ (``held``), v and τ (``moved``); other arguments as in ``pieces.sweep_batches``."""
+    two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
+    n_batches = uint64(len(bodies)) // (two * lanes)
+    moves, turn = np.empty(six * lanes), np.empty(lanes)
+    for _ in range(count):
+        if momentum > 0.0:
+            for k in range(uint64(len(moved))):
+                v = moved[k]
+                moved[k] = v + present * (v - before[k])
+                before[k] = v
+        turn[:] = 0.0
+        for batch in range(n_batches):
+            pair = two * lanes * batch
+            gather_moves(bodies, pair, moved, moves)
+            record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
+            update_impulses(records, record, share, held, change, at, present, turn, moves)
+            mass = record + uint64(9) * lanes
+            for lane in range(lanes):
+                a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
+                first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
+                for k in range(three):
+                    push, turned = moves[lanes * k + lane], moves[lanes * (k + three) + lane]
+                    moved[a + k] += first_mass * push
+                    moved[b + k] -= second_mass * push
+                    moved[a + k + three] -= first_mass * turned
+                    moved[b + k + three] -= second_mass * turned
+        sweeps += 1
+        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
+    return present
+
+
+@njit(cache=True, inline="always")
+def gather_moves(bodies, pair, moved, moves):  # type: ignore[no-untyped-def]
+    """Write v_i − v_j and τ_i + τ_j of a batch, whose balls begin at ``pair`` of ``bodies``, into ``moves``."""
+    three, lanes = uint64(3), uint64(LANES)
+    for lane in range(lanes):
+        a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
+        for k in range(three):
+            moves[lanes * k + lane] = moved[a + k] - moved[b + k]
+            moves[lanes * (k + three) + lane] = moved[a + k + three] + moved[b + k + three]
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def update_impulses(records, record, share, held, change, at, present, turn, moves):  # type: ignore[no-untyped-def]
+    """Update Λ, from ``at`` on, of a batch with records from ``record`` on, and replace ``moves`` by P and n × P.
+
+    ``moves`` holds v_i − v_j and τ_i + τ_j. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
+    Λ̂ = Λ + β ``change``.
+    """
+    lanes = uint64(LANES)
+    k1, k2, k3, k4, k5 = lanes, uint64(2) * lanes, uint64(3) * lanes, uint64(4) * lanes, uint64(5) * lanes
+    k6, k7, k8 = uint64(6) * lanes, uint64(7) * lanes, uint64(8) * lanes
+    for lane in range(lanes):
+        r, n = record + lane, at + lane
+        t, s = n + k1, n + k2
+        x, y, z = records[r], records[r + k1], records[r + k2]
+        (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
+        apart = moves[lane], moves[lane + k1], moves[lane + k2]
+        turned = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
+        free = records[r + k3], records[r + k4], records[r + k5]
+        frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
+        normal, first, second = in_frame(frame, apart, turned, free)
+        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
+        size_t = records[r + k7]
+        new_n = max(old_n - records[r + k6] * normal, 0.0)
+        new_t, new_s = old_t - size_t * first, old_s - size_t * second
+        bound = records[r + k8] * new_n
+        squared = new_t * new_t + new_s * new_s
+        scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+        new_t *= scale
+        new_s *= scale
+        step_n, step_t, step_s = new_n - held[n], new_t - held[t], new_s - held[s]
+        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
+        change[n], change[t], change[s] = step_n, step_t, step_s
+        held[n], held[t], held[s] = new_n, new_t, new_s
+        dn, dt, ds = new_n - old_n, new_t - old_t, new_s - old_s
+        moves[lane] = dn * x + dt * t1x + ds * t2x
+        moves[lane + k1] = dn * y + dt * t1y + ds * t2y
+        moves[lane + k2] = dn * z + dt * t1z + ds * t2z
+        moves[lane + k3] = dt * t2x - ds * t1x
+        moves[lane + k4] = dt * t2y - ds * t1y
+        moves[lane + k5] = dt * t2z - ds * t1z
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def largest_violation(bodies, records, share, held, moved, weights, slots, impulses):  # type: ignore[no-untyped-def]
+    """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it.
+
+    ξ of all contacts follows from the final v and τ, so the records are read once more than the sweeps read them.
+    """
+    for row in range(len(slots)):
+        impulses[row] = held[slots[row]]
+    one, moves, largest = uint64(LANES), np.empty(6 * LANES), np.zeros(LANES)
+    two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
+    for batch in range(uint64(len(bodies)) // two):
+        gather_moves(bodies, two * batch, moved, moves)
+        record, at, weight = uint64(NUMBERS) * one * batch, three * batch, uint64(WEIGHTS) * one * batch
+        for lane in range(one):
+            r, n, w = record + lane, at + lane, weight + lane
+            first_tangent, second_tangent = tangents(records[r], records[r + one], records[r + two])
+            frame = (records[r], records[r + one], records[r + two]), first_tangent, second_tangent
+            apart = moves[lane], moves[lane + one], moves[lane + two]
+            turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
+            free = records[r + three], records[r + four], records[r + five]
+            normal, first, second = in_frame(frame, apart, turned, free)
+            pressed, stiffness = weights[w] * held[n], weights[w + one]
+            unilateral = pressed if pressed < normal or pressed != pressed else normal
+            bound = stiffness * (records[r + uint64(8) * one] * max(held[n], 0.0))
+            square = outside_disc(stiffness * held[n + one], stiffness * held[n + two], first, second, bound)
+            normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
+            part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
+            largest[lane] = part if part > largest[lane] or part != part else largest[lane]
+    violation = 0.0
+    for lane in range(one):
+        part = largest[lane]
+        violation = part if part > violation or part != part else violation
+    return np.sqrt(violation)
