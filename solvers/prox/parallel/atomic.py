@@ -17,7 +17,7 @@ A sweep over a colour of a thousand contacts takes about as long. After a yield,
 milliseconds.
 """
 
-_yield_core = types.ExternalFunction("sched_yield", types.intc())
+yield_core = types.ExternalFunction("sched_yield", types.intc())
 
 
 def _pointer(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
@@ -71,4 +71,4 @@ def wait_for(array, index, least):  # type: ignore[no-untyped-def]
     while read(array, index) < least:
         spins += 1
         if spins > SPINS_BEFORE_YIELD:
-            _yield_core()
+            yield_core()

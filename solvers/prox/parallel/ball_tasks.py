@@ -16,14 +16,13 @@ def update_ball_batch(balls, batch, moved, held, change, present, turn, moves): 
     gather_moves(bodies, pair, moved, moves)
     update_impulses(records, record, share, held, change, uint64(3) * at, present, turn, moves)
     three, idle, mass = uint64(3), uint64(len(moved)) - uint64(6), record + uint64(9) * lanes
-    for lane in range(lanes):  # the idle ball, which is last, remains zero, because all threads read it
+    for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
         first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
-        if a != idle:
-            for k in range(three):
-                moved[a + k] += first_mass * moves[lanes * k + lane]
-                moved[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
-        if b != idle:
+        for k in range(three):
+            moved[a + k] += first_mass * moves[lanes * k + lane]
+            moved[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
+        if b != idle:  # threads would wait for each other's writes to the idle ball, which is zero
             for k in range(three):
                 moved[b + k] -= second_mass * moves[lanes * k + lane]
                 moved[b + k + three] -= second_mass * moves[lanes * (k + three) + lane]

@@ -32,7 +32,7 @@ from .ball_tasks import update_ball_batch, write_ball_velocities
 from .colouring import colour_contacts, order_by_colour
 from .pairs import in_pairs
 from .piece_tasks import update_pieces, write_piece_velocities
-from .team import Team
+from .team import Team, joins_call, leave_call
 
 BALL_LENGTH = 6
 """Number of entries of a ball in v."""
@@ -135,27 +135,29 @@ class ColouredIterates(MomentumState):
         n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ of each batch comes last
         self._claims, self._done = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self._turns = np.zeros((2, sweep.n_batches))
-        self._windows = 0
-        self._is_measured, self._team = False, Team()
-
-    def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps, and compute ξ."""
-        own = self._sweep
-        self._done[0] = 0
-        self._present = self._team.run(
-            own.threads if count else 1,
-            _run_window,
-            (self._sweeps, self._windows),
-            count,
+        self._past, self._momenta = np.zeros(3, dtype=np.int64), np.zeros(3)
+        arguments = (
+            self._past,
+            self._momenta,
             self._stages,
-            own.piece_batches,
-            own.ball_batches,
+            sweep.piece_batches,
+            sweep.ball_batches,
             (self._held, self._scaled, self._change, self._before, self._velocity),
-            (self._momentum, self._delay, self._present),
             self._turns,
             self._claims,
             self._done,
         )
+        self._team = Team(sweep.threads, _run_windows, *arguments)
+        self._alone = Team(1, _run_windows, *arguments)
+        self._windows = 0
+        self._is_measured = False
+
+    def sweep(self, count: int) -> None:
+        """Do ``count`` sweeps, and compute ξ."""
+        self._done[0] = 0
+        self._past[:] = self._sweeps, self._windows, count
+        self._momenta[:] = self._momentum, self._delay, self._present
+        self._present = (self._team if count else self._alone).run()
         self._sweeps += count
         self._windows += 1
         self._is_measured = True
@@ -171,21 +173,32 @@ class ColouredIterates(MomentumState):
         return self._sweep.layout.rows_of(self._velocity[self._sweep.slots])
 
 
+@njit(cache=True, nogil=True)
+def _run_windows(thread, threads, calls, states, *arguments):  # type: ignore[no-untyped-def]
+    """Do the part of a thread in one window in the calling thread, or in each window in others; see ``Team``."""
+    if thread == 0:
+        return _run_window(thread, threads, *arguments)
+    while joins_call(calls, states, thread):
+        _run_window(thread, threads, *arguments)
+        leave_call(states, thread)
+    return 0.0
+
+
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _run_window(  # type: ignore[no-untyped-def]
-    thread, threads, past, count, stages, pieces, balls, arrays, momenta, turns, claims, done
+    thread, threads, past, momenta, stages, pieces, balls, arrays, turns, claims, done
 ):
-    """Do the share of one thread in ``count`` sweeps and ξ; return β of the sweep after these.
+    """Do the share of one thread in a window of sweeps and ξ; return β of the sweep after these.
 
     One of ``pieces`` and ``balls`` is None. Λ, v, the last change of Λ, v before the last sweep and ξ are in
-    ``arrays``. ``past`` holds the numbers of earlier sweeps and windows, and ``momenta`` the bound and delay of
-    ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each batch in the product that is positive if
-    the iterates turn back (``iteration.momentum``), for even and odd sweeps. ``claims`` counts how often each task was
-    claimed, and ``done`` the completed tasks of the window.
+    ``arrays``. ``past`` holds the numbers of earlier sweeps and windows and of sweeps in this window, and ``momenta``
+    the bound and delay of ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each batch in the
+    product that is positive if the iterates turn back (``iteration.momentum``), for even and odd sweeps. ``claims``
+    counts how often each task was claimed, and ``done`` the completed tasks of the window.
     """
-    sweeps, windows = past
+    sweeps, windows, count = past[0], past[1], past[2]
     held, scaled, change, before, velocity = arrays
-    momentum, delay, present = momenta
+    momentum, delay, present = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
         length = len(pieces[0])

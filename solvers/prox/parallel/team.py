@@ -1,8 +1,14 @@
 """Run one compiled kernel in several threads, including the calling one.
 
-The kernels release the global interpreter lock. The other threads start when they are first needed, wait without using
-a core, and end with the team. No thread outlives a solve, and no threading library is required. The threads claim tasks
-one by one (``atomic``), so a thread that is late or preempted delays the others by at most one task.
+The kernels release the global interpreter lock. The other threads start when they are first needed. After their part of
+a call, they wait in compiled code for the next one, because waking a thread takes up to half a millisecond on virtual
+cores, as long as ten sweeps. If no call follows within a millisecond, they wait without using a core. No thread
+outlives a solve, and no threading library is required. The threads claim tasks one by one (``atomic``), so a thread
+that is late or preempted delays the others by at most one task.
+
+Calls are numbered from 1. The state of a thread is 2k between calls k and k + 1, 2k + 1 during call k, and ``AWAY`` if
+it takes no further part until it is started again. Only the thread itself begins and ends its part. At the end of a
+call, the calling thread waits for threads within the call, and sends those away that have not begun.
 """
 
 import _thread
@@ -10,8 +16,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+from numba import njit
+
+from ....problems.arrays import IntArray
 from ...iteration.cores import thread_requirement, usable_cores
 from ...iteration.method import check_option
+from .atomic import SPINS_BEFORE_YIELD, add, read, swap_if_equal, yield_core
+
+AWAY = -1
+"""State of a thread that does not wait for calls."""
+
+YIELDS_BEFORE_LEAVING = 2000
+"""Number of times that a waiting thread yields its core, about a millisecond in all, before it leaves."""
 
 
 def check_threads(threads: int) -> None:
@@ -22,66 +39,139 @@ def check_threads(threads: int) -> None:
 
 
 class _Member:
-    """A thread that runs calls one by one, until a call is None."""
+    """A thread that runs functions one by one, until one is None."""
 
     def __init__(self) -> None:
-        self.call: Callable[[], Any] | None = None
-        self.error: BaseException | None = None
+        self.function: Callable[[], Any] | None = None
+        self._is_idle = True
         self._begin, self._end = _thread.allocate_lock(), _thread.allocate_lock()
         self._begin.acquire()
         self._end.acquire()
         _thread.start_new_thread(self._run, ())
 
-    def begin(self, call: Callable[[], Any] | None) -> None:
-        """Run ``call`` in the thread, or end the thread if ``call`` is None."""
-        self.call = call
+    def begin(self, function: Callable[[], Any] | None) -> None:
+        """Run ``function`` in the thread, which must be idle, or end the thread if ``function`` is None."""
+        self.function, self._is_idle = function, False
         self._begin.release()
 
-    def wait(self) -> None:
-        """Wait until the call is done, or the thread has ended."""
-        self._end.acquire()
+    def is_idle(self, wait: bool = False) -> bool:
+        """Return whether the last function has ended; ``wait`` waits for its end."""
+        self._is_idle = self._is_idle or self._end.acquire(wait)
+        return self._is_idle
 
     def _run(self) -> None:
         while True:
             self._begin.acquire()
-            call, self.call, self.error = self.call, None, None
+            function, self.function = self.function, None
             try:
-                if call is None:
+                if function is None:
                     return
-                call()
-            except BaseException as error:  # the calling thread raises it
-                self.error = error
+                function()
             finally:
                 self._end.release()
 
 
 class Team:
-    """Threads that run a kernel together. They end when the team is deleted."""
+    """Threads that run ``kernel(number, threads, calls, states, *arguments)`` together; they end when it is deleted.
 
-    def __init__(self) -> None:
+    The kernel does its part of one call in the calling thread, which has number 0. In the others, it does so for as
+    long as ``joins_call`` returns True, and calls ``leave_call`` after each part.
+    """
+
+    def __init__(self, threads: int, kernel: Callable[..., Any], *arguments: Any) -> None:
+        self._calls, self._states = np.zeros(1, dtype=np.int64), np.full(threads, AWAY, dtype=np.int64)
         self._members: list[_Member] = []
+        self._errors: list[BaseException] = []
+        self._kernel = kernel
+        self._arguments = threads, self._calls, self._states, *arguments
 
-    def run(self, threads: int, kernel: Callable[..., Any], *arguments: Any) -> Any:
-        """Run ``kernel(number, threads, *arguments)`` in each thread, and return the result of thread 0.
+    def run(self) -> Any:
+        """Run the kernel in each thread, and return the result of thread 0.
 
-        Wait for all threads, and raise the error of the calling thread, or else the first one of the other threads.
+        Raise the error of the calling thread, or else one of the other threads.
         """
-        while len(self._members) < threads - 1:
+        while len(self._members) < len(self._states) - 1:
             self._members.append(_Member())
-        helpers = self._members[: threads - 1]
-        for number, member in enumerate(helpers, start=1):
-            member.begin(partial(kernel, number, threads, *arguments))
+        for number, member in enumerate(self._members, start=1):
+            if self._states[number] == AWAY and member.is_idle():
+                self._states[number] = 2 * self._calls[0]
+                part = partial(_take_part, number, self._states, self._errors, self._kernel, *self._arguments)
+                member.begin(part)
+        _begin_call(self._calls)
         try:
-            result = kernel(0, threads, *arguments)
+            result = self._kernel(0, *self._arguments)
         finally:
-            for member in helpers:
-                member.wait()
-        for member in helpers:
-            if member.error is not None:
-                raise member.error
+            _end_call(self._calls, self._states)
+        if self._errors:
+            raise self._errors.pop()
         return result
 
     def __del__(self) -> None:
+        _send_away(self._states)
         for member in self._members:
+            member.is_idle(wait=True)
             member.begin(None)
-            member.wait()
+            member.is_idle(wait=True)
+
+
+def _take_part(
+    number: int, states: IntArray, errors: list[BaseException], kernel: Callable[..., Any], *arguments: Any
+) -> None:
+    """Run the kernel in a thread until it leaves; without a reference to the team, whose deletion ends the thread."""
+    try:
+        kernel(number, *arguments)
+    except BaseException as error:  # the calling thread raises it
+        errors.append(error)
+    finally:
+        states[number] = AWAY
+
+
+@njit(cache=True, nogil=True)
+def joins_call(calls, states, thread):  # type: ignore[no-untyped-def]
+    """Wait for the next call and return True, or return False if the thread is to leave the kernel."""
+    state, spins = read(states, thread), 0
+    while spins < SPINS_BEFORE_YIELD + YIELDS_BEFORE_LEAVING:
+        if state == AWAY or read(states, thread) != state:
+            return False
+        if 2 * read(calls, 0) > state:
+            return swap_if_equal(states, thread, state, state + 3)
+        spins += 1
+        if spins > SPINS_BEFORE_YIELD:
+            yield_core()
+    swap_if_equal(states, thread, state, AWAY)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def leave_call(states, thread):  # type: ignore[no-untyped-def]
+    """End the part of a thread in a call."""
+    add(states, thread, -1)
+
+
+@njit(cache=True, nogil=True)
+def _begin_call(calls):  # type: ignore[no-untyped-def]
+    add(calls, 0, 1)
+
+
+@njit(cache=True, nogil=True)
+def _end_call(calls, states):  # type: ignore[no-untyped-def]
+    """Wait until no thread is in the call, and send threads away that have not begun their part."""
+    within = 2 * calls[0] + 1
+    for thread in range(1, len(states)):
+        state, spins = read(states, thread), 0
+        while state != within - 1 and state != AWAY:
+            if state != within:
+                swap_if_equal(states, thread, state, AWAY)
+            spins += 1
+            if spins > SPINS_BEFORE_YIELD:
+                yield_core()
+            state = read(states, thread)
+
+
+@njit(cache=True, nogil=True)
+def _send_away(states):  # type: ignore[no-untyped-def]
+    """Send all threads away, none of which is in a call."""
+    for thread in range(1, len(states)):
+        state = read(states, thread)
+        while state != AWAY and not swap_if_equal(states, thread, state, AWAY):
+            state = read(states, thread)

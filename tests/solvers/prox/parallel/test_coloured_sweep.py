@@ -1,5 +1,6 @@
 """Sweeps by colour are Gauss–Seidel sweeps in another order, bitwise equal for any number of threads."""
 
+import time
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.prox import coloured_sorprox
 from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
-from proxbench.solvers.prox.parallel.team import Team
+from proxbench.solvers.prox.parallel.team import Team, _Member
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
@@ -50,9 +51,9 @@ def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, m
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     run = Team.run
 
-    def counted(team: Team, threads: int, *arguments: Any) -> Any:
-        used.append(threads)
-        return run(team, threads, *arguments)
+    def counted(team: Team) -> Any:
+        used.append(len(team._states))
+        return run(team)
 
     monkeypatch.setattr(Team, "run", counted)
     problem = problem_of(name)
@@ -89,15 +90,29 @@ def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None
 
 
 @pytest.mark.parametrize("name", ["funnel-300", "balls"])
-@pytest.mark.parametrize("absent", [1, 2])
-def test_threads_that_never_come_change_no_bit(name: str, absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Running threads take over the tasks of a thread that has not started."""
+@pytest.mark.parametrize("patience", [None, 0, 2000])
+def test_threads_that_come_late_or_never_change_no_bit(
+    name: str, patience: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Running threads take over the tasks of threads that never start, or leave after each window."""
     problem, threads = problem_of(name), 3
     alone = swept(problem, 1, 0.65)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
-    monkeypatch.setattr(Team, "run", lambda self, _, kernel, *rest: kernel(absent, threads, *rest))
-    assert swept(problem, threads, 0.65) == alone
+    if patience is None:
+        monkeypatch.setattr(_Member, "begin", lambda self, function: None)
+        monkeypatch.setattr(_Member, "is_idle", lambda self, wait=False: True)
+        assert swept(problem, threads, 0.65) == alone
+        return
+    run = Team.run
+
+    def late(team: Team) -> Any:
+        time.sleep(1e-6 * patience)
+        return run(team)
+
+    monkeypatch.setattr(Team, "run", late)
+    for _ in range(10):
+        assert swept(problem, threads, 0.65) == alone
 
 
 @pytest.mark.parametrize(

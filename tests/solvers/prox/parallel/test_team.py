@@ -1,50 +1,112 @@
-"""A team runs a kernel once in each of its threads, and leaves no thread behind."""
+"""A team runs a kernel in each of its threads, and leaves no thread behind."""
 
 import _thread
 import os
-import threading
+import time
 from typing import Any
 
+import numpy as np
 import pytest
+from numba import njit
 from proxbench.problems import load
 from proxbench.solvers import SolverError, Stop, create
 from proxbench.solvers.prox.parallel import coloured_sweep
-from proxbench.solvers.prox.parallel.team import Team
+from proxbench.solvers.prox.parallel.atomic import add, wait_for
+from proxbench.solvers.prox.parallel.team import AWAY, Team, _Member, joins_call, leave_call
+
+
+@njit(nogil=True)
+def _count_parts(number, threads, calls, states, parts, starts):  # type: ignore[no-untyped-def]
+    """Count the calls in which a thread takes part, and how often it is started; thread 0 waits for all others."""
+    add(starts, number, 1)
+    if number == 0:
+        add(parts, 0, 1)
+        for other in range(1, threads):
+            wait_for(parts, other, parts[0])
+        return parts[0]
+    while joins_call(calls, states, number):
+        add(parts, number, 1)
+        leave_call(states, number)
+    return 0
+
+
+@njit(nogil=True)
+def _count_alone(number, threads, calls, states, parts):  # type: ignore[no-untyped-def]
+    """Count the calls in which a thread takes part, without waiting for others."""
+    if number == 0:
+        return add(parts, 0, 1)
+    while joins_call(calls, states, number):
+        add(parts, number, 1)
+        leave_call(states, number)
+    return 0
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
-def test_each_thread_runs_the_kernel_with_its_own_number(threads: int) -> None:
-    before, meeting = _thread._count(), threading.Barrier(threads)
-    numbers = []
-
-    def kernel(number: int, of: int, word: str) -> tuple[int, str]:
-        meeting.wait(30.0)  # all threads at the same time
-        numbers.append((number, of))
-        return number, word
-
-    team = Team()
-    for _ in range(3):
-        numbers.clear()
-        assert team.run(threads, kernel, "word") == (0, "word")
-        assert sorted(numbers) == [(number, threads) for number in range(threads)]
+def test_each_thread_takes_part_in_each_call(threads: int) -> None:
+    before = _thread._count()
+    parts, starts = np.zeros((2, threads), dtype=np.int64)
+    _count_parts(0, 1, parts[:1], parts[:1], parts.copy(), starts.copy())  # compiled here
+    team = Team(threads, _count_parts, parts, starts)
+    for call in range(1, 4):
+        assert team.run() == call
+        assert parts.tolist() == [call] * threads
+    assert starts.max() <= 3  # a thread that has left in between starts again
     assert _thread._count() == before + threads - 1
     del team
     assert _thread._count() == before
 
 
+def test_a_thread_that_has_left_takes_part_again() -> None:
+    parts, starts = np.zeros((2, 2), dtype=np.int64)
+    team = Team(2, _count_parts, parts, starts)
+    team.run()
+    deadline = time.monotonic() + 30.0
+    while team._states[1] != AWAY:  # it leaves after a millisecond
+        assert time.monotonic() < deadline
+        time.sleep(1e-3)
+    time.sleep(0.05)
+    assert team.run() == 2
+    assert starts[1] == 2
+
+
+def test_a_call_does_not_wait_for_a_thread_that_has_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such a thread is sent away, so that it cannot begin its part after the call."""
+    parts = np.zeros(2, dtype=np.int64)
+    begun: list[Any] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(_Member, "begin", lambda self, function: begun.append((self, function)))
+        team = Team(2, _count_alone, parts)
+        team.run()
+        assert team._states[1] == AWAY
+    for member, function in begun:
+        member.begin(function)
+    team.run()
+    del team
+    assert parts[0] == 2
+    assert parts[1] <= 1
+
+
 @pytest.mark.parametrize("failing", [0, 2])
 def test_a_kernel_that_raises_in_any_thread_raises_each_time_and_leaves_no_thread_running(failing: int) -> None:
     before = _thread._count()
+    fails = [True]
 
-    def fail(number: int, of: int) -> None:
-        if number == failing:
+    def kernel(number: int, threads: int, calls: Any, states: Any) -> None:
+        if fails[0] and number == failing:
             raise ArithmeticError
+        if number == 0:
+            deadline = time.monotonic() + 30.0
+            while (states[1:] != AWAY).any() and time.monotonic() < deadline:  # others end before the call does
+                time.sleep(1e-3)
 
-    team = Team()
+    team = Team(3, kernel)
     for _ in range(2):
         with pytest.raises(ArithmeticError):
-            team.run(3, fail)
-    assert team.run(3, lambda number, of: number) == 0
+            team.run()
+        for member in team._members:
+            member.is_idle(wait=True)
+    fails[0] = False
+    team.run()
     del team
     assert _thread._count() == before
 
@@ -85,6 +147,6 @@ def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(Team, "run", counted)
     prepared = create("ColouredSORprox", threads=2).prepare(load("funnel-300"))
     for _ in range(3):
-        prepared.solve(Stop(1e-2))
+        prepared.solve(Stop(1e-8))
         assert _thread._count() == before
     assert max(during) == before + 1
