@@ -289,18 +289,18 @@ class Integration:
         """Record the changes of contact states as events."""
         state, nothing = self._state(), np.zeros(self.width)
 
-        def note(law: LawName, i: int, before: LawState, after: LawState, strokes: FloatArray) -> None:
+        def add_event(law: LawName, i: int, before: LawState, after: LawState, strokes: FloatArray) -> None:
             self.events.append(Event(self.time, law, i, before, after, state, strokes))
 
         for i in range(len(modes.closed)):
             was, now = bool(self.modes.closed[i]), bool(modes.closed[i])
             if hitting[i] and impulses is not None:
-                note("unilateral", i, "open", "closed", impulses[i])
+                add_event("unilateral", i, "open", "closed", impulses[i])
             if (was or hitting[i]) and not now:
-                note("unilateral", i, "closed", "open", nothing)
+                add_event("unilateral", i, "closed", "open", nothing)
             if was and now and self.width == 2 and self.modes.sticks(i) != modes.sticks(i):
                 friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
-                note("friction", i, *friction, nothing)
+                add_event("friction", i, *friction, nothing)
 
     def _check_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
         """Raise ``AccumulationError`` if flights become shorter than the resolution."""

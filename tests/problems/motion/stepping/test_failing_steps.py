@@ -54,12 +54,12 @@ def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pyte
     """Such a step cannot be shortened. One attempt has found the switch; a second one is made to accept the step."""
     taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
 
-    def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:
+    def fail_once(counter: StepCounter, state: State, length: float, inelastic: tuple[int, ...] = ()) -> Any:
         taken.append((state, length))
         if taken[-2][0] is state and taken[-2][1] == length and len(failed) < 1:
             failed.append(state)
             raise UnsolvedStepError(str(Status.ITERATION_LIMIT))
-        return take(counter, state, length, held)
+        return take(counter, state, length, inelastic)
 
     failed: list[State] = []
     monkeypatch.setattr(StepCounter, "take", fail_once)
