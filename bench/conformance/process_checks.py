@@ -18,7 +18,7 @@ WAIT_SECONDS = 1.0
 
 
 def has_no_side_effects(solver: Solver) -> None:
-    """The solver replaces no functions of other modules, changes no settings, and ends its threads and processes."""
+    """The solver replaces no functions of other modules, restores settings, and ends its threads and processes."""
     problems = supported(solver)
     before, others = ProcessState.now(), _n_running()
     for problem in problems:

@@ -27,7 +27,7 @@ MAX_ROWS = 400 if IS_FULL else 4
 
 ONE_BY_ONE = (
     "finite",
-    "inputs untouched",
+    "inputs unchanged",
     "deterministic",
     "truthful",
     "observed",
