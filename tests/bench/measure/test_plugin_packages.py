@@ -199,7 +199,7 @@ def check_errors(proxbench: Command, results: Path) -> None:
         f"{one} offers the solver 'Same', and {two} offers the same name; rename or remove one of them."
     )
     assert "which fails to import: ModuleNotFoundError: No module named 'no_such_module'" in errors[("Gone", two)]
-    assert errors[("Text", two)].startswith(f"solver Text of {two} is a str; offer the class")
+    assert errors[("Text", two)].startswith(f"solver Text of {two} is a str; provide the class")
     assert sum(row["name"] == "SORprox" and not row["error"] for row in rows) == 1
     for name in ("Same", "Gone", "Text"):
         done = proxbench("run", "--solver", name, "--output", str(results))
