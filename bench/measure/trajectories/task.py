@@ -12,7 +12,7 @@ from ....problems.errors import ProxbenchError
 from ....problems.exchange.plugins.scenes import build_plugin_scene, plugin_scene
 from ....problems.motion.scenes.registry import make_scene, parse_scene
 from ....problems.motion.scenes.scene import Scene
-from ....problems.motion.stepping.step import AcceptedStep
+from ....problems.motion.stepping.step import NOT_FINITE, AcceptedStep
 from ....problems.motion.trajectories.pour import MotionRecorder
 from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
@@ -113,7 +113,7 @@ class TrajectoryTask:
             if solves > most:
                 status, reason = Status.ITERATION_LIMIT, f"given up after {most} one-step solves, {at}"
         elif status is Status.SOLVED and not np.isfinite(list(values.values())).all():
-            status, reason = Status.DIVERGED, "the motion is no longer finite"
+            status, reason = Status.DIVERGED, NOT_FINITE
         return {
             "status": status.value,
             "iterations": int(simulation.steps["solves"].sum()),

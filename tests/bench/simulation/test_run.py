@@ -171,6 +171,7 @@ def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
     assert f"step {kept.n_steps + 1}, from t = {kept.state.time:.6g} s, failed with Misled" in message
     assert str(file) in message
     assert "\n" not in message
+    assert message.endswith("--stepper … --solver …" if how == "nan" else f"--resume {file} --solver …")
     assert 0 < (kept.steps["contacts"] > 0).sum() < WELL
     assert kept.ending is Ending.FAILED
     assert kept.failure is not None
