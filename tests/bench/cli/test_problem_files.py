@@ -220,3 +220,14 @@ def test_info_shows_the_residual_of_stored_impulses(tmp_path: Path, capsys: Capt
     np.savez(tmp_path / "p.npz", **arrays, impulses=np.array([0.5, 0.0, 0.0]))
     assert run_command(["info", str(tmp_path / "p.npz")]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[-2] == "5.0e-01"
+
+
+def test_quiet_commands_print_only_the_paths_of_their_files(tmp_path: Path, capsys: Capture) -> None:
+    problem, exported = tmp_path / "made" / "funnel-30.npz", tmp_path / "hard.json"
+    assert run_command(["generate", "funnel-30", "--output", str(problem.parent), "--quiet"]) == 0
+    assert capsys.readouterr() == (f"{problem}\n", "")
+    assert run_command(["export", "json", "hard-groove", "--output", str(exported), "--quiet"]) == 0
+    assert capsys.readouterr() == (f"{exported}\n", "")
+    imported = tmp_path / "copy.npz"
+    assert run_command(["import", "plain", str(problem), "--output", str(imported), "--quiet"]) == 0
+    assert capsys.readouterr() == (f"{imported}\n", "")
