@@ -104,7 +104,7 @@ SOLVERS = [
 
 
 @pytest.mark.parametrize("name", SOLVERS)
-def test_a_case_is_met_as_the_small_problems_are(name: str, case: str) -> None:
+def test_hard_cases_pass_the_checks_of_small_problems(name: str, case: str) -> None:
     solver = create(name)
     if name in FOR_COMPARISON and case not in DAILY and not IS_FULL:
         pytest.skip("PROXBENCH_PROFILE=full runs it")

@@ -97,7 +97,7 @@ def test_import_keeps_the_places_of_a_folder_and_lists_what_is_broken(
 
 
 @pytest.mark.slow
-def test_export_and_import_go_round_and_a_run_takes_the_file(tmp_path: Path, capsys: Capture) -> None:
+def test_exported_problem_can_be_imported_and_run(tmp_path: Path, capsys: Capture) -> None:
     there, back = tmp_path / "there.hdf5", tmp_path / "back.npz"
     assert run_command(["export", "fclib", "hard-sticking-box", "--output", str(there)]) == 0
     assert run_command(["import", "fclib", str(there), "--output", str(back)]) == 0
@@ -210,7 +210,7 @@ def test_a_file_of_rigid_bodies_that_is_named_plain_gets_the_name_of_its_format(
     assert error.endswith("velocity, as in the format 'bodies'.\n")
 
 
-def test_a_problem_goes_round_through_json(tmp_path: Path) -> None:
+def test_problem_round_trips_through_json(tmp_path: Path) -> None:
     assert run_command(f"export json funnel-30 --output {tmp_path}".split()) == 0
     assert load(tmp_path / "funnel-30.json").digest == load("funnel-30").digest
 

@@ -79,7 +79,7 @@ def test_modules_that_are_loaded_later_are_no_change(new_module: str) -> None:
     assert before.replaced() == []
 
 
-def test_what_libraries_change_as_they_are_imported_is_accepted_only_with_an_import(new_module: str) -> None:
+def test_changes_of_process_state_by_imports_are_accepted(new_module: str) -> None:
     before, errors = ProcessState.now(), np.geterr()
     try:
         with warnings.catch_warnings():
@@ -103,7 +103,7 @@ def test_what_libraries_change_as_they_are_imported_is_accepted_only_with_an_imp
         ("numpy's global random state", lambda: np.random.seed(1), lambda _: None),  # noqa: NPY002
     ],
 )
-def test_what_a_process_has_one_of_is_named_where_it_has_changed(
+def test_changed_process_settings_are_named(
     what: str, change: Callable[[], Any], restore: Callable[[str], Any]
 ) -> None:
     folder = os.getcwd()

@@ -26,7 +26,7 @@ def test_every_core_is_claimed_once_and_again_when_it_is_released() -> None:
     assert MeasuringCore.claim().number == cores[0].number
 
 
-def test_a_process_is_pinned_and_it_shows_if_it_leaves() -> None:
+def test_leaving_the_pinned_core_is_detected() -> None:
     core = MeasuringCore.claim()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         core.pin(process.pid)
@@ -49,7 +49,7 @@ def test_a_process_of_several_threads_gets_further_cores() -> None:
         process.communicate(b"\n")
 
 
-def test_this_process_is_back_on_all_cores_afterwards() -> None:
+def test_pinning_is_undone_afterwards() -> None:
     core, before = MeasuringCore.claim(), os.sched_getaffinity(0)
     with core.occupied():
         assert os.sched_getaffinity(0) == {core.number}

@@ -150,7 +150,7 @@ def test_options_out_of_range_are_named(options: dict[str, Any], what: str) -> N
 
 
 @pytest.mark.parametrize("until", [-1.0, np.inf, np.nan])
-def test_an_end_before_the_start_or_never_is_named(until: float) -> None:
+def test_end_before_start_or_infinite_is_rejected(until: float) -> None:
     with pytest.raises(ProblemError, match=f"until = {until} s must be finite and after the start at 0.0 s"):
         steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), until)
 

@@ -40,7 +40,7 @@ def anticipating(monkeypatch: pytest.MonkeyPatch, due: float | None, doubt: floa
     return Anticipating(BouncingBall().system(), MIN_STEP, MAX_STEP)
 
 
-def test_margins_that_are_wrong_for_ever_do_not_make_the_motion_creep(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_persistently_wrong_margins_do_not_shorten_all_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A few minimal steps are tried at the expected switch; then steps double up to the requested length."""
     search = anticipating(monkeypatch, None)
     lengths = [search.limited_length(0.0, MAX_STEP) for _ in range(30)]
@@ -60,7 +60,7 @@ def test_a_step_ends_just_before_a_switch_that_is_announced(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(("doubt", "way"), [(0.0, 1.0), (0.1, 0.8), (0.34, 0.32), (0.36, 0.5), (10.0, 0.5)])
-def test_the_more_a_switch_is_in_doubt_the_more_of_the_way_is_left_but_half_of_it_is_gone(
+def test_uncertain_switch_shortens_the_step_by_at_most_half(
     doubt: float, way: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search = anticipating(monkeypatch, 1.0, doubt * 0.9 * MAX_STEP)
@@ -100,7 +100,7 @@ def test_nested_intervals_halve_a_step_and_keep_it_until_the_switch_is_passed() 
     assert search.length_after_step(1.005, 4e-3, 1.0) == 8e-3
 
 
-def test_an_alarm_after_nothing_was_in_sight_is_a_new_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_switch_after_none_was_announced_starts_a_new_search(monkeypatch: pytest.MonkeyPatch) -> None:
     margins = Announced(None)
     monkeypatch.setattr(switch_search, "Margins", lambda system, horizon: margins)
     search = Anticipating(BouncingBall().system(), MIN_STEP, MAX_STEP)
@@ -172,7 +172,7 @@ def test_a_gap_that_grows_or_is_constant_announces_nothing() -> None:
     assert margins.next_switch(TIMES[-1]) == (np.inf, np.inf)
 
 
-def test_a_root_that_is_passed_is_none() -> None:
+def test_past_roots_are_ignored() -> None:
     """t ↦ (t - 1)(t - 2) falls through zero at 1 and rises at 2."""
     margins = Margins(falling(lambda position: position), 10.0)
     recorded(margins, lambda time: [(time - 1.0) * (time - 2.0), 9.0], TIMES)

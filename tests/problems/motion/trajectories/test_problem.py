@@ -45,7 +45,7 @@ def test_the_error_of_neighbours_is_their_median_from_the_least_to_the_largest()
     assert (found.error, found.low, found.high) == pytest.approx((1e-4, 1e-5, 1e-3), rel=1e-9)
 
 
-def test_no_member_has_no_error() -> None:
+def test_study_without_members_has_no_error_estimates() -> None:
     assert LimitCycle(LIMIT_CYCLE, 3).estimates({}) == {}
 
 

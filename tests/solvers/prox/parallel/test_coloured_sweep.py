@@ -90,7 +90,7 @@ def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None
 
 @pytest.mark.parametrize("name", ["funnel-300", "balls"])
 @pytest.mark.parametrize("absent", [1, 2])
-def test_threads_that_never_come_change_no_bit(name: str, absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_threads_do_not_change_the_result(name: str, absent: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Running threads take over the tasks of a thread that has not started."""
     problem, threads = problem_of(name), 3
     alone = swept(problem, 1, 0.65)
