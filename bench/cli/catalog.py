@@ -23,7 +23,7 @@ def list_names(
     if as_json:
         print_json(rows)
     else:
-        print_listing(rows, in_full=bool(name))
+        print_listing(rows, with_options=bool(name))
 
 
 def generate(

@@ -25,7 +25,7 @@ def has_no_side_effects(solver: Solver) -> None:
         solver.prepare(problem).solve(STOP)
     if fault := replacement_text(before):
         raise Violation(f"{fault}.")
-    if changed := before.changed():
+    if changed := before.changed_settings():
         raise Violation(f"it changed {_join_words(changed)}; restore global state before solve returns.")
     deadline = time.monotonic() + WAIT_SECONDS
     while _n_running() > others and time.monotonic() < deadline:

@@ -247,7 +247,7 @@ class Measurement:
         raise_fault(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
 
     def _check_unchanged(self) -> None:
-        changed = self.before.changed_for_timing()
+        changed = self.before.changed_timing_settings()
         raise_fault(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
 

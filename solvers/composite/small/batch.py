@@ -12,7 +12,7 @@ from ....problems.contact.matrices.accurate import write_accurate_over_factors, 
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED, write_squared_violations
 from ...iteration.stopping import MAX_CHECK_INTERVAL
 from ..sweep_selection import ROWS_PER_CHECK
-from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
+from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
 from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
 
 NOT_SOLVED = 0
@@ -132,7 +132,7 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
 def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
     """Sweep from zero; return the outcome and the number of sweeps."""
     coupling, stuck, scale, starts, lanes, store = prepared
-    if coupling == OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
+    if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return NOT_SOLVED, 0
     between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free))) if coupling == COUPLED else 1
     arguments = (starts, lanes, store, scale, free, *laws, tolerance, max_iterations, between_checks, impulses)

@@ -176,7 +176,7 @@ def test_a_source_that_does_not_agree_is_refused_and_nothing_is_written(honest: 
     cases = [replace(case, digest="0" * 64) if case.problem == "hard-groove" else case for case in honest.cases]
     odd = tmp_path / "odd.bundle"
     write_bundle(dataclasses.replace(honest, cases=cases), odd)
-    with pytest.raises(BenchError, match=r"odd.bundle is refused: .* \(and 3 more cases\)"):
+    with pytest.raises(BenchError, match=r"odd.bundle is rejected: .* \(and 3 more cases\)"):
         merge(odd, tmp_path / "results", "it")
     assert not (tmp_path / "results").exists()
 
