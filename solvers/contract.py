@@ -46,7 +46,7 @@ def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -
         raise PluginError(f"{head} cannot be created: {first_line(error)}{raised_at(error)}.") from None
     fault = form_fault(solver) or _name_fault(solver, name, factory, options)
     if fault:
-        raise PluginError(f"{head} breaks the contract: {fault}.")
+        raise PluginError(f"{head} does not implement the solver interface: {fault}.")
     made: Solver = solver
     return made
 
@@ -55,11 +55,11 @@ def check_factory(name: str, source: str, factory: Any) -> None:
     """Raise ``PluginError`` unless ``factory`` can be called without options."""
     head = f"solver {name} of {source}"
     if not callable(factory):
-        raise PluginError(f"{head} is {_with_article(factory)}; offer the class of the solver, not {factory!r:.60}.")
+        raise PluginError(f"{head} is {_with_article(factory)}; provide the class of the solver, not {factory!r:.60}.")
     try:
         parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
-        raise PluginError(f"{head} has options that cannot be inspected; offer a class or a function.") from None
+        raise PluginError(f"{head} has options that cannot be inspected; provide a class or a function.") from None
     for option in parameters:
         if option.kind not in (option.POSITIONAL_OR_KEYWORD, option.KEYWORD_ONLY):
             raise PluginError(f"{head} takes {option}; give every option a name, so that results can show it.")
@@ -152,7 +152,7 @@ def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: di
     """Return why the solver cannot be recreated from its name, or None; results identify solvers by their names."""
     plain, _, written_options = solver.name.partition("(")
     if plain != name:
-        return f"its name is {solver.name!r}, but must begin with {name!r}, the name that the plugin offers"
+        return f"its name is {solver.name!r}, but must begin with {name!r}, its name in the plugin"
     for option, parameter in inspect.signature(factory).parameters.items():
         differs = option in options and options[option] != parameter.default
         if differs and f"{option}=" not in written_options:

@@ -143,7 +143,8 @@ def create(name: str, **options: Any) -> Solver:
     Raises:
         SolverError: if a name or an option is unknown (the message suggests the nearest one), an option is out of
             range, or the parts are unsuitable.
-        PluginError: if the plugin that offers the name cannot be imported, or its solver breaks the contract.
+        PluginError: if the plugin that offers the name cannot be imported, or its solver does not implement the
+            interface.
     """
     written = parse(name)
     return _make(Name(written.plain, {**written.options, **options}, written.parts))
@@ -284,7 +285,7 @@ def solve(
         limits: ``max_iterations`` and ``max_seconds``.
 
     Raises:
-        SolverError: if the solver, an option or a limit is unknown, ``solver`` breaks the contract of solvers, or
+        SolverError: if the solver, an option or a limit is unknown, ``solver`` does not implement the interface, or
             ``problem`` is not a contact problem, a name or a path.
         ProblemError: from ``load``.
     """
@@ -314,8 +315,8 @@ def solve(
 
 
 def _check_contract(solver: object, fault: str | None) -> None:
-    """Raise ``SolverError`` if a solver breaks the contract."""
+    """Raise ``SolverError`` if a solver does not implement the solver interface."""
     if isinstance(solver, type):
         raise SolverError(f"the solver {solver.__name__} is a class; pass an instance, {solver.__name__}().")
     if fault is not None:
-        raise SolverError(f"the solver {type(solver).__name__} breaks the contract: {fault}.")
+        raise SolverError(f"the solver {type(solver).__name__} does not implement the solver interface: {fault}.")

@@ -23,7 +23,7 @@ def list_names(
     if as_json:
         print_json(rows)
     else:
-        print_listing(rows, in_full=bool(name))
+        print_listing(rows, with_options=bool(name))
 
 
 def generate(
@@ -35,6 +35,7 @@ def generate(
         Path | None, options.output(metavar="FOLDER", help="Folder for the files; the cache by default.")
     ] = None,
     plugin: options.PluginFiles = None,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
     """Generate problems from their scenes.
@@ -49,6 +50,7 @@ def generate(
     from ..simulation.generation.generate import generate as generate_problems
     from .exchange.problem_files import print_files
 
+    options.check_output_options(quiet, as_json)
     chosen = list(names or [])
     if suite:
         chosen += [name for name in suite_members(suite) if name not in HARD_CASES and name not in chosen]
@@ -60,4 +62,4 @@ def generate(
     if as_json:
         print_json(digests)
     else:
-        print_files(digests)
+        print_files(digests, quiet)

@@ -24,7 +24,7 @@ from ..report.layout.text import counted, output_width
 KINDS = ("solvers", "suites", "scenes", "problems")
 """Kinds of entries that can be listed."""
 
-SHOWN_MEMBERS = 4
+MAX_SHOWN_MEMBERS = 4
 """Number of members of a suite that a summary names."""
 
 Row = dict[str, Any]
@@ -36,13 +36,13 @@ NOT_GENERATED = "not generated yet"
 """Entry of a problem whose numbers are neither in the package nor in the cache folder."""
 
 
-def listing_rows(what: str = "", suite: str = "", name: str = "", has_sizes: bool = True) -> dict[str, list[Row]]:
+def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: bool = True) -> dict[str, list[Row]]:
     """Return a row for each solver, suite, problem and scene, or for those of one kind.
 
     The row of an unusable entry contains the reason as "error".
 
     Args:
-        what: one of ``KINDS``; all kinds if empty.
+        kind: one of ``KINDS``; all kinds if empty.
         suite: suite whose problems to list; all problems if empty.
         name: single solver, suite, problem or scene to list, with or without options; all if empty.
         has_sizes: add the sizes and laws of problems; generated problems and those of plugins are loaded for them.
@@ -51,20 +51,20 @@ def listing_rows(what: str = "", suite: str = "", name: str = "", has_sizes: boo
         BenchError: for an unknown kind or name, with the nearest one, or a suite with a kind other than problems.
         ProblemError: for an unknown suite.
     """
-    if what and what not in KINDS:
-        raise BenchError(f"there is no kind {what!r} to list{suggestion(what, KINDS)}")
+    if kind and kind not in KINDS:
+        raise BenchError(f"there is no kind {kind!r} to list{suggestion(kind, KINDS)}")
     if name:
-        rows = listing_rows(what, suite)[what]
+        rows = listing_rows(kind, suite)[kind]
         chosen = [row for row in rows if row["name"] == name.partition("(")[0].strip()]
         if not chosen:
             known = [row["name"] for row in rows]
             raise BenchError(
-                f"there is no {name!r} among the {what}{suggestion(name, known, f'proxbench list {what}')}"
+                f"there is no {name!r} among the {kind}{suggestion(name, known, f'proxbench list {kind}')}"
             )
-        return {what: chosen}
+        return {kind: chosen}
     if suite:
-        if what != "problems":
-            raise BenchError(f"--suite lists problems only; write: proxbench list problems --suite {suite}")
+        if kind != "problems":
+            raise BenchError(f"--suite applies to problems only; use: proxbench list problems --suite {suite}")
         return {"problems": [_standard_problem(name) for name in suite_members(suite)]}
     makers: dict[str, Callable[[], list[Row]]] = {
         "solvers": _solvers,
@@ -72,15 +72,15 @@ def listing_rows(what: str = "", suite: str = "", name: str = "", has_sizes: boo
         "problems": partial(_problems, has_sizes),
         "scenes": _scenes,
     }
-    return {kind: makers[kind]() for kind in KINDS if what in ("", kind)}
+    return {key: makers[key]() for key in KINDS if kind in ("", key)}
 
 
-def print_listing(names: dict[str, list[Row]], in_full: bool = False) -> None:
+def print_listing(names: dict[str, list[Row]], with_options: bool = False) -> None:
     """Print a listing, wrapped to the width of the terminal; problems are counted unless they are the only kind.
 
     Args:
         names: as ``listing_rows`` returns it.
-        in_full: print each option of a built-in scene with its meaning.
+        with_options: print each option of a built-in scene with its meaning.
     """
     for kind, rows in names.items():
         print(kind)
@@ -91,12 +91,12 @@ def print_listing(names: dict[str, list[Row]], in_full: bool = False) -> None:
             _print_rows([(family, counted(len(members), "problem")) for family, members in families.items()])
         else:
             text = {"solvers": _solver_text, "suites": _suite_text, "scenes": _scene_text}[kind]
-            apart = parts() if kind == "solvers" else []
-            _print_rows([(row["name"], text(row)) for row in rows if row["name"] not in apart])
-            if of_robust := [(row["name"], text(row)) for row in rows if row["name"] in apart]:
+            internal = parts() if kind == "solvers" else []
+            _print_rows([(row["name"], text(row)) for row in rows if row["name"] not in internal])
+            if parts_of_robust := [(row["name"], text(row)) for row in rows if row["name"] in internal]:
                 print("\nparts of Robust")
-                _print_rows(of_robust)
-            if in_full and rows[0]["name"] in SCENES and kind == "scenes":
+                _print_rows(parts_of_robust)
+            if with_options and rows[0]["name"] in SCENES and kind == "scenes":
                 print("\noptions")
                 _print_rows(_option_rows(rows[0]["name"]))
         print()
@@ -144,7 +144,7 @@ def _solver_text(row: Row) -> str:
 def _suite_text(row: Row) -> str:
     """Return the number of members of a suite, and the names of a few, evenly spaced."""
     members = row["members"]
-    shown = members[:: -(-len(members) // SHOWN_MEMBERS)]
+    shown = members[:: -(-len(members) // MAX_SHOWN_MEMBERS)]
     return f"{counted(len(members), 'problem')}: {', '.join(shown)}{', …' if len(shown) < len(members) else ''}"
 
 
@@ -179,7 +179,7 @@ def _solvers() -> list[Row]:
     rows += [_row(name, "", partial(_on_device, name)) for name in on_devices()]
     rows += [_row(name, "", partial(_composite, name, example)) for name, example in composites().items()]
     rows += [_row(name, "", partial(_native, example)) for name, example in natives().items()]
-    return rows + [_offered(offer, _plugin_solver) for offer in offers]
+    return rows + [_plugin_row(offer, _plugin_solver) for offer in offers]
 
 
 def _solver(name: str) -> Row:
@@ -211,7 +211,7 @@ def _suites() -> list[Row]:
 
 def _scenes() -> list[Row]:
     rows = [_row(name, "", partial(_scene, name)) for name in SCENES]
-    return rows + [_offered(offer, _plugin_scene) for offer in plugin_scenes()]
+    return rows + [_plugin_row(offer, _plugin_scene) for offer in plugin_scenes()]
 
 
 def _scene(name: str) -> Row:
@@ -231,7 +231,7 @@ def _problems(has_sizes: bool) -> list[Row]:
         rows = [{"name": name, "source": "", "error": ""} for name in names]
         return rows + [{"name": offer.name, "source": offer.source, "error": offer.rejection} for offer in offers]
     rows = [_standard_problem(name) for name in names]
-    return rows + [_offered(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
+    return rows + [_plugin_row(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
 
 
 def _standard_problem(name: str) -> Row:
@@ -250,7 +250,7 @@ def _sizes(summary: ProblemSummary) -> Row:
     return {"available": True, **asdict(summary), "laws": list(summary.laws)}
 
 
-def _offered(offer: Offer, describe: Callable[[Offer], Row]) -> Row:
+def _plugin_row(offer: Offer, describe: Callable[[Offer], Row]) -> Row:
     """Return the row of a solver, problem or scene of a plugin."""
     if offer.rejection:
         return {"name": offer.name, "source": offer.source, "error": offer.rejection}

@@ -99,6 +99,7 @@ INTERRUPTED = 130
 
 app = typer.Typer(
     name="proxbench",
+    cls=options.Group,
     help="Measure numerical solvers for frictional contact: real problems, one judge, time against true accuracy.",
     epilog=options.examples("proxbench", "run", "list solvers", "run -h"),
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -182,4 +183,4 @@ def _root(
 for _topic, _commands in COMMANDS.items():
     for _name, (_function, *_examples) in _commands.items():
         _epilog = options.examples(f"proxbench {_name}", *_examples)
-        app.command(_name, epilog=_epilog, rich_help_panel=_topic)(_function)
+        app.command(_name, cls=options.Command, epilog=_epilog, rich_help_panel=_topic)(_function)

@@ -5,9 +5,10 @@ import sys
 from collections.abc import Collection, Iterable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 selection, limits, output = (
     partial(typer.Option, rich_help_panel=topic) for topic in ("Problems and solvers", "Limits", "Output")
@@ -16,6 +17,30 @@ selection, limits, output = (
 
 flag = partial(output, metavar="", show_default=False)
 """Factory of output options without a value."""
+
+
+class Command(TyperCommand):
+    """A command whose help page names values by their metavars, not by Python types such as ``<str>``."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, including the help option, without types."""
+        return _without_types(super().get_params(ctx))
+
+
+class Group(TyperGroup):
+    """The group of all commands; its help page is as in ``Command``."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, including the help option, without types."""
+        return _without_types(super().get_params(ctx))
+
+
+def _without_types(parameters: list[Any]) -> list[Any]:
+    """Hide the types of arguments and of the help option, for which typer has no setting."""
+    for parameter in parameters:
+        if isinstance(parameter, TyperArgument) or parameter.name == "help":
+            parameter.display_type_rich = lambda ctx: None
+    return parameters
 
 
 def examples(command: str, *arguments: str) -> str:
@@ -176,8 +201,8 @@ Profiles = Annotated[
 Progress = Annotated[bool, flag("--progress/--no-progress", help="Show progress.")]
 """Show progress on standard error."""
 
-Quiet = Annotated[bool, flag("--quiet", help="Print only errors and file paths.")]
-"""Print only errors and file paths."""
+Quiet = Annotated[bool, flag("--quiet", help="Print only failures and file paths.")]
+"""Print only failures, such as failed checks, and the paths of written files."""
 
 Force = Annotated[bool, flag("--force", help="Replace existing files.")]
 """Replace files that exist."""

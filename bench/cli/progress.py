@@ -64,9 +64,9 @@ class ProgressBar(Progress):
         """Show the name of the current work. With ``bar_only``, print no line for it if there is no terminal."""
         self.update(self._task, description=text)
         if not (bar_only or self.console.is_terminal):
-            self.note(f"measuring {text}")
+            self.print_line(f"measuring {text}")
 
-    def note(self, sentence: str, always: bool = False) -> None:
+    def print_line(self, sentence: str, always: bool = False) -> None:
         """Print a line above the bar. If the bar is hidden, print it only with ``always``."""
         if always or not self._hidden:
             self.console.print(sentence, soft_wrap=True, highlight=False, markup=False)
@@ -98,12 +98,12 @@ class RunProgress(ProgressBar):
                     self.count(event.points_done, event.points)
                     self.refresh()
                 if event.work:
-                    self.note(f"remaining: {event.work}")
+                    self.print_line(f"remaining: {event.work}")
         elif isinstance(event, ReferenceSimulated):
             from ..report.studies import motion_warning
 
             if warning := motion_warning(event.trajectory):
-                self.note(warning, always=True)
+                self.print_line(warning, always=True)
         elif isinstance(event, ProblemStarted):
             self.name(f"{event.problem}{_pass_text(event)}")
         elif isinstance(event, PointFinished):

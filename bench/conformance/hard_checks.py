@@ -36,7 +36,7 @@ REPETITIONS = 50
 
 
 def is_truthful_on_group(group: str, solver: Solver) -> None:
-    """On hard cases of one group, results are finite and agree with status and known answer; inputs are unchanged."""
+    """On hard cases of one group, results are finite and match status and known answer; inputs do not change."""
     for problem in supported(solver, map(hard_case, CASE_GROUPS[group]), "it supports none of these cases"):
         trial = run_trial(solver, problem, HARD)
         if trial.is_solved and trial.residual <= HARD.tolerance and solver.model.kind == "coulomb":
@@ -44,7 +44,7 @@ def is_truthful_on_group(group: str, solver: Solver) -> None:
 
 
 def improves_with_tolerance(solver: Solver) -> None:
-    """A smaller tolerance does not give a larger residual, unless the residual is within the tolerance."""
+    """A smaller tolerance does not increase the residual, unless the residual is still within the tolerance."""
     for problem in supported(solver):
         before, looser = np.inf, 0.0
         for tolerance in ACCURACIES:
@@ -61,14 +61,14 @@ def improves_with_tolerance(solver: Solver) -> None:
 
 @requires_iterates
 def reports_cycles(solver: Solver) -> None:
-    """A solve whose iterates alternate between two values ends with status OSCILLATING, not at the iteration limit."""
+    """A solve whose iterates alternate between two values returns OSCILLATING before the iteration limit."""
     for problem in supported(solver):
         shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
         status = solver.prepare(problem).solve(CYCLING, observe=partial(_record_iterate, shown)).status
         if status is Status.ITERATION_LIMIT and _is_cycle(shown):
             raise Violation(
-                f"on {problem.name} its last {REPETITIONS} iterates repeat in a cycle of two, and it ends "
-                "at the iteration limit; return Status.OSCILLATING."
+                f"on {problem.name} its last {REPETITIONS} iterates alternate between two values, and it "
+                "continues to the iteration limit; return Status.OSCILLATING."
             )
 
 
@@ -91,8 +91,8 @@ HARD_CHECKS: tuple[Check[Solver], ...] = (
     *(
         Check(
             f"hard {group}",
-            f"On hard cases ({group}), results are finite and agree with their status and the known answer; "
-            "inputs are unchanged.",
+            f"On hard cases ({group}), results are finite and match their status and the known answer; "
+            "inputs do not change.",
             partial(is_truthful_on_group, group),
         )
         for group in CASE_GROUPS

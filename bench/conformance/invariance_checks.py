@@ -24,7 +24,7 @@ UNITS = {
 
 
 def ignores_units(solver: Solver) -> None:
-    """In other units of mass, length and time, the problem has the same solution."""
+    """Solutions do not depend on the units of mass, length and time."""
     for trial in _solved_samples(solver):
         for name, units in UNITS.items():
             other = in_units(trial.problem, **units)
@@ -38,7 +38,7 @@ def ignores_units(solver: Solver) -> None:
 
 
 def ignores_order(solver: Solver) -> None:
-    """With its contacts in another order, a problem has the same solution, or one as accurate."""
+    """Reordering the contacts gives the same solution, or one that is equally accurate."""
     for trial in _solved_samples(solver):
         n = trial.problem.n_contacts
         for order in (np.arange(n)[::-1], np.random.default_rng(n).permutation(n)):
@@ -46,7 +46,7 @@ def ignores_order(solver: Solver) -> None:
 
 
 def ignores_tangents(solver: Solver) -> None:
-    """With rotated tangents, a problem has the same solution, or one as accurate."""
+    """Rotating the tangents gives the same solution, or one that is equally accurate."""
     if solver.model.kind == "pyramid":
         raise NotApplicable("the edges of a pyramid rotate with the tangents")
     for trial in _solved_samples(solver):
@@ -56,7 +56,7 @@ def ignores_tangents(solver: Solver) -> None:
 
 
 def ignores_copies(solver: Solver) -> None:
-    """If a contact is duplicated, the summed impulses of both copies are the same solution, or one as accurate."""
+    """Duplicating a contact gives the same solution, summed over both copies, or one that is equally accurate."""
     for trial in _solved_samples(solver):
         for contact in {0, trial.problem.n_contacts - 1}:
             try:
@@ -90,7 +90,7 @@ def _solve_transformed(solver: Solver, trial: Trial, other: TransformedProblem, 
     try:
         again = run_trial(solver, other.problem.renamed(f"{trial.problem.name} {how}"), STOP)
     except Violation as violation:
-        raise Violation(f"it solves {trial.problem.name} as stated, but {violation}") from None
+        raise Violation(f"it solves the original {trial.problem.name}, but {violation}") from None
     if again.solution.status is Status.TIME_LIMIT:
         return None
     if again.is_solved:

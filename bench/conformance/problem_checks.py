@@ -21,16 +21,16 @@ def can_be_created(make: MakeProblem) -> None:
 
 
 def is_deterministic(make: MakeProblem) -> None:
-    """Creating the problem twice gives the same numbers, so that runs are comparable."""
+    """Creating the problem twice gives identical data, so that runs are comparable."""
     if make().digest != make().digest:
-        raise Violation("creating it twice gives different numbers; use a fixed random seed.")
+        raise Violation("creating it twice gives different data; use a fixed random seed.")
 
 
 def round_trips_through_file(make: MakeProblem) -> None:
-    """Writing and reading the problem preserves its numbers, because solver processes receive it as a file."""
+    """Writing and reading the problem preserves its data; solver processes receive it as a file."""
     problem = make()
     if read_problem(io.BytesIO(problem_bytes(problem)), "the written problem").digest != problem.digest:
-        raise Violation("writing and reading it changes its numbers.")
+        raise Violation("writing and reading it changes its data.")
 
 
 def answer_is_right(make: MakeProblem) -> None:

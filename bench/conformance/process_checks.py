@@ -18,14 +18,14 @@ WAIT_SECONDS = 1.0
 
 
 def has_no_side_effects(solver: Solver) -> None:
-    """The solver replaces no functions of other modules, changes no settings, and ends its threads and processes."""
+    """The solver replaces no functions of other modules, restores settings, and ends its threads and processes."""
     problems = supported(solver)
     before, others = ProcessState.now(), _n_running()
     for problem in problems:
         solver.prepare(problem).solve(STOP)
     if fault := replacement_text(before):
         raise Violation(f"{fault}.")
-    if changed := before.changed():
+    if changed := before.changed_settings():
         raise Violation(f"it changed {_join_words(changed)}; restore global state before solve returns.")
     deadline = time.monotonic() + WAIT_SECONDS
     while _n_running() > others and time.monotonic() < deadline:

@@ -30,7 +30,7 @@ RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 
 
 def solves_each_time(solver: Solver) -> None:
-    """The first and later solves of a problem give identical results and, apart from caches, take the same time."""
+    """Repeated solves of a problem give identical results and take the same time, apart from cache effects."""
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
     problem = supported(solver, problems, "it supports none of the problems that are large enough for timing")[0]
     found: list[tuple[float, float]] = []

@@ -63,7 +63,7 @@ def conforms_to_interface(solver: Solver) -> None:
 
 
 def can_be_pickled(solver: Solver) -> None:
-    """The solver can be sent to another process, where every case runs."""
+    """The solver can be pickled, because every case runs in another process."""
     try:
         name = pickle.loads(pickle.dumps(solver)).name
     except Exception as error:
@@ -74,7 +74,7 @@ def can_be_pickled(solver: Solver) -> None:
 
 
 def declines_through_supports(solver: Solver) -> None:
-    """``supports`` is deterministic and returns None or a reason; supported problems never end with UNSUPPORTED."""
+    """``supports`` is deterministic and returns None or a reason; supported problems never give UNSUPPORTED."""
     for problem in samples():
         fault = reason_fault(solver.supports(problem))
         if fault:
@@ -91,30 +91,30 @@ def declines_through_supports(solver: Solver) -> None:
 
 @on_samples
 def returns_finite_impulses(solver: Solver, problem: ContactProblem) -> None:
-    """With every status, the impulses are finite floats of shape (n_rows,)."""
+    """Impulses are finite floats of shape (n_rows,), whatever the status."""
     for stop in (DEFAULT_STOP, Stop(1e-300, max_iterations=3, max_seconds=1.0)):
         require_finite(problem, solution_of(solver, problem, stop))
 
 
 @on_samples
-def leaves_inputs_untouched(solver: Solver, problem: ContactProblem) -> None:
-    """A solve changes neither the problem nor the start."""
+def leaves_inputs_unchanged(solver: Solver, problem: ContactProblem) -> None:
+    """A solve modifies neither the problem nor the initial impulses."""
     digest, start = problem.fresh().digest, np.full(problem.n_rows, 0.1)
     solver.prepare(problem).solve(DEFAULT_STOP, start=start)
     require_unchanged(problem, digest)
     if not np.array_equal(start, np.full(problem.n_rows, 0.1)):
-        raise Violation(f"it changed the start it was given on {problem.name}; copy it first.")
+        raise Violation(f"it modified the initial impulses of {problem.name}; copy start before modifying it.")
 
 
 @on_samples
 def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
-    """Repeated solves, with or without preparing again, give identical results and do not change earlier ones."""
+    """Repeated solves, prepared once or anew, give identical results and leave earlier results unchanged."""
     prepared = solver.prepare(problem)
     first = prepared.solve(DEFAULT_STOP)
     kept = first.impulses.copy()
     again, anew = prepared.solve(DEFAULT_STOP), solution_of(solver, problem.fresh(), DEFAULT_STOP)
     if not np.array_equal(kept, first.impulses, equal_nan=True):
-        raise Violation(f"a second solve of {problem.name} changed the impulses returned by the first; copy them.")
+        raise Violation(f"a second solve of {problem.name} modified the impulses returned by the first; return a copy.")
     for how, other in (("the same prepared problem", again), ("a problem prepared anew", anew)):
         if not _have_equal_results(first, other):
             raise Violation(
@@ -126,14 +126,14 @@ def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
 
 @on_samples
 def claims_truthfully(solver: Solver, problem: ContactProblem) -> None:
-    """SOLVED is reported only if the judged residual in the solver's own model is at most ten times the tolerance."""
+    """SOLVED is returned only if the judged residual under the solver's model is at most ten times the tolerance."""
     for tolerance in ACCURACIES:
         solution = solution_of(solver, problem, replace(DEFAULT_STOP, tolerance=tolerance))
         confirmed_residual(solver, problem, solution, tolerance)
 
 
 def is_useful(solver: Solver) -> None:
-    """At least one problem is solved to a residual of 1e-3 in the solver's own model."""
+    """At least one problem is solved to a residual of 1e-3 under the solver's model."""
     best, name = np.inf, ""
     problems = _supported(solver)
     for problem in problems:
@@ -150,7 +150,7 @@ def is_useful(solver: Solver) -> None:
 
 
 def reports_infeasibility(solver: Solver) -> None:
-    """A problem with a closing contact that cannot move is reported as INFEASIBLE, or is not supported."""
+    """A closing contact with a zero Delassus matrix is reported as INFEASIBLE, or is not supported."""
     problem = infeasible()
     if solver.supports(problem):
         return
@@ -174,7 +174,7 @@ def zero_velocity_at_rest(solver: Solver) -> None:
 
 
 def solves_no_contacts(solver: Solver) -> None:
-    """A problem without contacts is solved, with no impulses."""
+    """A problem without contacts returns an empty array and SOLVED."""
     for problem in supported(solver, map(empty, (1, 3)), "it does not support problems without contacts"):
         status = solution_of(solver, problem, DEFAULT_STOP).status
         if status is not Status.SOLVED:
@@ -187,7 +187,7 @@ def solves_no_contacts(solver: Solver) -> None:
 @requires_iterates
 @on_samples
 def is_unaffected_by_observer(solver: Solver, problem: ContactProblem) -> None:
-    """Observed and unobserved solves give identical results, and the observer is called once per iteration."""
+    """The observer is called once per iteration and does not influence the result."""
     unseen = solution_of(solver, problem, DEFAULT_STOP)
     calls: list[tuple[int, FloatArray]] = []
     prepared = solver.prepare(problem)
@@ -208,7 +208,7 @@ def is_unaffected_by_observer(solver: Solver, problem: ContactProblem) -> None:
 
 @requires_iterates
 def stops_at_solution(solver: Solver) -> None:
-    """Started at its own solution, a solve ends within one iteration."""
+    """A solve that starts from its own solution converges within one iteration."""
     is_any_solved = False
     for problem in _supported(solver):
         prepared = solver.prepare(problem)
@@ -219,7 +219,7 @@ def stops_at_solution(solver: Solver) -> None:
         warm = prepared.solve(DEFAULT_STOP, start=solution.impulses.copy())
         if warm.status is not Status.SOLVED or warm.iterations > 1:
             raise Violation(
-                f"from its own solution of {problem.name} as start, the status is {warm.status} after "
+                f"started from its own solution of {problem.name}, the status is {warm.status} after "
                 f"{warm.iterations} iterations; begin from start, and check the residual before the first iteration."
             )
     if not is_any_solved:
@@ -236,7 +236,7 @@ def obeys_iteration_limit(solver: Solver, problem: ContactProblem) -> None:
 
 
 def obeys_time_limit(solver: Solver) -> None:
-    """A solve ends within about max_seconds, regardless of the tolerance and the number of iterations."""
+    """A solve returns within about max_seconds, whatever the tolerance and the iteration limit."""
     larger = random_contacts(60, 3)
     problem = _supported(solver)[0] if solver.supports(larger) else larger
     prepared, seconds = solver.prepare(problem), 0.1
@@ -271,7 +271,7 @@ BRIEF_CHECKS: tuple[Check[Solver], ...] = (
         process=has_no_side_effects,
         supports=declines_through_supports,
         finite=returns_finite_impulses,
-        inputs_untouched=leaves_inputs_untouched,
+        inputs_unchanged=leaves_inputs_unchanged,
         deterministic=is_deterministic,
         first_solve=solves_each_time,
         truthful=claims_truthfully,

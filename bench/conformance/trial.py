@@ -66,7 +66,7 @@ def solution_of(solver: Solver, problem: ContactProblem, stop: Stop, start: Floa
 def require_unchanged(problem: ContactProblem, digest: str) -> None:
     """Raise ``Violation`` if the digest of a problem is not ``digest``."""
     if problem.fresh().digest != digest:
-        raise Violation(f"it changed the numbers of {problem.name}; copy arrays before changing them.")
+        raise Violation(f"it modified the arrays of {problem.name}; copy arrays before modifying them.")
 
 
 def require_finite(problem: ContactProblem, solution: Solution) -> None:

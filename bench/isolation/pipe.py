@@ -27,19 +27,19 @@ def write_message(descriptor: int, content: bytes) -> None:
     Raises:
         OSError: if the reader has ended.
     """
-    waiting = memoryview(_HEADER.pack(len(content)) + content)
-    while waiting:
-        waiting = waiting[os.write(descriptor, waiting) :]
+    remaining = memoryview(_HEADER.pack(len(content)) + content)
+    while remaining:
+        remaining = remaining[os.write(descriptor, remaining) :]
 
 
 def read_message(
-    descriptor: int, largest: int = 2**63, deadline: float = math.inf, lifeline: int | None = None
+    descriptor: int, max_bytes: int = 2**63, deadline: float = math.inf, lifeline: int | None = None
 ) -> bytes:
     """Read one message.
 
     Args:
         descriptor: descriptor to read from.
-        largest: maximum size of the message [bytes].
+        max_bytes: maximum size of the message [bytes].
         deadline: value of ``time.monotonic`` at which waiting ends.
         lifeline: a descriptor that becomes readable when the writer has ended; processes that the writer has started
             may keep ``descriptor`` itself open.
@@ -47,17 +47,17 @@ def read_message(
     Raises:
         TimeoutError: if the message is incomplete at the deadline.
         EOFError: if the writer ends before the message is complete.
-        NoMessageError: if the message is larger than ``largest``.
+        NoMessageError: if the message is larger than ``max_bytes``.
     """
     (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline, lifeline))
-    if length > largest:
-        raise NoMessageError(f"a message of {length} bytes exceeds the limit of {largest}")
+    if length > max_bytes:
+        raise NoMessageError(f"a message of {length} bytes exceeds the limit of {max_bytes}")
     return _read(descriptor, length, deadline, lifeline)
 
 
-def read_object(descriptor: int, largest: int, deadline: float, lifeline: int | None = None) -> dict[str, Any]:
+def read_object(descriptor: int, max_bytes: int, deadline: float, lifeline: int | None = None) -> dict[str, Any]:
     """Read one message that is a JSON object; arguments and errors as in ``read_message``."""
-    content = read_message(descriptor, largest, deadline, lifeline)
+    content = read_message(descriptor, max_bytes, deadline, lifeline)
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):

@@ -74,7 +74,7 @@ class ProcessState:
             return self
         return replace(self, settings=self.settings | {name: _read(_STATE[name]) for name in _OF_LIBRARIES})
 
-    def replaced(self) -> list[str]:
+    def replaced_names(self) -> list[str]:
         """Return the replaced names, and those added to modules and classes of the framework."""
         found: list[str] = []
         for module, before in self.names.items():
@@ -83,11 +83,11 @@ class ProcessState:
             found += [f"{module}.{name}" for name in known if now.get(name, _NOTHING) is not before.get(name, _NOTHING)]
         return found
 
-    def changed(self) -> list[str]:
+    def changed_settings(self) -> list[str]:
         """Return the descriptions of changed settings."""
         return self._changed(_STATE)
 
-    def changed_for_timing(self) -> list[str]:
+    def changed_timing_settings(self) -> list[str]:
         """Return the descriptions of changed settings that affect timing."""
         return self._changed(_FOR_TIMING)
 
@@ -155,7 +155,7 @@ def exempt_from_collection() -> None:
 
 def replacement_text(before: ProcessState) -> str:
     """Return a sentence that names a replaced object and the remedy; empty if nothing was replaced since ``before``."""
-    replaced = before.replaced()
+    replaced = before.replaced_names()
     more = " and more" if replaced[1:] else ""
     return f"it replaced {replaced[0]}{more}; do not modify other modules" if replaced else ""
 

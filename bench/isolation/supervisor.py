@@ -56,7 +56,7 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     with contextlib.suppress(OSError):  # the case may need no temporary files
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
-    own, full = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
+    initial, share = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
     case = os.fork()
     if case == 0:
         _restore_signals(wakeup)
@@ -66,13 +66,13 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     status = _watch_case(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
-        os.write(orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= own + full))
+        os.write(orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= initial + share))
     os._exit(0)
 
 
-def _peak_memory(of: int) -> int:
+def _peak_memory(who: int) -> int:
     """Return the largest resident memory of this process, or of a child that it has waited for [bytes]."""
-    return resource.getrusage(of).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return resource.getrusage(who).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _signal_pipe() -> tuple[int, int]:

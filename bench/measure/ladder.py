@@ -223,7 +223,7 @@ class LadderCase(ABC, Generic[Answer]):
         try:
             timed = kind.read(found[0], time.monotonic() - began, self.is_built_in)
             is_pinned, used = self.core.number is not None, timed.threads_used(self.threads)
-            if (is_pinned and timed.exceeds(self.threads)) or not self.core.holds(process, self.threads):
+            if (is_pinned and timed.exceeds(self.threads)) or not self.core.has_pinned(process, self.threads):
                 raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
             if is_pinned and timed.exceeds(used):
                 raise Fault(Outcome.MISBEHAVED, f"it takes more processor time than {counted(used, 'thread')} could")
@@ -261,7 +261,7 @@ def measure_ladder(
     levels = range(max((len(case.ladder) for case in cases), default=0))
     try:
         _begin([case for case in cases if any(map(case.is_pending, range(len(case.ladder))))])
-        with core.occupied(max((case.threads for case in cases), default=1)):
+        with core.pinned(max((case.threads for case in cases), default=1)):
             for case in cases:
                 case.pin_to_core(core)
             for level in levels:

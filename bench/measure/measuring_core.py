@@ -85,7 +85,7 @@ class MeasuringCore:
             self._claim = None
 
     @contextlib.contextmanager
-    def occupied(self, count: int = 1) -> Iterator[None]:
+    def pinned(self, count: int = 1) -> Iterator[None]:
         """Pin the calling thread to the core, and measure the load of all except the ``count`` cores of solvers."""
         own = set[int]() if self.number is None else self.cores(count)
         before = _allowed_cores()
@@ -117,10 +117,10 @@ class MeasuringCore:
                 for thread in threads(one):
                     with contextlib.suppress(OSError):  # the thread has ended
                         os.sched_setaffinity(thread, cores)
-            if all(self.holds(one, count) for one in processes):
+            if all(self.has_pinned(one, count) for one in processes):
                 return
 
-    def holds(self, process: int, count: int = 1) -> bool:
+    def has_pinned(self, process: int, count: int = 1) -> bool:
         """Return whether all threads of a process are still pinned to ``count`` cores."""
         if self.number is None:
             return True
@@ -132,8 +132,8 @@ class MeasuringCore:
 
     def probe(self) -> float:
         """Return the wall time of a fixed computation [s], the second of two, with warm caches."""
-        self._work()
-        self.probes.append(self._work())
+        self._run_probe()
+        self.probes.append(self._run_probe())
         return self.probes[-1]
 
     @property
@@ -145,7 +145,7 @@ class MeasuringCore:
         """Return whether wall times of probes [s] are close to the reference; always True without a claimed core."""
         return self.number is None or max(probes) <= MAX_PROBE_RATIO * self.reference
 
-    def _work(self) -> float:
+    def _run_probe(self) -> float:
         began = perf_counter()
         sorted(map(str, range(PROBE_OBJECTS)))
         (1.5 * self._numbers).sum()

@@ -107,9 +107,9 @@ def make_plan(
         ProblemError: for an unknown problem or suite (the message suggests the nearest name), a file or folder without
             a problem, or an empty sample.
         SolverError: for an unknown solver or option; the message suggests the nearest name.
-        PluginError: if a plugin's solver breaks the contract, or a plugin does not create the problem that it offers.
+        PluginError: if a plugin's solver does not implement the interface, or a plugin does not create its problem.
         BenchError: for an empty list of solvers, a name given twice, a problem with the name of a library problem and
-            other numbers, a solver object that breaks the contract, or a shard out of range.
+            other numbers, a solver object that does not implement the interface, or a shard out of range.
     """
     settings = settings or RunSettings()
     chosen = select(problems, suite, sample, settings.seed, sampling)

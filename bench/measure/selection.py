@@ -60,7 +60,7 @@ def select(
     Raises:
         ProblemError: for an unknown problem or suite (the message suggests the nearest name), a file without a problem,
             a folder without readable problems, or a sample that is not positive.
-        PluginError: if a plugin does not create the problem that it offers.
+        PluginError: if a plugin does not create its problem.
         BenchError: for an empty list of problems, a name given twice, or a problem with the name of a library problem
             and other numbers.
     """

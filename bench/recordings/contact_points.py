@@ -125,7 +125,7 @@ def _from_factors(problem: ContactProblem) -> Places | None:
         return None
     directions = problem.factors.force_directions
     pieces = cut_into_pieces(directions, np.ones(directions.shape[0]), problem.layout)
-    touching = _touching(pieces)
+    touching = _bodies_in_contact(pieces)
     rigid = None if touching is None else _axes_and_arms(touching[1], touching[0] < pieces.n_chunks)
     if touching is None or rigid is None:
         return None
@@ -178,7 +178,7 @@ def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int)
     return least
 
 
-def _touching(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
+def _bodies_in_contact(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
     """Return both bodies of each contact (n_chunks for none) and their pieces.
 
     Return None if a contact has more than two bodies, or no first body.

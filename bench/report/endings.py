@@ -7,7 +7,9 @@ import pandas as pd
 from ...problems.contact.solver import Status
 from ..store.frames import RunFrames
 from ..store.outcome import Outcome, claim_reason
+from ..store.plans import Limits
 from .accuracy import accuracy_tag
+from .layout.text import counted
 
 CASE = ["problem", "solver"]
 """Columns that identify a case."""
@@ -44,6 +46,20 @@ def join_texts(reason: str, notes: str) -> str:
     prefix, separator, rest = notes.partition(": ")
     has_prefix = separator and reason.startswith(f"{prefix}: ")
     return "; ".join(filter(None, (reason, rest if has_prefix else notes)))
+
+
+def limit_remedies(outcomes: "pd.Series[str]", limits: Limits) -> list[str]:
+    """Return a sentence for each limit of a case that cases of a run exceeded, with the option that changes it."""
+    sentences = {
+        Outcome.OUT_OF_MEMORY: (f"ran out of memory at a limit of {limits.memory_bytes / 2**20:g} MiB", "--memory"),
+        Outcome.TIMEOUT: (f"timed out after {limits.case_seconds:g} s", "--case-seconds"),
+    }
+    counts = outcomes.value_counts()
+    return [
+        f"{counted(int(counts[outcome]), 'case')} {what}; start a new run with a larger {option}."
+        for outcome, (what, option) in sentences.items()
+        if outcome in counts
+    ]
 
 
 def _prefix(point: dict[Any, Any]) -> str:

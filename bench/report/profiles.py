@@ -181,21 +181,21 @@ def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str 
     return f"without solvers that use another number of threads: {', '.join(left_out)}" if left_out else ""
 
 
-def baseline_of(frames: RunFrames, wanted: str = "") -> str:
-    """Return the reference solver of speed-ups: ``wanted``, or the one that solves most to the finest accuracy.
+def baseline_of(frames: RunFrames, name: str = "") -> str:
+    """Return the reference solver of speed-ups: ``name``, or the one that solves most to the finest accuracy.
 
     Unless it is named, it is one of the solvers with the fewest threads.
 
     Raises:
-        BenchError: if the run has no case of ``wanted``, or no case at all.
+        BenchError: if the run has no case of ``name``, or no case at all.
     """
     solvers = list(dict.fromkeys(frames.cases["solver"]))
-    if wanted and wanted not in solvers:
-        raise BenchError(f"{frames.folder} has no solver {wanted!r}{suggestion(wanted, solvers)}")
+    if name and name not in solvers:
+        raise BenchError(f"{frames.folder} has no solver {name!r}{suggestion(name, solvers)}")
     require_cases(frames)
     finest, limit = profile_accuracies(frames)[-1], frames.info.plan.limits.solve_seconds
     solved = _matrix(frames, reaching(frames.points, finest, limit), "total_seconds")
-    return wanted or str(with_threads(frames, solved).notna().sum().idxmax())
+    return name or str(with_threads(frames, solved).notna().sum().idxmax())
 
 
 def require_cases(frames: RunFrames) -> None:
@@ -219,7 +219,7 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
         "budgets": budget_table,
     }
     parts: dict[str, list[pd.DataFrame]] = {name: [] for name in (*kinds, "speedup", "accuracy")}
-    for family, own in _parts(frames):
+    for family, own in _families_and_all(frames):
         for accuracy in profile_accuracies(frames):
             seconds = seconds_matrix(frames, accuracy)
             seconds = seconds[seconds.index.isin(own)]
@@ -256,7 +256,7 @@ def _views(frames: RunFrames, values: pd.DataFrame) -> Iterator[tuple[str, pd.Da
     yield EVERY, values
 
 
-def _parts(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
+def _families_and_all(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
     """Yield the problems of a run: all, and those of each family, unless each problem is its own family."""
     problems = frames.cases.drop_duplicates("problem").set_index("problem")["family"]
     yield ALL, problems.index

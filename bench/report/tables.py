@@ -41,7 +41,7 @@ from .cells import (
     summary_tags,
     time_columns,
 )
-from .endings import CASE, attempted_points, case_endings, join_texts
+from .endings import CASE, attempted_points, case_endings, join_texts, limit_remedies
 from .layout.output_file import write_file
 from .layout.terminal_table import column_groups, print_table, wrap_note
 from .layout.text import counted, csv_content, inline, latex_table, markdown_frame
@@ -199,6 +199,9 @@ def print_tables(frames: RunFrames, console: Console) -> None:
             _print_families(frames, console)
         _print_summary(summary, results["problem"].nunique(), frames.info.plan.suite, console)
         _print_starts(starts_table(frames), console)
+    if not frames.is_study:
+        for sentence in limit_remedies(results["outcome"], frames.info.plan.limits):
+            console.print(Text(sentence, style="yellow"))
     console.print(Text(_legend(frames, list(time_columns(results)), summary), style="dim"))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from msgspec import structs
 
+from ...problems.motion.stepping.step import NOT_FINITE
 from ..errors import FailedSimulationError
 from ..store.fields import Count, Number, Record, Tolerance
 from .plan import SimulationPlan
@@ -87,8 +88,14 @@ class Failure(Record, frozen=True, kw_only=True):
         return f"step {self.step}, from t = {self.time:.6g} s, failed with {self.solver}: {reason}"
 
     def error(self, file: Path | None) -> FailedSimulationError:
-        """Return the error to raise, with the command that resumes the simulation if it is stored in ``file``."""
+        """Return the error to raise, with the command that resumes the simulation if it is stored in ``file``.
+
+        A motion that is no longer finite may need a shorter step; other failures are those of the solver.
+        """
         if file is None:
             return FailedSimulationError(f"{self.description}.")
-        remedy = f"resume with: proxbench simulate --resume {file} --solver …"
+        remedy, options = "resume with another solver", "--solver …"
+        if NOT_FINITE in self.reason:
+            remedy, options = "resume with a shorter step or another solver", "--stepper … --solver …"
+        remedy = f"{remedy}: proxbench simulate --resume {file} {options}"
         return FailedSimulationError(f"{self.description}; the earlier steps are kept; {remedy}")

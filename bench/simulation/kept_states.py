@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ...problems.motion.state import State
 
-STATES = 500
+DEFAULT_STATES = 500
 """Default of N."""
 
 
@@ -57,23 +57,23 @@ class KeptStates:
     """
 
     def __init__(self, number: int, start: State, spacing: float) -> None:
-        self._most = 2 * number - 1
+        self._max_cells = 2 * number - 1
         self._begin, self._spacing = start.time, spacing
         self._last = start
-        self._hold(0, [KeptState(start, 0)])
+        self._set_kept(0, [KeptState(start, 0)])
 
     @property
     def doublings(self) -> int:
         """k, the number of doublings of the spacing."""
-        return self._held[0]
+        return self._kept_states[0]
 
     @property
     def kept(self) -> list[KeptState]:
         """The kept states and the last offered one, in the order of time."""
-        held = self._held[1]
-        if held[-1].state.time >= self._last.time:
-            return list(held)
-        return [*held, self._in_cell(self._last)]
+        kept = self._kept_states[1]
+        if kept[-1].state.time >= self._last.time:
+            return list(kept)
+        return [*kept, self._in_cell(self._last)]
 
     @property
     def states(self) -> list[State]:
@@ -82,30 +82,30 @@ class KeptStates:
 
     def offer(self, state: State, is_marked: bool = False) -> None:
         """Offer the next state; the last one may be offered again to mark it."""
-        doublings, held = self._held
+        doublings, kept = self._kept_states
         self._last = state
-        if state.time <= held[-1].state.time:
-            held[-1] = replace(held[-1], is_marked=held[-1].is_marked or is_marked)
+        if state.time <= kept[-1].state.time:
+            kept[-1] = replace(kept[-1], is_marked=kept[-1].is_marked or is_marked)
             return
         new = self._in_cell(state, is_marked)
-        is_first = new.cell >> doublings > held[-1].cell >> doublings
+        is_first = new.cell >> doublings > kept[-1].cell >> doublings
         if is_first or is_marked:
-            held.append(new)
+            kept.append(new)
         self._firsts += is_first
-        while self._firsts > self._most:
+        while self._firsts > self._max_cells:
             doublings += 1
-            held = _kept(held, doublings)
-            self._hold(doublings, held)
+            kept = _kept(kept, doublings)
+            self._set_kept(doublings, kept)
 
     def restore(self, states: Sequence[State], marks: Sequence[bool], doublings: int) -> None:
         """Replace all kept states by those of another object with the same arguments."""
         self._last = states[-1]
         kept = [self._in_cell(state, is_marked) for state, is_marked in zip(states, marks, strict=True)]
-        self._hold(doublings, _kept(kept, doublings))
+        self._set_kept(doublings, _kept(kept, doublings))
 
-    def _hold(self, doublings: int, held: list[KeptState]) -> None:
-        self._held = (doublings, held)
-        self._firsts = len({one.cell >> doublings for one in held})
+    def _set_kept(self, doublings: int, kept: list[KeptState]) -> None:
+        self._kept_states = (doublings, kept)
+        self._firsts = len({one.cell >> doublings for one in kept})
 
     def _in_cell(self, state: State, is_marked: bool = False) -> KeptState:
         return KeptState(state, math.floor((state.time - self._begin) / self._spacing + 0.5), is_marked)
@@ -113,8 +113,8 @@ class KeptStates:
 
 def _kept(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
     """Return the first state of each cell of 2^doublings base spacings, and the marked ones."""
-    stay = [one.is_marked or before.cell >> doublings < one.cell >> doublings for before, one in pairwise(kept)]
-    return [kept[0], *compress(kept[1:], stay)]
+    is_kept = [one.is_marked or before.cell >> doublings < one.cell >> doublings for before, one in pairwise(kept)]
+    return [kept[0], *compress(kept[1:], is_kept)]
 
 
 def kept_arrays(kept_states: KeptStates) -> dict[str, NDArray[Any]]:

@@ -23,7 +23,7 @@ from ..plugins.descriptions import require_free_name
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote_solver
 from ..store.fields import Count, Positive, Record, Tolerance
-from .kept_states import STATES
+from .kept_states import DEFAULT_STATES
 from .starts import DEFAULT_START, WARM, StepSolver, check_start, default_start
 
 
@@ -87,7 +87,7 @@ class SimulationPlan:
     tolerance: float
     max_iterations: int
     start: str = DEFAULT_START
-    states: int = STATES
+    states: int = DEFAULT_STATES
     step_seconds: float = REQUEST_SECONDS
 
     def __repr__(self) -> str:
@@ -167,7 +167,7 @@ def make_simulation_plan(
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
         default_start(new_stepper) if start is None else start,
-        STATES if states is None else states,
+        DEFAULT_STATES if states is None else states,
         seconds,
     )
     _check_numbers(plan)

@@ -12,7 +12,7 @@ from ...problems.errors import error_text
 from ...problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.stepping.position_projection import joint_bytes
-from ...problems.motion.stepping.step import AcceptedStep
+from ...problems.motion.stepping.step import NOT_FINITE, AcceptedStep
 from ..errors import BenchError, FailedSimulationError
 from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
@@ -231,7 +231,7 @@ def _next_step(simulation: Simulation, steps: Iterator[tuple[AcceptedStep, Scene
         raise _failed(simulation, error_text(error)) from error
     energies = [row.kinetic_energy] if scene.potential_energy is None else [row.kinetic_energy, row.potential_energy]
     if not all(map(math.isfinite, energies)):
-        raise _failed(simulation, "the motion is no longer finite")
+        raise _failed(simulation, NOT_FINITE)
     simulation.append(row, taken)
     return taken
 

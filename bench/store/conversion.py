@@ -95,20 +95,20 @@ def checksum(content: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def inflated(content: bytes, limit: int) -> bytes:
+def decompress(content: bytes, limit: int) -> bytes:
     """Decompress zlib or gzip data to at most ``limit`` bytes, and never unpack more.
 
     Raises:
         ValueError: if the data are damaged or larger.
     """
-    unpacking = zlib.decompressobj(zlib.MAX_WBITS | 32)
+    decompressor = zlib.decompressobj(zlib.MAX_WBITS | 32)
     try:
-        text = unpacking.decompress(content, limit + 1)
+        text = decompressor.decompress(content, limit + 1)
     except zlib.error:
         raise ValueError("the compressed data are damaged") from None
     if len(text) > limit:
         raise ValueError(f"the data exceed {limit} bytes")
-    if not unpacking.eof or unpacking.unused_data:
+    if not decompressor.eof or decompressor.unused_data:
         raise ValueError("the compressed data are damaged")
     return text
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.judge import Verdict
-from .conversion import inflated
+from .conversion import decompress
 from .fields import Record, Residual
 
 _NUMBER = np.dtype("<f8")
@@ -47,7 +47,7 @@ class Impulses(Record, frozen=True, kw_only=True):
         Raises:
             ValueError: if the data are damaged, or not ``n_rows`` numbers.
         """
-        content = inflated(self.packed, _NUMBER.itemsize * n_rows)
+        content = decompress(self.packed, _NUMBER.itemsize * n_rows)
         if len(content) != _NUMBER.itemsize * n_rows:
             raise ValueError(f"expected {n_rows} numbers, one per row")
         return np.frombuffer(content, dtype=_NUMBER).astype(np.float64)

@@ -98,11 +98,11 @@ def in_units(problem: ContactProblem, mass: float = 1.0, length: float = 1.0, ti
     have angular velocities and moments: c → c · time, Λ → Λ · time/(mass · length²) and μ_r → μ_r/length.
     """
     if problem.laws.is_rolling.any():
-        return _in_length(problem, mass, length, time)
-    return _in_plain_units(problem, mass, length, time)
+        return _in_units_with_rolling(problem, mass, length, time)
+    return _in_units_without_rolling(problem, mass, length, time)
 
 
-def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
+def _in_units_without_rolling(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
     """Return a problem without rolling friction in other units."""
     speed, impulse = time / length, time / (mass * length)
     back = sp.csr_array(sp.eye_array(problem.n_rows) / impulse)
@@ -118,7 +118,7 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
     if factors is not None:
         motion = None if factors.free_motion is None else speed * factors.free_motion
         factors = Factors.create(factors.force_directions, factors.inverse_mass.matrix * mass, motion)
-    made = replace(
+    transformed = replace(
         problem,
         free_velocity=speed * problem.free_velocity,
         laws=replace(problem.laws, fixed_bound=problem.laws.fixed_bound * impulse),
@@ -129,10 +129,10 @@ def _in_plain_units(problem: ContactProblem, mass: float, length: float, time: f
         answer=answer,
         engine=None if problem.engine is None else problem.engine.transformed(back),
     )
-    return TransformedProblem(made, back)
+    return TransformedProblem(transformed, back)
 
 
-def _in_length(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
+def _in_units_with_rolling(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
     """Return a problem with rolling friction in other units: scale its rows by ``length``, then change units."""
     laws = problem.laws
     rolls = np.repeat(laws.is_rolling, laws.row_count)
@@ -152,8 +152,10 @@ def _in_length(problem: ContactProblem, mass: float, length: float, time: float)
             impulses=tuple(one / scale for one in answer.impulses),
             witness=None if answer.witness is None else answer.witness / scale,
         )
-    others = _in_plain_units(replace(scaled.problem, answer=known), mass, length, time)
-    return TransformedProblem(replace(others.problem, name=f"{problem.name} in other units"), scaled.back @ others.back)
+    converted = _in_units_without_rolling(replace(scaled.problem, answer=known), mass, length, time)
+    return TransformedProblem(
+        replace(converted.problem, name=f"{problem.name} in other units"), scaled.back @ converted.back
+    )
 
 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
@@ -188,12 +190,12 @@ def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
     )
 
 
-def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str) -> TransformedProblem:
+def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, suffix: str) -> TransformedProblem:
     """Return the problem with G' = Tᵀ G T, c' = Tᵀ c; its answer keeps only velocity and sums."""
-    answer, forth = problem.answer, sp.csr_array(back.T)
+    answer, transposed = problem.answer, sp.csr_array(back.T)
     if answer is not None:
         answer = Answer(
-            velocity=None if answer.velocity is None else forth @ answer.velocity,
+            velocity=None if answer.velocity is None else transposed @ answer.velocity,
             functionals=None if answer.functionals is None else answer.functionals @ back,
             values=answer.values,
             solvable=answer.solvable,
@@ -204,20 +206,20 @@ def _congruent(problem: ContactProblem, back: sp.csr_array, laws: Laws, how: str
         directions = sp.csc_array(factors.force_directions @ back)
         factors = Factors.create(directions, factors.inverse_mass, factors.free_motion)
     if matrix is not None:
-        matrix = sp.csr_array(forth @ matrix @ back)
+        matrix = sp.csr_array(transposed @ matrix @ back)
         matrix = matrix if problem.allow_asymmetric else 0.5 * (matrix + matrix.T)
-    made = replace(
+    transformed = replace(
         problem,
-        free_velocity=forth @ problem.free_velocity,
+        free_velocity=transposed @ problem.free_velocity,
         laws=laws,
         matrix=matrix,
         factors=factors,
-        name=f"{problem.name}, {how}",
+        name=f"{problem.name}, {suffix}",
         provenance={},
         answer=answer,
         engine=None if problem.engine is None else problem.engine.transformed(back),
     )
-    return TransformedProblem(made, back)
+    return TransformedProblem(transformed, back)
 
 
 def _selection(problem: ContactProblem, rows: IntArray) -> sp.csr_array:

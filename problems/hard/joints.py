@@ -35,7 +35,7 @@ def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
     impulses = np.zeros((n, 2))
     impulses[:, 1] = WEIGHT * np.cumsum(masses[::-1])[::-1] + pull
     answer = Answer(impulses=(impulses.ravel(),), velocity=np.zeros(2 * n), sensitivity=10.0 * n * n)
-    return _jointed(directions, inverse_mass, motion, answer)
+    return _joint_problem(directions, inverse_mass, motion, answer)
 
 
 def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
@@ -63,7 +63,7 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     along[coupler : coupler + 2] = tangent
     mass = np.tile([1.0, 1.0, 1.0 / 12.0], cranks + 1)
     velocity = along * (along @ (mass * motion) / (along @ (mass * along)))
-    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (velocity - motion)))
+    return _joint_problem(directions, 1.0 / mass, motion, _momentum_answer(directions, mass * (velocity - motion)))
 
 
 def pendulum(copies: int) -> ContactProblem:
@@ -74,7 +74,7 @@ def pendulum(copies: int) -> ContactProblem:
     pin = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -0.5]])
     directions, mass = np.tile(pin, copies), np.array([1.0, 1.0, 1.0 / 12.0])
     motion, velocity = np.array([0.0, -WEIGHT, 0.0]), WEIGHT * np.array([0.0, -0.75, -1.5])
-    return _jointed(directions, 1.0 / mass, motion, _known_push(directions, mass * (velocity - motion)))
+    return _joint_problem(directions, 1.0 / mass, motion, _momentum_answer(directions, mass * (velocity - motion)))
 
 
 def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: float = 0.02) -> ContactProblem:
@@ -117,12 +117,12 @@ def immovable_joint() -> ContactProblem:
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 
 
-def _known_push(directions: FloatArray, push: FloatArray) -> Answer:
-    """Return the answer of joints with W Λ = ``push`` [N s], shape (n_dofs,)."""
-    return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=push)
+def _momentum_answer(directions: FloatArray, momentum: FloatArray) -> Answer:
+    """Return the answer of joints with W Λ = ``momentum`` [N s], shape (n_dofs,)."""
+    return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=momentum)
 
 
-def _jointed(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
+def _joint_problem(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
     """Return a problem with joints only, W dense or scipy sparse."""
     directions = sp.csc_array(given)
     return body_problem(directions, inverse_mass, motion, laws=Laws.joints(directions.shape[1]), answer=answer)

@@ -11,7 +11,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual, residual_under
 from ...problems.contact.solver import Observer, Solution, SolverError, Status, Stop, start_impulses
-from .stopping import CLEARLY_BETTER, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor, Outcome, sweeps_to_next_check
+from .stopping import BETTER_RATIO, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor, Outcome, sweeps_to_next_check
 
 ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
 """Number of sweeps without a clearly better residual in the judge's arithmetic that establishes the rounding limit."""
@@ -242,7 +242,7 @@ def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: It
         driver.run(1)
         impulses, before = driver.iterates.impulses(), monitor.best_residual
         monitor.check_convergence(driver.iteration, residual.judged(problem, impulses), impulses)
-        waited = 0 if monitor.best_residual < CLEARLY_BETTER * before else waited + 1
+        waited = 0 if monitor.best_residual < BETTER_RATIO * before else waited + 1
     if monitor.best_residual <= tolerance:
         return Outcome(Status.SOLVED, "")
     if _is_rounding(residual, monitor.best_impulses, monitor):

@@ -50,7 +50,7 @@ class MeasuredMomentum:
         """The current bound of β."""
         return 1.0 - 1.0 / self._memory
 
-    def note(self, sweeps: int, residual: float) -> None:
+    def record_residual(self, sweeps: int, residual: float) -> None:
         """Record the residual after a number of sweeps, and change the memory if a window ends there."""
         self._best = min(self._best, residual)
         begin, best = self._begin

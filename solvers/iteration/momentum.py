@@ -102,7 +102,7 @@ class MomentumState(MeasuringIterates):
     def note_residual(self, residual: float) -> None:
         """Record the residual of the current Λ."""
         if self._measured is not None:
-            self._measured.note(self._sweeps, residual)
+            self._measured.record_residual(self._sweeps, residual)
             self._momentum = self._measured.bound
 
     def reduce_acceleration(self) -> bool:

@@ -35,7 +35,7 @@ PLATEAU_PROGRESS = 0.9
 RECORD_RATIO = 0.99
 """A residual below this fraction of the last recorded one is recorded together with its sweep."""
 
-CLEARLY_BETTER = 0.5
+BETTER_RATIO = 0.5
 """A residual below this fraction of another is clearly better, even if both are rounding errors."""
 
 CYCLE_PATIENCE = 20
@@ -120,7 +120,7 @@ class Monitor:
     _iteration: int = 0
     _checks_without_progress: int = 0
     _repeats: tuple[Status, FloatArray] | None = None
-    _marks: list[tuple[int, float]] = field(default_factory=list)
+    _history: list[tuple[int, float]] = field(default_factory=list)
     _next_rounding_test: int = 0
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ class Monitor:
 
     def check_convergence(self, iteration: int, residual: float, impulses: FloatArray) -> Outcome | None:
         """Record the residual after ``iteration`` sweeps; return the outcome if the solve is over."""
-        if not self._marks:
+        if not self._history:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
         self._iteration = iteration
         self._checks_without_progress += 1
@@ -137,8 +137,8 @@ class Monitor:
             if residual < RECORD_RATIO * self.best_residual:
                 self._checks_without_progress = 0
             self.best_residual, self.best_impulses = residual, impulses
-        if not self._marks or self.best_residual < RECORD_RATIO * self._marks[-1][1]:
-            self._marks.append((iteration, self.best_residual))
+        if not self._history or self.best_residual < RECORD_RATIO * self._history[-1][1]:
+            self._history.append((iteration, self.best_residual))
         if residual <= self.stop.tolerance:
             return Outcome(Status.SOLVED, "")
         if not residual < DIVERGENCE_GROWTH * self._first:
@@ -194,8 +194,8 @@ class Monitor:
 
     def _best_at(self, iteration: int) -> float:
         """Return the best residual after ``iteration`` sweeps, to within one percent."""
-        later = bisect.bisect_right(self._marks, iteration, key=itemgetter(0))
-        return self._marks[max(later - 1, 0)][1]
+        later = bisect.bisect_right(self._history, iteration, key=itemgetter(0))
+        return self._history[max(later - 1, 0)][1]
 
 
 def _divergence_text(iteration: int, residual: float, impulses: FloatArray) -> str:

@@ -61,8 +61,8 @@ class Lemke(Method):
         if unknowns.sum() <= MAX_GROUP_SIZE:
             return None
         layout = problem.layout
-        of_contact = np.bincount(layout.contact_of_row[problem.laws.first_row], unknowns, layout.n_blocks)
-        largest = int(np.bincount(components(problem), of_contact).max())
+        unknowns_per_contact = np.bincount(layout.contact_of_row[problem.laws.first_row], unknowns, layout.n_blocks)
+        largest = int(np.bincount(components(problem), unknowns_per_contact).max())
         if largest > MAX_GROUP_SIZE:
             return f"a group of {largest} unknowns is coupled, and pivoting takes hours beyond {MAX_GROUP_SIZE}"
         return None
@@ -119,16 +119,16 @@ class PreparedLemke:
                 unknowns[group] = tableau.solution()
         impulses = self.formulated.impulses(unknowns)
         residual = self.residual.judged(self.problem, impulses)
-        reached = f"residual {residual:.1e} after {pivots} pivots"
+        progress = f"residual {residual:.1e} after {pivots} pivots"
         if residual <= stop.tolerance:
             return Solution(impulses, Status.SOLVED, pivots)
         if limit is not None:
-            return Solution(impulses, limit, pivots, reached)
+            return Solution(impulses, limit, pivots, progress)
         if proofs and not self.problem.laws.friction_coefficient.any():
             reason = "pivoting ended on a secondary ray, which proves infeasibility without Coulomb friction"
             return Solution(impulses, Status.INFEASIBLE, pivots, reason)
         reason = "pivoting ended on a secondary ray" if rays else "rounding limits the accuracy"
-        return Solution(impulses, Status.STALLED, pivots, f"{reason}, {reached}")
+        return Solution(impulses, Status.STALLED, pivots, f"{reason}, {progress}")
 
 
 def _advance(tableau: Tableau, max_pivots: int, clock: Clock) -> Status | None:

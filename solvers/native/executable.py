@@ -28,7 +28,7 @@ from ...problems.contact.solver import (
 from .captured_output import last_line, output_size
 from .messages import (
     DESCRIBE,
-    HEAD,
+    HEADER,
     ITERATE,
     LIMITS,
     PREPARE,
@@ -142,7 +142,7 @@ class Program:
         Raises:
             SolverError: if the program has ended.
         """
-        content = memoryview(b"".join((HEAD.pack(sum(map(len, parts)), kind, code), *parts)))
+        content = memoryview(b"".join((HEADER.pack(sum(map(len, parts)), kind, code), *parts)))
         try:
             while content:
                 content = content[os.write(self._into, content) :]
@@ -156,8 +156,8 @@ class Program:
             SolverError: if the program has ended.
             BrokenInterfaceError: if it sends another kind of message.
         """
-        head = self._read(HEAD.size)
-        length, kind, code = HEAD.unpack(head)
+        head = self._read(HEADER.size)
+        length, kind, code = HEADER.unpack(head)
         if kind not in kinds or length > max_body(n_rows):
             raise BrokenInterfaceError(
                 f"{self.source} sent {head!r}, which does not begin an answer; write answers to standard output "

@@ -1,8 +1,8 @@
 """The messages between Proxbench and an executable: their format, and the checks of answers.
 
-A message consists of a head and a body. The head has 16 bytes: the length of the body [bytes] (uint64), the kind of the
-message (uint32) and a code (int32). Numbers are in the byte order of the machine, doubles and int64 at multiples of 8
-bytes from the beginning of the body.
+A message consists of a header and a body. The header has 16 bytes: the length of the body [bytes] (uint64), the kind
+of the message (uint32) and a code (int32). Numbers are in the byte order of the machine, doubles and int64 at
+multiples of 8 bytes from the beginning of the body.
 
     to the executable       body
     1 describe              nothing; the code is the version of the interface
@@ -32,7 +32,7 @@ from .structures import text_of
 DESCRIBE, PREPARE, SOLVE, ITERATE = 1, 2, 3, 4
 """Kinds of messages."""
 
-HEAD = struct.Struct("=QIi")
+HEADER = struct.Struct("=QIi")
 """Length of the body, kind and code."""
 
 LIMITS = struct.Struct("=ddqII")

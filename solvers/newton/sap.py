@@ -112,24 +112,24 @@ def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
         x = springs.impulses(w)
         gradient = np.asarray(w - springs.directions @ x)
         length = float(np.linalg.norm(gradient))
-        wanted = GRADIENT_TOLERANCE * springs.compliance * float(np.linalg.norm(x - springs.centre))
-        step = None if length <= max(wanted, ROUNDING * float(np.linalg.norm(w))) else springs.step(w, gradient)
-        part = 0.0 if step is None else _length(springs, w, gradient, step)
-        if step is None or part == 0.0:
+        gradient_limit = GRADIENT_TOLERANCE * springs.compliance * float(np.linalg.norm(x - springs.centre))
+        step = None if length <= max(gradient_limit, ROUNDING * float(np.linalg.norm(w))) else springs.step(w, gradient)
+        fraction = 0.0 if step is None else _step_fraction(springs, w, gradient, step)
+        if step is None or fraction == 0.0:
             springs.centre, springs.compliance = x, max(COMPLIANCE_FACTOR * springs.compliance, MIN_COMPLIANCE)
             w = np.asarray(springs.directions @ x)
         else:
-            w = w + part * step
+            w = w + fraction * step
         yield x
 
 
-def _length(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatArray) -> float:
+def _step_fraction(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatArray) -> float:
     """Return the first fraction 1, ½, ¼, … of a step that decreases ℓ sufficiently, or 0 if there is none."""
-    slope, before, part = float(gradient @ step), springs.value(w), 1.0
-    while part >= MIN_STEP:
-        if springs.value(w + part * step) <= before + SUFFICIENT_DECREASE * part * slope:
-            return part
-        part *= 0.5
+    slope, before, fraction = float(gradient @ step), springs.value(w), 1.0
+    while fraction >= MIN_STEP:
+        if springs.value(w + fraction * step) <= before + SUFFICIENT_DECREASE * fraction * slope:
+            return fraction
+        fraction *= 0.5
     return 0.0
 
 
@@ -149,16 +149,16 @@ def _derivatives(cone: ConeProblem, argument: FloatArray) -> FloatArray:
     length = np.sqrt((tangent**2).sum(axis=1))
     found = np.zeros((n, width, width))
     inside = length <= fixed + friction * np.maximum(normal, 0.0)
-    met = np.where(inside, normal, (normal + friction * (length - fixed)) / (1.0 + friction**2))
-    found[:, 0, 0] = np.where(met > 0.0, np.where(inside, 1.0, 1.0 / (1.0 + friction**2)), 0.0)
+    normal_impulse = np.where(inside, normal, (normal + friction * (length - fixed)) / (1.0 + friction**2))
+    found[:, 0, 0] = np.where(normal_impulse > 0.0, np.where(inside, 1.0, 1.0 / (1.0 + friction**2)), 0.0)
     if width == 1:
         return found
     along = tangent / np.where(length > 0.0, length, 1.0)[:, None]
     outer = along[:, :, None] * along[:, None, :]
-    bound = fixed + friction * np.maximum(met, 0.0)
+    bound = fixed + friction * np.maximum(normal_impulse, 0.0)
     across = np.where(inside, 1.0, bound / np.where(length > 0.0, length, 1.0))
-    radial = np.where(inside, 1.0, np.where(met > 0.0, friction**2 / (1.0 + friction**2), 0.0))
+    radial = np.where(inside, 1.0, np.where(normal_impulse > 0.0, friction**2 / (1.0 + friction**2), 0.0))
     found[:, 1:, 1:] = across[:, None, None] * (np.eye(width - 1) - outer) + radial[:, None, None] * outer
-    mixed = np.where(inside | (met <= 0.0), 0.0, friction / (1.0 + friction**2))[:, None] * along
+    mixed = np.where(inside | (normal_impulse <= 0.0), 0.0, friction / (1.0 + friction**2))[:, None] * along
     found[:, 0, 1:] = found[:, 1:, 0] = mixed
     return found

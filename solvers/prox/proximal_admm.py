@@ -30,7 +30,7 @@ from ..sweeps.cone import ConeProblem
 PROXIMAL = 1e-6
 """η relative to L."""
 
-EXPONENT, UPDATE, TENFOLD = 0.2, 0.05, 10.0
+FIRST_EXPONENT, CHANGE_EXPONENT, MAX_RESIDUAL_RATIO = 0.2, 0.05, 10.0
 """Exponents of the first ρ and of its changes, and the ratio of residuals that triggers a change."""
 
 INTERVAL = 10
@@ -39,7 +39,7 @@ INTERVAL = 10
 MAX_PENALTY = 1e3
 """Largest ρ relative to L."""
 
-GROWTH = 2.0
+MAX_GROWTH = 2.0
 """The acceleration restarts if w moves more than this many times as far as before."""
 
 
@@ -75,30 +75,30 @@ class ProximalADMM(Method):
 
 def _passes(cone: ConeProblem, largest: float, memory: int, start: FloatArray) -> Iterator[FloatArray]:
     eta = PROXIMAL * largest
-    rho = float(np.sqrt(largest * eta) * (largest / eta) ** EXPONENT)
+    rho = float(np.sqrt(largest * eta) * (largest / eta) ** FIRST_EXPONENT)
     solve = _factorise(cone, rho + eta)
     velocity = cone.matrix @ start + cone.free
     x, y = start, start
     w = x - (velocity + cone.lift(velocity)) / rho
-    acceleration, moved, passes = Anderson(memory), np.inf, 0
+    acceleration, previous_change, passes = Anderson(memory), np.inf, 0
     while True:
         y_before, y = y, cone.projected(w)
         z = rho * (w - y)
         x = solve(eta * x + rho * y - z - cone.free - cone.lift(z))
         yield y
         image, passes = x + z / rho, passes + 1
-        further = float(np.linalg.norm(image - w))
-        if further > GROWTH * moved:
+        change = float(np.linalg.norm(image - w))
+        if change > MAX_GROWTH * previous_change:
             acceleration.restart()
-        moved, w = further, acceleration.next(w, image)
+        previous_change, w = change, acceleration.next(w, image)
         if passes % INTERVAL:
             continue
         primal, dual = float(np.linalg.norm(x - y)), rho * float(np.linalg.norm(y - y_before))
-        if primal > TENFOLD * dual or dual > TENFOLD * primal:
-            factor = (largest / eta) ** (UPDATE if primal > dual else -UPDATE)
+        if primal > MAX_RESIDUAL_RATIO * dual or dual > MAX_RESIDUAL_RATIO * primal:
+            factor = (largest / eta) ** (CHANGE_EXPONENT if primal > dual else -CHANGE_EXPONENT)
             rho = float(np.clip(factor * rho, eta, MAX_PENALTY * largest))
             solve = _factorise(cone, rho + eta)
-            w, moved = x + z / rho, np.inf
+            w, previous_change = x + z / rho, np.inf
             acceleration.restart()
 
 

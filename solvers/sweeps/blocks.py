@@ -206,46 +206,48 @@ def _sweep_any(  # type: ignore[no-untyped-def]
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
             velocity_of_block(i, 1, width, starts, lanes, values, free, impulses, xi)
-            held = impulses[k : k + width]
-            old[:] = held
+            block_impulses = impulses[k : k + width]
+            old[:] = block_impulses
             if lower[i] < 0.0:
-                new = -xi[0] / values[own] if values[own] > 0.0 else held[0]
-                held[0] = old[0] + relaxation[i] * (new - old[0])
+                new = -xi[0] / values[own] if values[own] > 0.0 else block_impulses[0]
+                block_impulses[0] = old[0] + relaxation[i] * (new - old[0])
                 continue
             for row in range(width):
                 block[row] = values[own + width * row : own + width * (row + 1)]
             mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
             if mu_r[i] > 0.0 or a_r[i] > 0.0:
-                solve_rolling(block, xi, sliding, mu, bound, mu_r[i], a_r[i], held)
+                solve_rolling(block, xi, sliding, mu, bound, mu_r[i], a_r[i], block_impulses)
             else:
-                held[1 + sliding :] = 0.0
-                _solve_without_rolling(block, xi, sliding, mu, bound, held, work)
+                block_impulses[1 + sliding :] = 0.0
+                _solve_without_rolling(block, xi, sliding, mu, bound, block_impulses, work)
             if relaxation[i] != 1.0:
-                _relax(relaxation[i], sliding, mu, bound, mu_r[i], a_r[i], old, held)
+                _relax(relaxation[i], sliding, mu, bound, mu_r[i], a_r[i], old, block_impulses)
 
 
 @njit(cache=True, error_model="numpy")
-def _solve_without_rolling(block, xi, sliding, friction, bound, held, work):  # type: ignore[no-untyped-def]
+def _solve_without_rolling(block, xi, sliding, friction, bound, block_impulses, work):  # type: ignore[no-untyped-def]
     """Replace Λ_N and Λ_T by the solution of their contact."""
     if sliding == 0:
-        held[0] = solve_frictionless(block[0, 0], xi[0])
+        block_impulses[0] = solve_frictionless(block[0, 0], xi[0])
     elif sliding == 1:
         nn, nt, tn, tt = block[0, 0], block[0, 1], block[1, 0], block[1, 1]
-        held[0], held[1] = solve_planar(nn, nt, tn, tt, xi[0], xi[1], friction, bound, held[0], held[1])
+        block_impulses[0], block_impulses[1] = solve_planar(
+            nn, nt, tn, tt, xi[0], xi[1], friction, bound, block_impulses[0], block_impulses[1]
+        )
     else:
         g = np.ascontiguousarray(block[:3, :3]).reshape(-1)
-        held[0], held[1], held[2] = solve_spatial(
-            g, xi[0], xi[1], xi[2], friction, bound, held[0], held[1], held[2], work
+        block_impulses[0], block_impulses[1], block_impulses[2] = solve_spatial(
+            g, xi[0], xi[1], xi[2], friction, bound, block_impulses[0], block_impulses[1], block_impulses[2], work
         )
 
 
 @njit(cache=True, error_model="numpy")
-def _relax(relaxation, sliding, friction, fixed, rolling, rolling_fixed, old, held):  # type: ignore[no-untyped-def]
-    """Move Λ from ``old`` by the part ``relaxation`` towards ``held``, and project onto its bounds."""
-    for k in range(len(held)):
-        held[k] = old[k] + relaxation * (held[k] - old[k])
-    held[0] = max(held[0], 0.0)
+def _relax(relaxation, sliding, friction, fixed, rolling, rolling_fixed, old, block_impulses):  # type: ignore[no-untyped-def]
+    """Move Λ from ``old`` by the part ``relaxation`` towards ``block_impulses``, and project onto its bounds."""
+    for k in range(len(block_impulses)):
+        block_impulses[k] = old[k] + relaxation * (block_impulses[k] - old[k])
+    block_impulses[0] = max(block_impulses[0], 0.0)
     first = 1 + sliding
-    zeros = np.zeros(len(held))
-    into_ball(0.0, fixed + friction * held[0], 1, zeros, held[1:first], zeros)
-    into_ball(0.0, rolling_fixed + rolling * held[0], first, zeros, held[first:], zeros)
+    zeros = np.zeros(len(block_impulses))
+    into_ball(0.0, fixed + friction * block_impulses[0], 1, zeros, block_impulses[1:first], zeros)
+    into_ball(0.0, rolling_fixed + rolling * block_impulses[0], first, zeros, block_impulses[first:], zeros)

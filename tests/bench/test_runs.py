@@ -96,7 +96,7 @@ def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path:
 
 
 @pytest.mark.slow
-def test_going_on_with_a_finished_run_changes_nothing(tmp_path: Path) -> None:
+def test_resuming_a_finished_run_changes_nothing(tmp_path: Path) -> None:
     made = run("hard-groove", ["NSGS", "SORprox"], results=tmp_path, run_id="one", tolerances=1e-2, passes=1)
     before = {file: file.read_bytes() for file in made.folder.rglob("*.json")}
     assert resume(made).is_finished

@@ -152,7 +152,7 @@ def few_iterations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("few_iterations")
 @pytest.mark.parametrize(("name", "check"), pairs())
-def test_it_conforms(name: str, check: Check[Solver]) -> None:
+def test_every_variant_passes_the_conformance_checks(name: str, check: Check[Solver]) -> None:
     is_variant = "=" in name or name.startswith(SLOW)
     if check.name in LONG and is_variant and not IS_FULL:
         pytest.skip("takes minutes for all; PROXBENCH_PROFILE=full runs it")

@@ -27,7 +27,7 @@ MAX_ROWS = 400 if IS_FULL else 4
 
 ONE_BY_ONE = (
     "finite",
-    "inputs untouched",
+    "inputs unchanged",
     "deterministic",
     "truthful",
     "observed",
@@ -104,7 +104,7 @@ SOLVERS = [
 
 
 @pytest.mark.parametrize("name", SOLVERS)
-def test_a_case_is_met_as_the_small_problems_are(name: str, case: str) -> None:
+def test_hard_cases_pass_the_checks_of_small_problems(name: str, case: str) -> None:
     solver = create(name)
     if name in FOR_COMPARISON and case not in DAILY and not IS_FULL:
         pytest.skip("PROXBENCH_PROFILE=full runs it")

@@ -105,7 +105,9 @@ def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: Co
 
 @pytest.mark.slow
 @given(problem=problems, solver=solvers, tolerances=st.lists(st.sampled_from([1e-1, 1e-3, 1e-5, 1e-7]), min_size=2))
-def test_a_tighter_tolerance_ends_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float]) -> None:
+def test_tighter_tolerance_does_not_increase_the_residual(
+    problem: ContactProblem, solver: Solver, tolerances: list[float]
+) -> None:
     end_no_worse(problem, solver, tolerances, STOP.max_seconds)
 
 

@@ -109,7 +109,7 @@ def disturbance(tmp_path_factory: pytest.TempPathFactory) -> Disturbance:
     return Disturbance(verdicts(quiet), verdicts(disturbed), on_funnel, sandbox.left_behind())
 
 
-def test_the_others_are_complete_and_judged_as_if_nothing_had_happened(disturbance: Disturbance) -> None:
+def test_other_cases_are_complete_and_judged_as_usual(disturbance: Disturbance) -> None:
     culprits = [f"Misbehaving({action})" for action in ACTIONS]
     assert len(disturbance.quiet) == 6
     others = {key: verdict for key, verdict in disturbance.disturbed.items() if key[1] not in culprits}
@@ -122,7 +122,7 @@ def test_no_process_and_no_temporary_file_is_left(disturbance: Disturbance) -> N
 
 
 @pytest.mark.parametrize("action", ACTIONS | LATE_ACTIONS)
-def test_the_record_of_the_culprit_says_what_it_did(disturbance: Disturbance, action: str) -> None:
+def test_record_of_a_misbehaving_solver_names_its_fault(disturbance: Disturbance, action: str) -> None:
     case, (outcome, words) = disturbance.cases[f"Misbehaving({action})"], (ACTIONS | LATE_ACTIONS)[action]
     assert case.outcome == outcome, case.reason + case.traceback + case.stderr
     assert len(case.reason) <= 2000
@@ -132,7 +132,7 @@ def test_the_record_of_the_culprit_says_what_it_did(disturbance: Disturbance, ac
         assert words in case.reason
 
 
-def test_what_a_culprit_does_in_private_changes_no_number_of_its_own(disturbance: Disturbance) -> None:
+def test_harmless_side_effects_do_not_change_results(disturbance: Disturbance) -> None:
     honest = disturbance.disturbed["funnel-30", "SORprox"][-1]
     for action in ("move", "print gigabytes"):
         assert disturbance.disturbed["funnel-30", f"Misbehaving({action})"][-1] == honest

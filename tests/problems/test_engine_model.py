@@ -47,7 +47,9 @@ def model_of(
         (HALF_LINE, [2.0], [0.0]),
     ],
 )
-def test_one_row(kind: EngineSet, offset: list[float], solution: list[float]) -> None:
+def test_residual_of_one_row_is_zero_at_the_solution(
+    kind: EngineSet, offset: list[float], solution: list[float]
+) -> None:
     model = model_of([kind], offset, bound=0.5)
     assert judge_own_model(model, solution) == 0.0
     assert judge_own_model(model, np.array(solution) + 0.1) == pytest.approx(0.1 / abs(offset[0]))

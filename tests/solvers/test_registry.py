@@ -93,7 +93,7 @@ def test_anything_but_a_problem_is_refused() -> None:
 
 
 class Faulty:
-    """A solver that breaks the contract in one method."""
+    """A solver that does not implement one method of the interface."""
 
     name, model = "Faulty", Model.COULOMB
 
@@ -113,13 +113,16 @@ class Faulty:
 @pytest.mark.parametrize(
     ("solver", "words"),
     [
-        (Faulty("supports"), "Faulty breaks the contract: its supports returned True; return None for a supported"),
+        (
+            Faulty("supports"),
+            "Faulty does not implement the solver interface: its supports returned True; return",
+        ),
         (Faulty("prepare"), "its prepare returned a NoneType, which has no method solve"),
         (Faulty("solve"), "its solve returned ndarray, not a Solution"),
         (Faulty, r"the solver Faulty is a class; pass an instance, Faulty\(\)"),
-        (5, "the solver int breaks the contract: it has no name"),
+        (5, "the solver int does not implement the solver interface: it has no name"),
     ],
 )
-def test_a_solver_that_breaks_the_contract_is_refused_with_the_fault(solver: Any, words: str) -> None:
+def test_solver_without_the_interface_is_refused_with_the_fault(solver: Any, words: str) -> None:
     with pytest.raises(SolverError, match=words):
         solve("hard-no-motion", solver)

@@ -84,7 +84,7 @@ def stalls() -> list[tuple[str, ContactProblem, Callable[..., Solution], Solutio
 
 
 @pytest.mark.slow
-def test_no_stall_is_false(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_claimed_stalls_are_genuine(monkeypatch: pytest.MonkeyPatch) -> None:
     found, false = stalls(), []
     assert len(found) >= 10
     for name, problem, solve, solution in found:

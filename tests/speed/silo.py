@@ -42,11 +42,11 @@ def pour(balls: int, step: float, tolerance: float, seed: int, duration: float, 
     )
     recorder, clocks, processor = MotionRecorder(plan.scene), StepClocks(plan.solver), [0.0]
 
-    def note(_: int, taken: AcceptedStep) -> None:
-        recorder.note(taken.end)
+    def on_step(_: int, taken: AcceptedStep) -> None:
+        recorder.record(taken.end)
         processor.append(clocks.processor)
 
-    result = simulate(plan, on_step=[note], watch_steps=clocks.watch)
+    result = simulate(plan, on_step=[on_step], watch_steps=clocks.watch)
     is_late = result.steps["time"] > 0.5 * duration
     steps = result.steps[is_late]
     return {

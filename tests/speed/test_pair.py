@@ -115,7 +115,7 @@ def test_what_one_pair_of_processes_finds_slower_is_measured_by_another() -> Non
     assert not comparison.is_decided
 
 
-def test_what_is_neither_slower_nor_surely_not_is_measured_again() -> None:
+def test_undecided_figures_are_measured_again() -> None:
     comparison = Comparison(FIRST, "a", list(np.log(SLOWER) + 0.1 * np.random.default_rng(0).normal(size=ROUNDS)))
     assert not comparison.is_slower
     assert not comparison.is_decided

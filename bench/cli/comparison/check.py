@@ -11,7 +11,7 @@ def check(
     target: Annotated[str, typer.Argument(metavar="NAME|FILE", help="Solver, problem, plugin file or problem file.")],
     check_seconds: Annotated[float, options.limits(metavar="SECONDS", help="Time limit of one check.")] = 60.0,
     plugin: options.PluginFiles = None,
-    quiet: Annotated[bool, options.flag("--quiet", help="Print failed checks only.")] = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Test a solver or problem for conformance.

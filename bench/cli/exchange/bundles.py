@@ -15,6 +15,7 @@ def bundle(
         Path | None, options.output(metavar="FILE", help="Bundle to write; RUN.bundle by default.")
     ] = None,
     force: options.Force = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
     """Pack a run into one file.
@@ -24,16 +25,17 @@ def bundle(
     from ...report.layout.text import print_json
     from ...runs import bundle as pack
 
+    options.check_output_options(quiet, as_json)
     file = pack(run_dir, output, force=force)
     if as_json:
         print_json({"file": str(file), "bytes": file.stat().st_size})
     else:
-        print(f"packed  {file} ({file.stat().st_size / 1024:.0f} KiB)")
+        print(file if quiet else f"packed  {file} ({file.stat().st_size / 1024:.0f} KiB)")
 
 
 def rejudge(
     file: Annotated[Path, typer.Argument(metavar="BUNDLE", help="Bundle to check.")],
-    quiet: Annotated[bool, options.flag("--quiet", help="Print disagreements only.")] = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
@@ -61,9 +63,10 @@ def rejudge(
 
 
 def merge(
-    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...", help="Bundles, and folders of runs.")],
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE", help="Bundles, and folders of runs.")],
     output: options.Runs = Path("results"),
     run_id: options.RunId = None,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> None:
@@ -75,12 +78,13 @@ def merge(
     from ...runs import merge as joined
     from ..progress import ProgressBar
 
+    options.check_output_options(quiet, as_json)
     missing: list[str] = []
-    with ProgressBar(not progress or as_json) as shown:
+    with ProgressBar(not progress or quiet or as_json) as shown:
         made = joined(sources, output, run_id, on_case=shown.count, on_missing=missing.append)
     for sentence in missing:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:
         print_json({"run": str(made.folder), "is_finished": made.is_finished, "missing": missing})
     else:
-        print(made)
+        print(made.folder if quiet else made)

@@ -34,6 +34,7 @@ def capture(
     output: Annotated[Path, options.output(metavar="FOLDER", help="Folder for the problem files.")] = Path("captured"),
     judge: Annotated[bool, options.flag("--judge", help="Judge the engine's forces in each step.")] = False,
     force: options.Force = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Simulate a model with MuJoCo and store steps as contact problems, with the forces that MuJoCo found.
@@ -46,6 +47,7 @@ def capture(
     from ...errors import InterruptedWorkError
     from ...report.layout.text import counted, print_json
 
+    options.check_output_options(quiet, as_json)
     rows: list[dict[str, Any]] = []
     n_kept = 0
 
@@ -56,7 +58,7 @@ def capture(
             return
         row = _step_row(step)
         rows.append(row)
-        if not as_json:
+        if not (quiet or as_json):
             _print_row(row, is_first=len(rows) == 1)
 
     simulated = CaptureOptions(duration, every, keyframe, seed)
@@ -66,6 +68,8 @@ def capture(
         raise InterruptedWorkError(f"interrupted; kept {counted(n_kept, 'step')} in {output}.") from None
     if as_json:
         print_json({**_as_json(summary), **({"steps": rows} if judge else {})})
+    elif quiet:
+        print(output)
     else:
         _print_summary(summary, output, judge)
     if summary.error:

@@ -86,6 +86,7 @@ def import_files(
         str, _reading(metavar="HOW", help="For negative eigenvalues: refuse or project (up to 1e-6).")
     ] = "refuse",
     force: options.Force = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Convert files of other programs to problem files (.npz).
@@ -98,6 +99,7 @@ def import_files(
     from ....problems.capture.files import has_step, read_step, save_step
     from ....problems.exchange.survey import problem_files
 
+    options.check_output_options(quiet, as_json)
     read, suffixes = _reader(file_format, symmetry, indefinite)
     files_of = partial(problem_files, suffixes=suffixes)
     targets = _import_targets(sources, files_of, output, force)
@@ -111,7 +113,7 @@ def import_files(
         return str(targets[file]), problem.digest
 
     found, broken, code = _apply(sources, files_of, convert)
-    _print_written(dict(found), broken, as_json)
+    _print_written(dict(found), broken, quiet, as_json)
     return code
 
 
@@ -123,6 +125,7 @@ def export_files(
     output: Annotated[Path, options.output(metavar="FILE|FOLDER", help="File, or folder for several.")] = Path(),
     plugin: options.PluginFiles = None,
     force: options.Force = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Write problems as files for other programs.
@@ -135,6 +138,7 @@ def export_files(
     from ...plugins.problems import resolve_problem
     from ...report.layout.output_file import check_writable
 
+    options.check_output_options(quiet, as_json)
     problems = [resolve_problem(name) for name in names]
     write: Callable[[ContactProblem, Path], None] = save_problem
     if file_format == "fclib":
@@ -150,7 +154,7 @@ def export_files(
     for problem, target in zip(problems, targets, strict=True):
         write(problem, target)
     digests = {str(target): problem.digest for problem, target in zip(problems, targets, strict=True)}
-    _print_written(digests, [], as_json)
+    _print_written(digests, [], quiet, as_json)
     return 0
 
 
@@ -313,21 +317,21 @@ def _range(ends: tuple[float, float]) -> str:
     return f"{ends[0]:g}" if ends[0] == ends[1] else "{:g}…{:g}".format(*ends)
 
 
-def _print_written(digests: dict[str, str], broken: Sequence[str], as_json: bool) -> None:
+def _print_written(digests: dict[str, str], broken: Sequence[str], quiet: bool, as_json: bool) -> None:
     from ...report.layout.text import print_json
 
     if as_json:
         print_json({"files": digests, "broken": list(broken)})
         return
-    print_files(digests)
+    print_files(digests, quiet)
     _print_broken(broken)
 
 
-def print_files(digests: Mapping[str, str]) -> None:
-    """Print problem files with their digests, which identify the problems in runs."""
+def print_files(digests: Mapping[str, str], quiet: bool = False) -> None:
+    """Print problem files with their digests, which identify the problems in runs; with ``quiet``, without them."""
     width = max((len(file) for file in digests), default=0)
     for file, digest in digests.items():
-        print(f"{file:<{width}}  problem digest {digest[:16]}")
+        print(file if quiet else f"{file:<{width}}  problem digest {digest[:16]}")
 
 
 def _print_broken(broken: Sequence[str]) -> None:

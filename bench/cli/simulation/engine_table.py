@@ -6,7 +6,7 @@ from ...measure.trajectories.engines.run import Comparison
 from ...measure.trajectories.engines.scenes import describe
 from ...report.layout.text import inline, markdown_table
 
-NOTHING = "–"
+NO_VALUE = "–"
 """Text of a cell without a value."""
 
 
@@ -26,8 +26,8 @@ def _scene_table(comparison: Comparison, scene: str) -> str:
         own = {run.setting: run for run in runs if run.engine == engine}
         in_order = (own[setting.name] for setting in ENGINES[engine].settings if setting.name in own)
         rows += [_row(run, description.errors, run is best) for run in in_order]
-    times, tracks = ("wall [ms/s]", "processor [ms/s]"), ("own model", "Coulomb", "Robust")
-    head = ("engine", "setting", "Δt [ms]", *times, *description.errors, *tracks)
+    times, residual_heads = ("wall [ms/s]", "processor [ms/s]"), ("own model", "Coulomb", "Robust")
+    head = ("engine", "setting", "Δt [ms]", *times, *description.errors, *residual_heads)
     return markdown_table(map(inline, head), rows)
 
 
@@ -35,14 +35,14 @@ def _row(run: Measurement, errors: tuple[str, ...], is_best: bool) -> list[str]:
     name = f"**{run.setting}**" if is_best else inline(run.setting)
     begin = [run.engine, name, f"{1e3 * run.time_step:g}"]
     if run.failure:
-        return [*begin, *[NOTHING] * (len(errors) + 4), inline(run.failure)]
+        return [*begin, *[NO_VALUE] * (len(errors) + 4), inline(run.failure)]
     values = (1e3 * run.wall_seconds, 1e3 * run.processor_seconds, *(run.errors[error] for error in errors))
     residuals = (run.own_residual, run.residual, run.solved_residual)
     return [*begin, *(f"{value:.3g}" for value in values), *map(_residual, residuals)]
 
 
 def _residual(value: float | None) -> str:
-    return NOTHING if value is None else f"{value:.1e}"
+    return NO_VALUE if value is None else f"{value:.1e}"
 
 
 def _notes(comparison: Comparison) -> str:

@@ -34,6 +34,7 @@ def engines(
         options.output(metavar="RESULT", help="Keep the runs of this .json file, and add the missing ones."),
     ] = None,
     force: options.Force = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
     progress: options.Progress = True,
 ) -> int:
@@ -44,26 +45,30 @@ def engines(
     """
     import msgspec
 
-    from ...errors import InterruptedWorkError
+    from ...errors import BenchError, InterruptedWorkError
     from ...measure.trajectories.engines.run import compare_engines, read_comparison
     from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import counted, print_json
     from .engine_table import comparison_tables
 
+    options.check_output_options(quiet, as_json)
+    if quiet and output is None and resume is None:
+        raise BenchError("--quiet does not print the tables; write them to a file with --output FILE.")
     if output is not None:
         _require_suffix(output)
         check_writable([output], force)
-    on_run = _print_run if progress and not as_json else lambda run: None
+    on_run = _print_run if progress and not (quiet or as_json) else lambda run: None
     earlier = None if resume is None else read_comparison(resume)
     comparison = compare_engines(scenes or (), engine or (), rounds, on_run, earlier=earlier)
     text = comparison_tables(comparison)
-    for file in filter(None, (resume, output)):
+    files = list(filter(None, (resume, output)))
+    for file in files:
         is_data = file.suffix == ".json" or file == resume
         write_file(file, msgspec.json.format(msgspec.json.encode(comparison)) if is_data else text.encode())
     if as_json:
         print_json(msgspec.to_builtins(comparison))
     else:
-        print(text)
+        print(*(files if quiet else [text]), sep="\n")
     if comparison.is_interrupted:
         raise InterruptedWorkError(f"interrupted; {counted(len(comparison.measurements), 'setting')} measured.")
     return int(any(run.failure for run in comparison.measurements))

@@ -147,9 +147,9 @@ def _start_or_resume(request: Request) -> Simulation:
     if request.resume is not None:
         given = {**({"scene": request.scene} if request.scene else {}), **request.plan_arguments}
         simulation = resumable_simulation(request.resume, given, request.duration)
-        own = simulation.outputs
-        simulation.outputs = choose_outputs(own, request.chart, request.record, request.force)
-        if simulation.outputs != own:  # not written later if no steps remain
+        stored = simulation.outputs
+        simulation.outputs = choose_outputs(stored, request.chart, request.record, request.force)
+        if simulation.outputs != stored:  # not written later if no steps remain
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)

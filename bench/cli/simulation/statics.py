@@ -30,6 +30,7 @@ def statics(
         bool, options.flag("--friction", help="Find the least friction coefficient, equal at all contacts.")
     ] = False,
     plugin: options.PluginFiles = None,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
     """Check whether the bodies of a scene can stand in its initial state, by a cone program.
@@ -41,6 +42,7 @@ def statics(
     from ...plugins.remote_scene import local_or_remote_scene
     from ...report.layout.text import print_json
 
+    options.check_output_options(quiet, as_json)
     built = local_or_remote_scene(scene)
     problem = problem_at_rest(built.system, built.start, margin)
     found = find_equilibrium(problem)
@@ -59,7 +61,7 @@ def statics(
         row["least_friction"] = least if np.isfinite(least) else None
     if as_json:
         print_json(row)
-    else:
+    elif not quiet:
         is_loose = not problem.n_contacts and not margin and isinstance(built.system, HasMargin)
         print(_sentence(row) + (f"; {MARGIN_HINT}" if is_loose else ""))
     return int(not found.can_stand)

@@ -24,7 +24,7 @@ class JudgedAnswers:
         outcome: the outcome of the point.
         own: the worst verdict under the solver's own model.
         coulomb: the worst verdict under Coulomb's law.
-        different: the distinct answers [N s], each of shape (n_rows,).
+        distinct: the distinct answers [N s], each of shape (n_rows,).
         claims: the claimed solutions, as bytes.
         kept: the answers with the worst verdicts.
     """
@@ -32,14 +32,14 @@ class JudgedAnswers:
     outcome: Outcome
     own: Verdict
     coulomb: Verdict
-    different: list[FloatArray]
+    distinct: list[FloatArray]
     claims: list[bytes]
     kept: list[Impulses]
 
     def impulse_error(self, problem: ContactProblem) -> float | None:
         """Return the largest distance to the known impulses of a problem; None if they are unknown."""
         known = problem.answer
-        found = [] if known is None else [known.impulse_error(impulses) for impulses in self.different]
+        found = [] if known is None else [known.impulse_error(impulses) for impulses in self.distinct]
         return max((error for error in found if error is not None), default=None)
 
 
@@ -55,8 +55,8 @@ def judge_answers(
         status: status of the last solve; all other solves ended SOLVED.
         rows: the answers in order [N s], each of shape (n_rows,).
     """
-    different = {impulses.tobytes(): impulses for impulses in rows}
-    judged = {key: verdicts(problem, impulses, model) for key, impulses in different.items()}
+    distinct = {impulses.tobytes(): impulses for impulses in rows}
+    judged = {key: verdicts(problem, impulses, model) for key, impulses in distinct.items()}
     claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
     outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
     outcome = Outcome(status.value)
@@ -65,9 +65,9 @@ def judge_answers(
     elif status is Status.SOLVED and Outcome.RELAXED in outcomes:
         outcome = Outcome.RELAXED
     under_model, under_coulomb = (max(judged, key=lambda key: judged[key][law].residual) for law in (0, 1))
-    kept = worst(Impulses.of(different[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
+    kept = worst(Impulses.of(distinct[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
     own, coulomb = judged[under_model][0], judged[under_coulomb][1]
-    return JudgedAnswers(outcome, own, coulomb, list(different.values()), claims, kept)
+    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, kept)
 
 
 def judge_control_solves(

@@ -120,7 +120,7 @@ class Measurement:
         latest: deque[tuple[int, FloatArray]] = deque(maxlen=LAST_ITERATIONS)
         mark, calls, claimed = 1.0, 0, 0
 
-        def note(iteration: int, impulses: FloatArray) -> None:
+        def on_iterate(iteration: int, impulses: FloatArray) -> None:
             nonlocal mark, calls
             calls += 1
             shown = np.array(impulses, dtype=np.float64)
@@ -132,7 +132,7 @@ class Measurement:
                 mark = iteration + 1.0 if iteration < FIRST_ITERATIONS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
-            solution = self.solver.prepare(problem).solve(stop, _read_only_copy(start), note)
+            solution = self.solver.prepare(problem).solve(stop, _read_only_copy(start), on_iterate)
             raise_fault(type_fault(solution))
             claimed = int(solution.iterations)
         self._check_threads()
@@ -247,7 +247,7 @@ class Measurement:
         raise_fault(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
 
     def _check_unchanged(self) -> None:
-        changed = self.before.changed_for_timing()
+        changed = self.before.changed_timing_settings()
         raise_fault(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
 

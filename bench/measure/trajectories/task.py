@@ -12,7 +12,7 @@ from ....problems.errors import ProxbenchError
 from ....problems.exchange.plugins.scenes import build_plugin_scene, plugin_scene
 from ....problems.motion.scenes.registry import make_scene, parse_scene
 from ....problems.motion.scenes.scene import Scene
-from ....problems.motion.stepping.step import AcceptedStep
+from ....problems.motion.stepping.step import NOT_FINITE, AcceptedStep
 from ....problems.motion.trajectories.pour import MotionRecorder
 from ....problems.motion.trajectories.problem import TrajectoryProblem
 from ...errors import FailedSimulationError
@@ -60,7 +60,7 @@ class TrajectoryTask:
         start = measure.values(recorder, duration)
         if scene.exact is None:
             return {"values": {}, "start": start, "length": scene.length}
-        recorder.note(scene.exact(scene.start.time + duration))
+        recorder.record(scene.exact(scene.start.time + duration))
         return {"values": measure.values(recorder, duration), "start": start, "length": scene.length}
 
     def _scene(self, member: float) -> Scene:
@@ -91,16 +91,16 @@ class TrajectoryTask:
         most = self.max_solves if plan.stepper.locates_switches else math.inf
         clocks, before, end = StepClocks(plan.solver), ContextSwitches.now(), time.monotonic() + self.seconds
 
-        def note(number: int, taken: AcceptedStep) -> None:
+        def on_step(number: int, taken: AcceptedStep) -> None:
             nonlocal solves
             solves += taken.solves
-            recorder.note(taken.end)
+            recorder.record(taken.end)
 
         status, reason = Status.SOLVED, ""
         try:
             advance(
                 simulation,
-                on_step=[note],
+                on_step=[on_step],
                 should_stop=lambda: solves > most or time.monotonic() > end,
                 watch_steps=clocks.watch,
             )
@@ -113,7 +113,7 @@ class TrajectoryTask:
             if solves > most:
                 status, reason = Status.ITERATION_LIMIT, f"given up after {most} one-step solves, {at}"
         elif status is Status.SOLVED and not np.isfinite(list(values.values())).all():
-            status, reason = Status.DIVERGED, "the motion is no longer finite"
+            status, reason = Status.DIVERGED, NOT_FINITE
         return {
             "status": status.value,
             "iterations": int(simulation.steps["solves"].sum()),

@@ -125,7 +125,7 @@ class BallRecorder(SceneRecorder):
     def _spins(self, velocity: FloatArray) -> FloatArray:
         """Return angular velocities in space [rad/s], shape (n, 3); discs turn from x to z, thus about −y."""
         twists = self._system.twists(velocity)[:, self._system.dimension :]
-        if self._system.spins == 3:
+        if self._system.n_rotations == 3:
             return twists
         spins = np.zeros((self._system.n_balls, 3))
         spins[:, 1] = -twists.sum(axis=1)  # sums one component, or none

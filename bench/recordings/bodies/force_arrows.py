@@ -8,9 +8,10 @@ import numpy as np
 from ....problems.arrays import FloatArray
 from ..contact_states import States
 
-SHARE, RADII, MAX_RATIO = 0.9, 0.6, 4.0
-"""The ``SHARE`` quantile of all forces has an arrow of ``RADII`` bounding radii of its body. Lengths grow with the
-square root of the force, up to ``MAX_RATIO`` times this force, so that arrows of impacts do not cover the others."""
+REFERENCE_QUANTILE, REFERENCE_LENGTH, MAX_RATIO = 0.9, 0.6, 4.0
+"""The reference force is this quantile of all forces; its arrow has this length in bounding radii of its body. Lengths
+grow with the square root of the force, up to ``MAX_RATIO`` times this force, so that arrows of impacts do not cover the
+others."""
 
 NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.uint16))
 """Arguments of ``ForceArrows.add`` for a step without forces."""
@@ -45,10 +46,10 @@ class ForceArrows:
 
     @property
     def reference(self) -> float | None:
-        """The force [N] whose arrow has the length ``RADII``; None without forces."""
+        """The force [N] whose arrow has the length ``REFERENCE_LENGTH``; None without forces."""
         sizes = np.concatenate([np.zeros(0), *(np.linalg.norm(step.vectors, axis=1) for step in self._steps)])
         acting = sizes[sizes > 0.0]
-        return float(np.quantile(acting, SHARE)) if len(acting) else None
+        return float(np.quantile(acting, REFERENCE_QUANTILE)) if len(acting) else None
 
     @property
     def explanation(self) -> str:
@@ -57,8 +58,8 @@ class ForceArrows:
             return ""
         force = float(f"{self.reference:.2g}")
         return (
-            f" The length of an arrow grows with the square root of the force: {RADII:g} radii of the body for "
-            f"{force:g} N, and at most twice that, from {MAX_RATIO * force:g} N on."
+            f" The length of an arrow grows with the square root of the force: {REFERENCE_LENGTH:g} radii of the body "
+            f"for {force:g} N, and at most twice that, from {MAX_RATIO * force:g} N on."
         )
 
     def arrows(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:
@@ -66,5 +67,5 @@ class ForceArrows:
         reference = self.reference or 1.0
         for step in self._steps:
             size = np.linalg.norm(step.vectors, axis=1)
-            lengths = RADII * step.radii * np.sqrt(np.minimum(size / reference, MAX_RATIO))
+            lengths = REFERENCE_LENGTH * step.radii * np.sqrt(np.minimum(size / reference, MAX_RATIO))
             yield step.number, step.vectors * (lengths / np.maximum(size, 1e-300))[:, None], step.points, step.states

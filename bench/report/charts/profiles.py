@@ -92,7 +92,7 @@ def profile_charts(
             levels = [(level, table[table["accuracy"] == level]) for level in profile_accuracies(frames)]
             parts = [(name, f"to a {frames.residual} residual of {exponent(level)}", own) for level, own in levels]
         row = _row(frames, parts, set(table["solver"]))
-        over = [_over(frames, shown["accuracy"], view, table["problems"])] if name in CURVES else []
+        over = [_shares_text(frames, shown["accuracy"], view, table["problems"])] if name in CURVES else []
         lines = [*over, _NOTES[name].format(baseline)]
         notes = _with_threads(lines, name, other_threads_note(frames, solvers, baseline if name == "speedup" else ""))
         charts[name] = _page(frames, _TITLES[name], notes, [row], len(parts))
@@ -145,7 +145,7 @@ def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
     return own if len(own) else table[table["view"] == EVERY]
 
 
-def _over(frames: RunFrames, shown: pd.DataFrame, view: str, drawn: "pd.Series[int]") -> str:
+def _shares_text(frames: RunFrames, shown: pd.DataFrame, view: str, drawn: "pd.Series[int]") -> str:
     """Return the meaning of the shares of a view, for a title.
 
     Args:
@@ -230,8 +230,8 @@ def _speedup_panel(styles: Mapping[str, SolverStyle], data: Any) -> alt.LayerCha
     mean = mean.transform_aggregate(exponent="mean(exponent)", groupby=["solver"])
     mean = mean.transform_calculate(speedup="exp(datum.exponent)").mark_point(filled=True, size=80, opacity=1)
     mean = mean.encode(x=across, shape=by_name(alt.Shape, "solver", styles, "shape"), tooltip=["solver:N", "speedup:Q"])
-    tie = alt.Chart(pd.DataFrame({"speedup": [1.0]})).mark_rule(color="#777777").encode(x=alt.X("speedup:Q"))
-    return alt.LayerChart(layer=[tie, tick, mean])
+    equal_times = alt.Chart(pd.DataFrame({"speedup": [1.0]})).mark_rule(color="#777777").encode(x=alt.X("speedup:Q"))
+    return alt.LayerChart(layer=[equal_times, tick, mean])
 
 
 def _counts(rows: pd.DataFrame) -> str:

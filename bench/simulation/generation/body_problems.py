@@ -143,8 +143,8 @@ def body_problem(name: str) -> ContactProblem:
     state = recipe.scene.start()
     for step in stepper.steps(state, recipe.step):
         state = step.state
-    middle = stepper.system.move(state.position, state.velocity, 0.5 * recipe.time_step)
-    assembly = stepper.system.assemble(middle, state.velocity, recipe.time_step)
+    midpoint = stepper.system.move(state.position, state.velocity, 0.5 * recipe.time_step)
+    assembly = stepper.system.assemble(midpoint, state.velocity, recipe.time_step)
     if assembly.contacts is None:
         raise ProblemError(f"no contact is active in step {recipe.step} of the scene of {name!r}.")
     problem = step_problem(assembly, assembly.contacts, state.velocity)

@@ -97,7 +97,7 @@ def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Swi
     segments = simulation.segments
     tolerances = ", then ".join(dict.fromkeys(_scientific(segment.tolerance) for segment in segments))
     solvers = ", then ".join(dict.fromkeys(segment.solver.partition("(")[0] for segment in segments))
-    solved = f"steps solved to {tolerances}, {simulation.unsolved.sum()} missed, by {solvers}"
+    solved = f"{solvers} to {tolerances}, {counted(int(simulation.unsolved.sum()), 'unsolved step')}"
     if not plan.stepper.locates_switches:
         return f"{plan.stepper.name}, {solved}"
     work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {describe_switches(found)}"

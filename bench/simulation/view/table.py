@@ -92,7 +92,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "largest_residual": finite(largest("residual")),
         "largest_residual_time": float(steps["time"][np.argmax(steps["residual"])]) if len(steps) else None,
         "largest_local_residual": finite(largest("local_residual")),
-        "hiding_steps": int(simulation.has_hidden_errors.sum()),
+        "hidden_error_steps": int(simulation.has_hidden_errors.sum()),
         "solves": int(steps["solves"].sum()),
         "rejected": int(steps["rejected"].sum()),
         "switches": len(simulation.switches),
@@ -275,7 +275,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     if not simulation.plan.stepper.shows_solves:
         yield "the judge confirms that impulses and forces at events are solved to 1e-09 or better", "green"
         return
-    yield from _hiding_line(simulation)
+    yield from _hidden_error_line(simulation)
     tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
     tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
@@ -296,14 +296,14 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"  the solver uses the {solver.model} model, not Coulomb friction", "red"
 
 
-def _hiding_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
+def _hidden_error_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
     """Yield the number of steps in which fast contacts hide the errors of others, if any, with its style."""
-    hiding = simulation.steps[simulation.has_hidden_errors]
-    if not len(hiding):
+    hidden = simulation.steps[simulation.has_hidden_errors]
+    if not len(hidden):
         return
-    worst = hiding[np.argmax(hiding["local_residual"])]
+    worst = hidden[np.argmax(hidden["local_residual"])]
     yield (
-        f"fast contacts hide others in {counted(len(hiding), 'step')}: local residual up to "
+        f"fast contacts hide errors of slow ones in {counted(len(hidden), 'step')}: local residual up to "
         f"{worst['local_residual']:.1e}, judged {worst['residual']:.1e}, at t = {worst['time']:.6g} s",
         "bold yellow",
     )

@@ -15,7 +15,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.exchange.catalog import is_shipped, load
 from ....problems.exchange.files.problem_file import packed_problem, read_problem
 from ...errors import BenchError
-from ..conversion import decode_record, encode_record, inflated
+from ..conversion import decode_record, decompress, encode_record
 from ..fields import Record
 from ..records import CaseRecord, RunRecord
 from ..store import BUNDLE_SUFFIX, Store, is_bundle, put_file
@@ -163,7 +163,7 @@ def read_bundle(path: Path) -> Bundle:
     if not packed.startswith(_GZIP):
         raise BenchError(f"{path} is not a bundle; name a file that `proxbench bundle` wrote.")
     try:
-        text = inflated(packed, MAX_BYTES)
+        text = decompress(packed, MAX_BYTES)
     except ValueError as error:
         raise BenchError(f"{path} is damaged ({error}); {_REMEDY}.") from None
     content = decode_record(text, _Content, str(path), _REMEDY)

@@ -51,7 +51,7 @@ def merge(
         disagreements = rejudge_bundle(bundle, on_case).disagreements
         if disagreements:
             more = f" (and {len(disagreements) - 1} more cases)" if len(disagreements) > 1 else ""
-            raise BenchError(f"{bundle.source} is refused: {disagreements[0].removesuffix('.')}{more}.")
+            raise BenchError(f"{bundle.source} is rejected: {disagreements[0].removesuffix('.')}{more}.")
     _require_same_settings(bundles)
     plans = [bundle.run.plan for bundle in bundles]
     _write(folder, _merged(bundles, folder, _merged_plan(plans)))
@@ -71,7 +71,7 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
     starts: dict[str, str] = {}
     for bundle in bundles:
         sessions += [one for one in bundle.run.sessions if one not in sessions]
-        places = [sessions.index(one) for one in bundle.run.sessions]
+        session_indices = [sessions.index(one) for one in bundle.run.sessions]
         for case in bundle.cases:
             if digests.setdefault(case.problem, case.digest) != case.digest:
                 raise BenchError(
@@ -82,7 +82,7 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
                     f"the warm solvers on {case.problem!r} of {bundle.source} start from other steps or contacts than "
                     "in another source; leave one of them out."
                 )
-            found, key = (with_sessions(case, places), bundle), (case.problem, case.solver)
+            found, key = (with_sessions(case, session_indices), bundle), (case.problem, case.solver)
             cases[key] = _chosen(cases[key], found) if key in cases else found
     merged = [case for case, _ in cases.values()]
     _require_one_machine(merged, sessions)
@@ -114,10 +114,10 @@ def _require_same_settings(bundles: Sequence[Bundle]) -> None:
     """Raise ``BenchError`` if a bundle was measured with other settings than the first."""
     first = bundles[0]
     for bundle in bundles[1:]:
-        for name, words in (("tolerances", "tolerances"), ("limits", "limits"), ("passes", "number of passes")):
+        for name, label in (("tolerances", "tolerances"), ("limits", "limits"), ("passes", "number of passes")):
             if getattr(bundle.run.plan, name) != getattr(first.run.plan, name):
                 raise BenchError(
-                    f"{bundle.source} has other {words} than {first.source}; merge runs with the same settings."
+                    f"{bundle.source} has other {label} than {first.source}; merge runs with the same settings."
                 )
 
 
@@ -156,10 +156,10 @@ def _missing_shards(plans: Sequence[PlanRecord]) -> list[str]:
 def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
     """Return the plan of all runs; problems of shards alternate, as before the run was divided."""
     names = [plan.problems for plan in (sorted(plans, key=_shard) if _are_shards(plans) else plans)]
-    turns = zip_longest(*names) if _are_shards(plans) else names
+    rounds_of_names = zip_longest(*names) if _are_shards(plans) else names
     return replace(
         plans[0],
-        problems=_unique(name for turn in turns for name in turn if name is not None),
+        problems=_unique(name for turn in rounds_of_names for name in turn if name is not None),
         solvers=_unique(name for plan in plans for name in plan.solvers),
         families={name: family for plan in plans for name, family in plan.families.items()},
         suite=plans[0].suite if len({plan.suite for plan in plans}) == 1 else "",

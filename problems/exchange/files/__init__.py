@@ -1,1 +1,1 @@
-"""Files of arrays: read without running code, written whole or not at all."""
+"""Files of arrays: read without running code, written atomically."""

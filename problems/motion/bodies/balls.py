@@ -27,7 +27,7 @@ from ...errors import ProblemError
 from ..detection.broad_phase import NearPairs
 from ..detection.contact_keys import ContactKeys
 from .rigid.materials import MaterialPairs
-from .surfaces import Surface, Touching
+from .surfaces import Surface, SurfaceContacts
 from .system import ActiveContacts, Overlaps, StepAssembly
 
 SPHERE_INERTIA = 0.4
@@ -46,8 +46,8 @@ Potential = Callable[[FloatArray, FloatArray], float]
 """(centres, masses) ↦ potential energy [J]; shapes (n, d) and (n,)."""
 
 
-def known_potential(potentials: Sequence[Potential | None], n_forces: int) -> Potential | None:
-    """Return the sum of the potentials of ``n_forces`` forces; None if one of them is not known."""
+def total_potential(potentials: Sequence[Potential | None], n_forces: int) -> Potential | None:
+    """Return the sum of the potentials of ``n_forces`` forces; None if one of them is unknown."""
     known = [potential for potential in potentials if potential is not None]
     if len(known) != n_forces:
         return None
@@ -116,7 +116,7 @@ class BallSystem:
         return 1 if self.friction is None else self.dimension
 
     @property
-    def spins(self) -> int:
+    def n_rotations(self) -> int:
         """Rotational degrees of freedom of one ball, 0 without friction, else 1 (planar) or 3 (spatial)."""
         if self.friction is None:
             return 0
@@ -125,7 +125,7 @@ class BallSystem:
     @property
     def dofs_per_ball(self) -> int:
         """Degrees of freedom of one ball."""
-        return self.dimension + self.spins
+        return self.dimension + self.n_rotations
 
     @cached_property
     def _near_pairs(self) -> NearPairs:
@@ -139,7 +139,7 @@ class BallSystem:
     def inverse_mass(self) -> InverseMass:
         """M⁻¹, diagonal."""
         inertia = self.inertia_factor * self.masses * self.radii**2
-        diagonal = np.column_stack([*[1.0 / self.masses] * self.dimension, *[1.0 / inertia] * self.spins]).ravel()
+        diagonal = np.column_stack([*[1.0 / self.masses] * self.dimension, *[1.0 / inertia] * self.n_rotations]).ravel()
         return InverseMass.create(diagonal)
 
     def centres(self, position: FloatArray) -> FloatArray:
@@ -152,7 +152,7 @@ class BallSystem:
 
     def without_spin(self, velocities: FloatArray) -> FloatArray:
         """Return u for centres moving with ``velocities``, shape (n, d), and no spin."""
-        return np.column_stack([velocities, np.zeros((self.n_balls, self.spins))]).ravel()
+        return np.column_stack([velocities, np.zeros((self.n_balls, self.n_rotations))]).ravel()
 
     def translation(self, direction: FloatArray) -> FloatArray:
         """Return u for all balls moving with one velocity, shape (d,), and no spin."""
@@ -183,7 +183,7 @@ class BallSystem:
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``, which is not negative."""
-        found = self.with_margin(limit)._touching(self.centres(position))
+        found = self.with_margin(limit)._find_contacts(self.centres(position))
         gap = found.gap + np.where(found.chunks[1::2] == self.n_balls, limit, 2.0 * limit)
         near = gap < limit
         return found.keys[near], gap[near]
@@ -191,16 +191,16 @@ class BallSystem:
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
         """Return all overlaps, or None if none of them is deeper than ``tolerated`` [m]."""
         centres = self.centres(position)
-        touched, near = self._touched(centres), self._near_pairs.at(centres)
-        deepest = min((gaps.min(initial=0.0) for _, gaps, _ in touched), default=0.0)
+        on_surfaces, near = self._find_surface_contacts(centres), self._near_pairs.at(centres)
+        deepest = min((gaps.min(initial=0.0) for _, gaps, _ in on_surfaces), default=0.0)
         if not deepest < -tolerated and not _is_deeper(near, centres, self.radii, tolerated):
             return None
-        found = _merged(near, centres, self.radii, touched)
+        found = _merge_contacts(near, centres, self.radii, on_surfaces)
         normals = BallNormals(found.chunks, found.normals, self.n_balls, self.dofs_per_ball)
         return Overlaps(found.gap, normals, self.inverse_mass)
 
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
-        found = self._touching(centres)
+        found = self._find_contacts(centres)
         keys = found.keys
         if not len(keys):
             return None
@@ -212,7 +212,7 @@ class BallSystem:
         laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
         return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), self.rows_per_contact)
 
-    def _directions(self, found: "TouchingBalls") -> Pieces:
+    def _directions(self, found: "DetectedContacts") -> Pieces:
         rows = self.rows_per_contact
         if rows == 3:
             return BallContacts(found.chunks, found.normals, self.radii)
@@ -221,18 +221,18 @@ class BallSystem:
         values = _planar_directions(found.chunks, found.normals, self.radii)
         return Pieces(2 * np.arange(len(found.keys) + 1), found.chunks, values, self.n_balls)
 
-    def _touching(self, centres: FloatArray) -> "TouchingBalls":
+    def _find_contacts(self, centres: FloatArray) -> "DetectedContacts":
         """Return all overlaps of balls with balls and surfaces."""
-        return _merged(self._near_pairs.at(centres), centres, self.radii, self._touched(centres))
+        return _merge_contacts(self._near_pairs.at(centres), centres, self.radii, self._find_surface_contacts(centres))
 
-    def _touched(self, centres: FloatArray) -> list[Touching]:
+    def _find_surface_contacts(self, centres: FloatArray) -> list[SurfaceContacts]:
         """Return the balls that touch each surface."""
-        return [surface.touching(centres, self.radii) for surface in self.surfaces]
+        return [surface.find_contacts(centres, self.radii) for surface in self.surfaces]
 
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
         """The function q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
-        known = known_potential(self.potentials, len(self.accelerations))
+        known = total_potential(self.potentials, len(self.accelerations))
         return None if known is None else lambda position: known(self.centres(position), self.masses)
 
     def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
@@ -246,7 +246,7 @@ class BallSystem:
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
 
 
-class TouchingBalls(NamedTuple):
+class DetectedContacts(NamedTuple):
     """Overlaps of balls with balls and surfaces, ordered by key.
 
     Attributes:
@@ -262,12 +262,14 @@ class TouchingBalls(NamedTuple):
     normals: FloatArray
 
 
-def _merged(near: IntArray, centres: FloatArray, radii: FloatArray, touched: list[Touching]) -> TouchingBalls:
+def _merge_contacts(
+    near: IntArray, centres: FloatArray, radii: FloatArray, on_surfaces: list[SurfaceContacts]
+) -> DetectedContacts:
     """Return the overlaps among near pairs of balls, and those of balls with each surface."""
     none = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, centres.shape[1]))
-    ends = np.cumsum([len(balls) for balls, _, _ in touched], dtype=np.int64)
-    ball, depth, inward = (np.concatenate(parts) for parts in zip(none, *touched, strict=True))
-    return TouchingBalls(*_merge(near, centres, radii, ends, ball, depth, inward))
+    ends = np.cumsum([len(balls) for balls, _, _ in on_surfaces], dtype=np.int64)
+    ball, depth, inward = (np.concatenate(parts) for parts in zip(none, *on_surfaces, strict=True))
+    return DetectedContacts(*_merge(near, centres, radii, ends, ball, depth, inward))
 
 
 @njit(cache=True)

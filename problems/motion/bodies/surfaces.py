@@ -9,14 +9,14 @@ from numba import njit
 
 from ...arrays import FloatArray, IntArray
 
-Touching = tuple[IntArray, FloatArray, FloatArray]
+SurfaceContacts = tuple[IntArray, FloatArray, FloatArray]
 """Balls that touch, shape (m,), their gaps [m], shape (m,), and unit normals from surface to centre, shape (m, d)."""
 
 
 class Surface(Protocol):
     """A fixed surface."""
 
-    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+    def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
         """Return the balls at ``centres``, shape (n, d), that overlap the surface, with gaps and normals."""
         ...
 
@@ -33,7 +33,7 @@ class Plane:
     point: tuple[float, ...]
     normal: tuple[float, ...]
 
-    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+    def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
         """Return the balls with n·(x − p) < r."""
         unit = np.array(self.normal) / np.linalg.norm(self.normal)
         gap = (centres - np.array(self.point)) @ unit - radii
@@ -55,13 +55,13 @@ class Segment:
     upper: tuple[float, float]
     side: int = 0
 
-    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+    def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
         """Return the balls closer to the segment than r, on the side of the axis; normals point to the axis."""
         span = (self.upper[0] - self.lower[0], self.upper[1] - self.lower[1])
         length = math.hypot(*span)
         along = (span[0] / length, span[1] / length)
-        touching: Touching = _touching_segment(centres, radii, self.lower, along, length, self.side)
-        return touching
+        contacts: SurfaceContacts = _find_segment_contacts(centres, radii, self.lower, along, length, self.side)
+        return contacts
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ class Rim:
     along: tuple[float, float]
     side: int = 0
 
-    def touching(self, centres: FloatArray, radii: FloatArray) -> Touching:
+    def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
         """Return the balls closer to the rim than r; normals point from the rim to the centre."""
-        touching: Touching = _touching_rim(centres, radii, self.point, self.along, self.side)
-        return touching
+        contacts: SurfaceContacts = _find_rim_contacts(centres, radii, self.point, self.along, self.side)
+        return contacts
 
 
 @njit(cache=True)
@@ -110,8 +110,8 @@ def _write_normal(centres, i, side, rho, across, up, normal):  # type: ignore[no
 
 
 @njit(cache=True)
-def _touching_segment(centres, radii, lower, along, length, side):  # type: ignore[no-untyped-def]
-    """Return what ``Segment.touching`` returns; ``along`` is the unit direction of the segment."""
+def _find_segment_contacts(centres, radii, lower, along, length, side):  # type: ignore[no-untyped-def]
+    """Return what ``Segment.find_contacts`` returns; ``along`` is the unit direction of the segment."""
     n, dim = centres.shape
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0
@@ -128,8 +128,8 @@ def _touching_segment(centres, radii, lower, along, length, side):  # type: igno
 
 
 @njit(cache=True)
-def _touching_rim(centres, radii, point, along, side):  # type: ignore[no-untyped-def]
-    """Return what ``Rim.touching`` returns."""
+def _find_rim_contacts(centres, radii, point, along, side):  # type: ignore[no-untyped-def]
+    """Return what ``Rim.find_contacts`` returns."""
     n, dim = centres.shape
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0

@@ -328,8 +328,8 @@ class MechanicalSystem:
 
     def _directions(self, position: FloatArray) -> FloatArray:
         shape = (len(position), int(self._first_rows[-1]))
-        why = "one row for each velocity, and one column for each row of contacts and joints"
-        return _checked_values("directions W(q)", self.directions(position), shape, why)
+        explanation = "one row for each velocity, and one column for each row of contacts and joints"
+        return _checked_values("directions W(q)", self.directions(position), shape, explanation)
 
     def _inverse_mass(self, position: FloatArray) -> tuple[FloatArray, InverseMass]:
         mass = self.mass(position)
@@ -383,10 +383,10 @@ class MechanicalSystem:
         return Laws.concatenate([*parts, Laws.joints(int(self._row_counts[len(self._contact_rows) :].sum()))])
 
 
-def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], why: str) -> FloatArray:
-    """Return ``values``, or raise ``ProblemError`` if they have a wrong shape or NaN; ``why`` explains the shape."""
+def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], explanation: str) -> FloatArray:
+    """Return ``values``, or raise ``ProblemError`` for a wrong shape, with an ``explanation`` of it, or for NaN."""
     if np.shape(values) != shape:
-        raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {why}.")
+        raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {explanation}.")
     if np.isnan(values).any():
         raise ProblemError(f"the {what} contain NaN.")
     return values

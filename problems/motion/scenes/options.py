@@ -48,7 +48,7 @@ class Option:
         if isinstance(self.default, tuple):
             if isinstance(value, list | tuple):
                 return tuple(float(self._checked_number(name, part)) for part in value)
-            raise ProblemError(f"{name} must be numbers in brackets, (1.0, 2.0), got {value!r}.")
+            raise ProblemError(f"{name} must be a tuple of numbers such as (1.0, 2.0), got {value!r}.")
         if isinstance(self.default, bool):
             if isinstance(value, bool):
                 return value
@@ -56,14 +56,14 @@ class Option:
         return self._checked_number(name, value)
 
     def _checked_number(self, name: str, value: object) -> int | float:
-        whole = isinstance(self.default, int)
-        types = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+        is_whole = isinstance(self.default, int)
+        types = (int, np.integer) if is_whole else (int, float, np.integer, np.floating)
         if isinstance(value, types) and not isinstance(value, bool):
-            number = int(value) if whole else float(value)
+            number = int(value) if is_whole else float(value)
             # no option may be infinite, and NaN fails every comparison
             if self.lowest <= number <= self.highest and number < math.inf:
                 return number
-        kind = "a whole number" if whole else "a number"
+        kind = "a whole number" if is_whole else "a number"
         raise ProblemError(f"{name} must be {kind} {self._range()}, got {value!r}.")
 
     def _range(self) -> str:

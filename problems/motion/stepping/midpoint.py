@@ -72,8 +72,8 @@ class MidpointRule:
         if self.depth is not None and not 0.0 < self.depth < np.inf:
             raise ProblemError(f"depth must be positive, got {self.depth}.")
 
-    def step(self, state: State, held: tuple[int, ...] = ()) -> Step:
-        """Take one step in which contacts with the keys ``held`` do not rebound."""
+    def step(self, state: State, inelastic: tuple[int, ...] = ()) -> Step:
+        """Take one step in which the contacts with the keys ``inelastic`` do not rebound."""
         half = 0.5 * self.time_step
         midpoint = self.system.move(state.position, state.velocity, half)
         assembly = self.system.assemble(midpoint, state.velocity, self.time_step)
@@ -84,8 +84,8 @@ class MidpointRule:
             end = self._end(midpoint, velocity)
             state = State(time, end.position, end.velocity)
             return Step(state, None, np.zeros(0), None, None, 0, end.overlap)
-        if held:
-            contacts = _without_rebound(contacts, held)
+        if inelastic:
+            contacts = _without_rebound(contacts, inelastic)
         problem = step_problem(assembly, contacts, state.velocity)
         start = _matched_impulses(state, contacts) if self.warm_start else None
         solution = self.solver.prepare(problem).solve(self.stop, start)
@@ -140,10 +140,10 @@ def step_problem(assembly: StepAssembly, contacts: ActiveContacts, velocity: Flo
     return ContactProblem(free_velocity, contacts.laws, factors=factors)
 
 
-def _without_rebound(contacts: ActiveContacts, held: tuple[int, ...]) -> ActiveContacts:
-    """Return the contacts with ε = 0 for the keys ``held``."""
-    is_held = contacts.for_rows(np.isin(contacts.keys, held))
-    return replace(contacts, restitution=np.where(is_held, 0.0, contacts.restitution))
+def _without_rebound(contacts: ActiveContacts, inelastic: tuple[int, ...]) -> ActiveContacts:
+    """Return the contacts with ε = 0 for the keys ``inelastic``."""
+    is_inelastic = contacts.for_rows(np.isin(contacts.keys, inelastic))
+    return replace(contacts, restitution=np.where(is_inelastic, 0.0, contacts.restitution))
 
 
 def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:

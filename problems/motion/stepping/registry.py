@@ -40,8 +40,8 @@ def make_stepper(text: str) -> Stepper:
     for option, value in written.options.items():
         if value is None and known[option] is None:  # the scene determines the number
             continue
-        types, words = _TYPES.get(type(known[option]), ((int, float), "a number"))
+        types, type_text = _TYPES.get(type(known[option]), ((int, float), "a number"))
         if not isinstance(value, types) or isinstance(value, bool):
-            raise ProblemError(f"{option} of {name} must be {words}, got {value!r}.")
+            raise ProblemError(f"{option} of {name} must be {type_text}, got {value!r}.")
     stepper: Stepper = kind(**written.options)
     return stepper

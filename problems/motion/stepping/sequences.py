@@ -34,8 +34,8 @@ class StepCounter:
     stop: Stop
     solves: int = 0
 
-    def take(self, state: State, length: float, held: tuple[int, ...] = ()) -> Step:
-        """Take one step of ``length`` [s] in which contacts with the keys ``held`` do not rebound.
+    def take(self, state: State, length: float, inelastic: tuple[int, ...] = ()) -> Step:
+        """Take one step of ``length`` [s] in which contacts with the keys ``inelastic`` do not rebound.
 
         Restitution belongs to impacts. A contact that stays closed has no relative velocity, except for a remainder of
         its last impact. With ε > 0, each step would reverse this remainder, and extrapolation would fail. Solvers start
@@ -47,7 +47,7 @@ class StepCounter:
         """
         self.solves += 1
         begin = replace(state, impulses=state.impulses * length)
-        step = MidpointRule(self.system, self.solver, self.stop, length).step(begin, held)
+        step = MidpointRule(self.system, self.solver, self.stop, length).step(begin, inelastic)
         if step.status not in (None, Status.SOLVED):
             raise UnsolvedStepError(str(step.status))
         if not np.isfinite(step.impulses).all():

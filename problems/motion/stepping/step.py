@@ -23,6 +23,9 @@ BOUNDARY_WIDTH = 1e-8
 """Relative width of the boundary of a friction law, within which rounding would decide the state. A contact of a body
 that other contacts hold may carry any friction up to its bound without moving: it sticks."""
 
+NOT_FINITE = "the motion is no longer finite"
+"""Beginning of the message of a step after which positions or velocities are not finite."""
+
 LawName = Literal["unilateral", "friction"]
 LawState = Literal["open", "closed", "stick", "slip"]
 
@@ -66,7 +69,7 @@ class StepError(ProxbenchError):
 def check_finite(begin: State, end: State) -> None:
     """Raise ``StepError`` unless the state at the end of a step is finite."""
     if not (np.isfinite(end.velocity).all() and np.isfinite(end.position).all()):
-        raise StepError(f"the motion is no longer finite after t = {begin.time:.9g} s.", begin)
+        raise StepError(f"{NOT_FINITE} after t = {begin.time:.9g} s.", begin)
 
 
 @dataclass(frozen=True)

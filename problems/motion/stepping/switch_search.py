@@ -83,11 +83,11 @@ class Search(ABC):
         """Return the next length after an accepted step, if the error alone would allow ``wanted``."""
         return wanted
 
-    def note_step(self, substeps: Substeps, states: LawStates) -> None:  # noqa: B027
+    def record_step(self, substeps: Substeps, states: LawStates) -> None:  # noqa: B027
         """Record an accepted step."""
 
     @abstractmethod
-    def note_switch(self, state: State) -> None:
+    def record_switch(self, state: State) -> None:
         """Record that a switching point was passed."""
 
 
@@ -111,7 +111,7 @@ class NestedIntervals(Search):
             self._seen_before = float("inf")
         return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
 
-    def note_switch(self, state: State) -> None:
+    def record_switch(self, state: State) -> None:
         """Record that the switch is located."""
         self._seen_before = float("inf")
 
@@ -157,15 +157,15 @@ class Anticipating(Search):
         """Whether a gap has closed within the step, or a force has vanished after its last evaluation."""
         return self._margins.penetrates(begin, end) or self._margins.has_ended_force(attempt.substeps, attempt.states)
 
-    def note_step(self, substeps: Substeps, states: LawStates) -> None:
+    def record_step(self, substeps: Substeps, states: LawStates) -> None:
         """Record the margins of all laws."""
         for step, length in substeps:
-            self._margins.note(step, length, states)
+            self._margins.record(step, length, states)
 
-    def note_switch(self, state: State) -> None:
+    def record_switch(self, state: State) -> None:
         """Restart after a switching point."""
         self._margins.forget()
-        self._margins.note_gaps(state)
+        self._margins.record_gaps(state)
         self._waited = 0
 
 
@@ -186,13 +186,13 @@ class Margins:
         """Discard all margins, because a switching point was passed."""
         self._values.clear()
 
-    def note(self, step: Step, length: float, states: LawStates) -> None:
+    def record(self, step: Step, length: float, states: LawStates) -> None:
         """Record the margins in one step of ``length`` [s] with the laws in ``states``."""
         for key, time, value in _law_margins(step, length, states):
             self._add(key, time, value)
-        self.note_gaps(step.state)
+        self.record_gaps(step.state)
 
-    def note_gaps(self, state: State) -> None:
+    def record_gaps(self, state: State) -> None:
         """Record the gaps of open contacts in a state."""
         reach = REACH * self._horizon * self._speed(state)
         keys, gaps = self._system.gaps_below(state.position, reach)

@@ -194,28 +194,28 @@ class _StepControl:
 
     def steps(self) -> Iterator[AcceptedStep]:
         """Yield accepted steps with their costs since the start, except those that a search withdraws."""
-        held: AcceptedStep | None = None  # accepted, but a search may still withdraw it
+        pending: AcceptedStep | None = None  # accepted, but a search may still withdraw it
         while self._until - self._state.time > 1e-3 * self._min_step:
             try:
                 accepted = self._try_timed()
             except StepError:
-                if held is not None:
-                    yield held
+                if pending is not None:
+                    yield pending
                 raise
             if accepted is None:
-                if held is not None and self._saw_switch and self._search.withdraws_last_step:
+                if pending is not None and self._saw_switch and self._search.withdraws_last_step:
                     # the switch may lie in the step before the rejected one, too
-                    self._state, self._states, held = held.begin, self._states_before, None
+                    self._state, self._states, pending = pending.begin, self._states_before, None
                     self._rejected += 1
                 continue
-            if held is not None:
-                yield held
-            held = accepted
+            if pending is not None:
+                yield pending
+            pending = accepted
             if accepted.switches:
-                yield held
-                held = None
-        if held is not None:
-            yield held
+                yield pending
+                pending = None
+        if pending is not None:
+            yield pending
 
     def _try_timed(self) -> AcceptedStep | None:
         """Try one step and time it; errors name the time at which the step begins."""
@@ -296,7 +296,7 @@ class _StepControl:
         accepted = self._accept(end, 0.0, states, ((step, length),), switches)
         if switches:
             self._length = 4.0 * length
-            self._search.note_switch(end)
+            self._search.record_switch(end)
         return accepted
 
     def _reject_unsolved(self, length: float, is_minimal: bool, status: str) -> None:
@@ -320,10 +320,10 @@ class _StepControl:
     ) -> AcceptedStep:
         """Advance to ``end``, and return the step with the costs since the start."""
         begin = self._state
-        self._search.note_step(substeps, states)
+        self._search.record_step(substeps, states)
         self._states_before = self._states
         self._state, self._states = end, states
-        self._scale.note(end)
+        self._scale.update(end)
         seconds = self._spent + perf_counter() - self._began
         return AcceptedStep(
             begin, end, substeps, error, states, switches, self._counter.solves, self._rejected, seconds
@@ -367,12 +367,12 @@ class _Scale:
         self._system, self._max_step, self._first = system, max_step, start.position
         self._momentum = 0.0
         self._range = np.zeros(len(start.position))
-        self._note_velocity(start.velocity)
-        self._note_velocity(assembly.free_motion - start.velocity)
+        self._update_velocity(start.velocity)
+        self._update_velocity(assembly.free_motion - start.velocity)
 
-    def note(self, state: State) -> None:
+    def update(self, state: State) -> None:
         """Update the scales with a state of the motion."""
-        self._note_velocity(state.velocity)
+        self._update_velocity(state.velocity)
         self._range = np.maximum(self._range, np.abs(state.position - self._first))
 
     def relative_error(self, difference: FloatArray) -> float:
@@ -384,5 +384,5 @@ class _Scale:
         relative = np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)
         return float(relative.max(initial=0.0))
 
-    def _note_velocity(self, velocity: FloatArray) -> None:
+    def _update_velocity(self, velocity: FloatArray) -> None:
         self._momentum = max(self._momentum, float((np.abs(velocity) / self._mobility).max(initial=0.0)))

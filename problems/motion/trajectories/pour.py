@@ -36,9 +36,9 @@ class MotionRecorder:
 
     def __post_init__(self) -> None:
         self._rates = [one for one in self.scene.observables if one.rate]
-        self.note(self.scene.start)
+        self.record(self.scene.start)
 
-    def note(self, state: State) -> None:
+    def record(self, state: State) -> None:
         """Record a state."""
         self.last = state
         scene = self.scene

@@ -12,7 +12,7 @@ from ....problems.contact.matrices.accurate import write_accurate_over_factors, 
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED, write_squared_violations
 from ...iteration.stopping import MAX_CHECK_INTERVAL
 from ..sweep_selection import ROWS_PER_CHECK
-from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
+from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix
 from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
 
 NOT_SOLVED = 0
@@ -43,15 +43,15 @@ def solve_over_matrices(  # type: ignore[no-untyped-def]
         begin, end = rows[k], rows[k + 1]
         starts = indptr[begin + k : end + k + 1]
         columns, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
-        free, held = free_velocity[begin:end], impulses[begin:end]
-        held[:] = 0.0
+        free, answer = free_velocity[begin:end], impulses[begin:end]
+        answer[:] = 0.0
         preparation, sweeps = _laws_of(laws, law_of_problem[k])
         prepared = prepare_over_matrix(starts, columns, values, free, *preparation)
-        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, held)
+        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, answer)
         if outcomes[k] != NOT_SOLVED:
             velocity, rounding = np.empty(len(free)), np.empty(len(free))
-            write_accurate_over_matrix(starts, columns, values, free, held, velocity, rounding)
-            residuals[k] = _judge(prepared, sweeps, held, velocity, rounding)
+            write_accurate_over_matrix(starts, columns, values, free, answer, velocity, rounding)
+            residuals[k] = _judge(prepared, sweeps, answer, velocity, rounding)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -85,17 +85,17 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
     for k in range(first, last):
         begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
         starts = indptr[begin + k : end + k + 1]
-        lines, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
-        free, held = free_velocity[begin:end], impulses[begin:end]
-        held[:] = 0.0
+        row_indices, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
+        free, answer = free_velocity[begin:end], impulses[begin:end]
+        answer[:] = 0.0
         preparation, sweeps = _laws_of(laws, law_of_problem[k])
-        prepared = prepare_over_columns(starts, lines, values, root[dof:last_dof], free, *preparation)
-        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, held)
+        prepared = prepare_over_columns(starts, row_indices, values, root[dof:last_dof], free, *preparation)
+        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, answer)
         if outcomes[k] != NOT_SOLVED:
             mass = mass_indptr[dof + k : last_dof + k + 1], mass_indices[dof:last_dof], mass_data[dof:last_dof]
             velocity, rounding = np.empty(len(free)), np.empty(len(free))
-            write_accurate_over_factors(starts, lines, values, *mass, free, held, velocity, rounding)
-            residuals[k] = _judge(prepared, sweeps, held, velocity, rounding)
+            write_accurate_over_factors(starts, row_indices, values, *mass, free, answer, velocity, rounding)
+            residuals[k] = _judge(prepared, sweeps, answer, velocity, rounding)
 
 
 @njit(cache=True)
@@ -132,7 +132,7 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
 def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
     """Sweep from zero; return the outcome and the number of sweeps."""
     coupling, stuck, scale, starts, lanes, store = prepared
-    if coupling == OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
+    if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return NOT_SOLVED, 0
     between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free))) if coupling == COUPLED else 1
     arguments = (starts, lanes, store, scale, free, *laws, tolerance, max_iterations, between_checks, impulses)

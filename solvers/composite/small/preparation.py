@@ -13,7 +13,7 @@ from ....problems.contact.matrices.pieces import cut_columns
 from ...sweeps.step_size import write_step_sizes
 from ..sweep_selection import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
-OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
+NEEDS_OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
 """Kinds of coupling: contacts coupled so that other sweeps are faster, uncoupled contacts, other coupled contacts."""
 
 ROWS_OF_NUMBERS = 5
@@ -27,7 +27,7 @@ N_WORK = 6
 def prepare_over_matrix(  # type: ignore[no-untyped-def]
     indptr, indices, data, free_velocity, sets, row_count, is_rolling, first_row, partner_law, slot, contacts, partner
 ):
-    """Return ``_finish`` of a problem given by G in CSR; ``contacts`` holds the contact of each row."""
+    """Return the data of ``_pack_data`` for a problem given by G in CSR; ``contacts`` holds the contact of each row."""
     diagonal = np.zeros(len(free_velocity))
     write_diagonal(indptr, indices, data, diagonal)
     coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
@@ -38,7 +38,7 @@ def prepare_over_matrix(  # type: ignore[no-untyped-def]
     width = len(free_velocity) // len(partner)
     blocks = gather_blocks(indptr, indices, slot, len(partner), width, data)
     laws = (sets, row_count, is_rolling, first_row, partner_law)
-    return _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot)
+    return _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
 
 
 @njit(cache=True)
@@ -57,7 +57,7 @@ def prepare_over_columns(  # type: ignore[no-untyped-def]
     contacts,
     partner,
 ):
-    """Return ``_finish`` of a problem given by W in CSC and the root of the diagonal of M⁻¹."""
+    """Return the data of ``_pack_data`` for a problem given by W in CSC and the root of the diagonal of M⁻¹."""
     width = len(free_velocity) // len(partner)
     starts, chunks, values, n_chunks = cut_columns(indptr, indices, slot, len(partner), width, data, root)
     laws = (sets, row_count, is_rolling, first_row, partner_law)
@@ -80,7 +80,7 @@ def prepare_over_pieces(  # type: ignore[no-untyped-def]
     contacts,
     partner,
 ):
-    """Return ``_finish`` of a problem given by the pieces of W̃ = Sᵀ W."""
+    """Return the data of ``_pack_data`` for a problem given by the pieces of W̃ = Sᵀ W."""
     laws = (sets, row_count, is_rolling, first_row, partner_law)
     return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 
@@ -90,14 +90,14 @@ def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, pa
     coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
     if len(partner) > 1:
         component = components_over_pieces(starts, chunks, values, n_chunks, partner)
-        most, pairs = count_shared_chunks(chunks, n_chunks)
-        if most > 1:
+        max_shared, pairs = count_shared_chunks(chunks, n_chunks)
+        if max_shared > 1:
             density = values.shape[1] ** 2 * pairs / max(2.0 * values.size, 1.0)
-            coupling = COUPLED if density <= FACTORS_DENSITY_ON_FEW_ROWS else OTHER_SWEEPS
+            coupling = COUPLED if density <= FACTORS_DENSITY_ON_FEW_ROWS else NEEDS_OTHER_SWEEPS
     diagonal = np.zeros(len(free_velocity))
     _add_square_sums(starts, values, diagonal)
     blocks = multiply_pieces(starts, chunks, values, n_chunks)
-    return _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot)
+    return _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -113,7 +113,7 @@ def _add_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot):  # type: ignore[no-untyped-def]
+def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot):  # type: ignore[no-untyped-def]
     """Return the data for the sweeps.
 
     Returns:
@@ -128,14 +128,14 @@ def _finish(coupling, blocks, diagonal, component, laws, free_velocity, slot):  
     n_values, n_sizes, n_numbers = values.size, 2 * n_blocks, ROWS_OF_NUMBERS * n_laws
     store = np.empty(n_values + n_sizes + n_rows + n_numbers + N_WORK * n_rows)
     store[:n_values] = values.reshape(-1)
-    at = n_values
-    sizes = store[at : at + n_sizes].reshape(n_blocks, 2)
+    offset = n_values
+    sizes = store[offset : offset + n_sizes].reshape(n_blocks, 2)
     sizes[:] = 0.0
     write_step_sizes(slot, width, diagonal, RELAXATION if coupling == COUPLED else 1.0, sizes)
-    at += n_sizes
-    store[at : at + n_rows] = diagonal
-    at += n_rows
-    numbers = store[at : at + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)
+    offset += n_sizes
+    store[offset : offset + n_rows] = diagonal
+    offset += n_rows
+    numbers = store[offset : offset + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)
     given = (sets, row_count, is_rolling, first_row, partner_law)
     stuck, scale = write_scales_and_ratios(*given, diagonal, free_velocity, component, slot, width, numbers)
     return coupling, stuck, scale, starts.view(np.uint64), (width * columns).astype(np.uint32), store

@@ -20,7 +20,7 @@ from ....problems.contact.solver import Observer, Prepared, Solution, Status, St
 from ...iteration.stopping import MIN_PLATEAU_SWEEPS
 from ..sweep_selection import MAX_SMALL_SIZE, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
-from .preparation import COUPLED, OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
+from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
@@ -96,7 +96,7 @@ def prepare_small(
     if laws is None:
         return None
     coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
-    if coupling == OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
+    if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return None
     return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free, *laws.sweeps), prepare_by_parts)
 

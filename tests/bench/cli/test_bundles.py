@@ -26,7 +26,7 @@ def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_shards_travel_and_become_one_run(
+def test_bundled_shards_merge_into_one_run(
     shards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -45,7 +45,7 @@ def test_shards_travel_and_become_one_run(
 
 
 @pytest.mark.slow
-def test_a_missing_shard_is_said_beside_what_there_is(
+def test_merge_reports_a_missing_shard_and_combines_the_rest(
     shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["merge", str(shards / "2"), "--output", str(tmp_path), "--run-id", "half"]) == 0
@@ -55,7 +55,7 @@ def test_a_missing_shard_is_said_beside_what_there_is(
 
 
 @pytest.mark.slow
-def test_a_case_that_lies_is_named_and_the_exit_code_is_1(
+def test_rejudge_names_a_false_case_and_exits_with_1(
     shards: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = Path(shutil.copytree(shards / "2", tmp_path / "lie"))

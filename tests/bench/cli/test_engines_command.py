@@ -104,6 +104,6 @@ def test_without_an_engine_the_command_says_what_to_install(
     assert capsys.readouterr().err.startswith(sentence)
 
 
-def test_the_file_says_by_its_ending_what_it_holds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_output_must_end_in_md_or_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["engines", "stack", "--output", "engines.csv"]) == 2
     assert "--output engines.csv must end in .md (tables) or .json (data)." in capsys.readouterr().err

@@ -87,7 +87,7 @@ def test_one_problem_of_a_run_can_be_printed(finished_run: Path, capsys: pytest.
 
 
 @pytest.mark.slow
-def test_a_folder_is_solved_by_the_matrix_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_matrix_accepts_a_folder_of_problems(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = collection(tmp_path / "mine", 1, 1)
     assert run_command(f"matrix --suite {folder} --solver SORprox --no-progress".split()) == 1
     printed = capsys.readouterr()

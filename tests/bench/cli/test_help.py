@@ -1,5 +1,6 @@
 """Help pages are short, fit a terminal, and their examples are command lines that the program accepts."""
 
+import re
 import shlex
 
 import pytest
@@ -39,6 +40,12 @@ def test_a_page_is_short_and_has_examples(
     examples = lines[lines.index("Examples:") + 1 :]
     assert len(examples) >= 2
     assert all(line.startswith(f"{' '.join(('proxbench', *command))} ") for line in examples)
+
+
+@pytest.mark.parametrize("command", PAGES)
+def test_a_page_names_no_python_types(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    options = page(command, "-h", capsys).partition("Examples:")[0]
+    assert not re.findall(r"<[a-z]\w*[|\[\]\w]*>", options)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -105,7 +105,7 @@ def test_a_quiet_matrix_prints_where_its_page_is(capsys: pytest.CaptureFixture[s
     assert "hard-groove" in page.read_text()
 
 
-def test_the_file_of_a_problem_is_recorded_as_its_name_is(tmp_path: Path) -> None:
+def test_problem_file_is_recorded_like_the_named_problem(tmp_path: Path) -> None:
     save_problem(load_problem("hard-groove"), tmp_path / "groove.npz")
     line = f"record {tmp_path}/groove.npz --solver SORprox --quiet --output {tmp_path}/groove.rrd"
     assert run_command(line.split()) == 0
@@ -115,7 +115,7 @@ def test_the_file_of_a_problem_is_recorded_as_its_name_is(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("content", "words"), [(None, "there is no file x.npz"), (b"PK", "neither a simulation nor a problem")]
 )
-def test_what_is_no_file_to_record_is_said(
+def test_invalid_files_to_record_are_reported(
     content: bytes | None,
     words: str,
     tmp_path: Path,
@@ -130,7 +130,9 @@ def test_what_is_no_file_to_record_is_said(
     assert not Path("x.rrd").exists()
 
 
-def test_a_quiet_recording_prints_how_it_is_watched(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_quiet_record_prints_the_command_that_opens_the_recording(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     file = tmp_path / "a.rrd"
     assert run_command(f"record hard-groove --solver SORprox --quiet --output {file}".split()) == 0
     assert capsys.readouterr().out == f"open it with: rerun {file}\n"

@@ -97,7 +97,7 @@ def test_import_keeps_the_places_of_a_folder_and_lists_what_is_broken(
 
 
 @pytest.mark.slow
-def test_export_and_import_go_round_and_a_run_takes_the_file(tmp_path: Path, capsys: Capture) -> None:
+def test_exported_problem_can_be_imported_and_run(tmp_path: Path, capsys: Capture) -> None:
     there, back = tmp_path / "there.hdf5", tmp_path / "back.npz"
     assert run_command(["export", "fclib", "hard-sticking-box", "--output", str(there)]) == 0
     assert run_command(["import", "fclib", str(there), "--output", str(back)]) == 0
@@ -210,7 +210,7 @@ def test_a_file_of_rigid_bodies_that_is_named_plain_gets_the_name_of_its_format(
     assert error.endswith("velocity, as in the format 'bodies'.\n")
 
 
-def test_a_problem_goes_round_through_json(tmp_path: Path) -> None:
+def test_problem_round_trips_through_json(tmp_path: Path) -> None:
     assert run_command(f"export json funnel-30 --output {tmp_path}".split()) == 0
     assert load(tmp_path / "funnel-30.json").digest == load("funnel-30").digest
 
@@ -220,3 +220,14 @@ def test_info_shows_the_residual_of_stored_impulses(tmp_path: Path, capsys: Capt
     np.savez(tmp_path / "p.npz", **arrays, impulses=np.array([0.5, 0.0, 0.0]))
     assert run_command(["info", str(tmp_path / "p.npz")]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[-2] == "5.0e-01"
+
+
+def test_quiet_commands_print_only_the_paths_of_their_files(tmp_path: Path, capsys: Capture) -> None:
+    problem, exported = tmp_path / "made" / "funnel-30.npz", tmp_path / "hard.json"
+    assert run_command(["generate", "funnel-30", "--output", str(problem.parent), "--quiet"]) == 0
+    assert capsys.readouterr() == (f"{problem}\n", "")
+    assert run_command(["export", "json", "hard-groove", "--output", str(exported), "--quiet"]) == 0
+    assert capsys.readouterr() == (f"{exported}\n", "")
+    imported = tmp_path / "copy.npz"
+    assert run_command(["import", "plain", str(problem), "--output", str(imported), "--quiet"]) == 0
+    assert capsys.readouterr() == (f"{imported}\n", "")

@@ -94,7 +94,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
         ("run --mix", "--mix finishes an interrupted run and needs --resume RUN; omit --mix."),
     ],
 )
-def test_a_mistake_gets_the_sentence_that_mends_it(
+def test_error_message_contains_the_remedy(
     line: str, sentence: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(folder)
@@ -144,7 +144,7 @@ def test_an_option_takes_the_same_kind_of_value_in_all_commands() -> None:
     assert len(kinds) > 30
 
 
-def test_what_a_command_writes_goes_to_output_and_limits_of_time_name_what_they_limit() -> None:
+def test_options_for_outputs_and_time_limits_have_consistent_names() -> None:
     names = {option.opts[0] for _, option in options_of(get_command(app))}
     assert names.isdisjoint({"--results", "--folder", "--to", "--out", "--html", "--max-seconds", "--seconds"})
     limits = {name for name in names if name.endswith("-seconds")}

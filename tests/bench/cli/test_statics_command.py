@@ -80,7 +80,7 @@ def test_a_margin_that_was_given_is_not_proposed(capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().out.endswith("no contact is closed\n")
 
 
-def test_the_scene_of_a_plugin_is_asked_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plugin_scene_is_supported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "ball.py").write_text(BALL)
     assert run_command(["statics", "lone_ball", "--plugin", str(tmp_path / "ball.py")]) == 0
     assert capsys.readouterr().out == "lone_ball can stand; it bears no push along 1,0,0\n"
@@ -104,3 +104,9 @@ def test_the_scene_of_a_plugin_is_asked_too(tmp_path: Path, capsys: pytest.Captu
 )
 def test_a_mistake_gets_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:
     assert words in mistake(line)
+
+
+def test_quiet_gives_the_answer_as_exit_code_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["statics", "block_on_incline(slope=0.3)", "--quiet"]) == 0
+    assert run_command(["statics", "block_on_incline(slope=0.3, friction=0.2)", "--quiet"]) == 1
+    assert capsys.readouterr() == ("", "")

@@ -86,9 +86,7 @@ def test_a_study_is_a_run_in_a_folder_with_tables_and_charts(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", ["report {}", "run --resume {} --no-progress", "simulate --resume {} --no-progress"])
-def test_a_study_is_shown_again_by_whatever_shows_a_run(
-    line: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_that_show_runs_show_studies(line: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = {file: file.read_bytes() for file in (folder / "cases").iterdir()}
     assert run_command(line.format(folder).split()) == 0
     printed = " ".join(capsys.readouterr().out.split())

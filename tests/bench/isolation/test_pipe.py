@@ -65,23 +65,21 @@ def test_a_message_that_is_incomplete_at_the_deadline_is_a_timeout(pipe: Pipe, p
 
 
 @pytest.mark.parametrize("part", [b"", b"\0\0\0", b"\0\0\0\0\0\0\0\x05four"])
-def test_the_end_of_the_writer_is_the_end_of_what_it_began(pipe: Pipe, part: bytes) -> None:
+def test_message_of_a_closed_writer_is_incomplete(pipe: Pipe, part: bytes) -> None:
     os.write(pipe.into, part)
     pipe.close(pipe.into)
     with pytest.raises(EOFError):
         read_message(pipe.out, deadline=time.monotonic() + 30.0)
 
 
-def test_a_writer_that_is_gone_ends_the_reading_though_another_process_holds_the_pipe_open(
-    pipe: Pipe, lifeline: Pipe
-) -> None:
+def test_reading_ends_when_the_writer_exits_even_if_the_pipe_stays_open(pipe: Pipe, lifeline: Pipe) -> None:
     os.write(pipe.into, b"\0\0\0\0\0\0\0\x05four")
     lifeline.close(lifeline.into)
     with pytest.raises(EOFError):
         read_message(pipe.out, deadline=time.monotonic() + 30.0, lifeline=lifeline.out)
 
 
-def test_what_a_writer_wrote_before_it_went_is_read(pipe: Pipe, lifeline: Pipe) -> None:
+def test_data_written_before_the_writer_exits_are_read(pipe: Pipe, lifeline: Pipe) -> None:
     write_message(pipe.into, b"last words")
     lifeline.close(lifeline.into)
     assert read_message(pipe.out, lifeline=lifeline.out) == b"last words"
@@ -96,7 +94,7 @@ def test_a_message_is_no_larger_than_allowed(pipe: Pipe) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"null", b"\xff", b"[" * 100_000])
-def test_what_is_no_json_object_is_no_message(pipe: Pipe, content: bytes) -> None:
+def test_only_json_objects_are_messages(pipe: Pipe, content: bytes) -> None:
     writer = threading.Thread(target=write_message, args=(pipe.into, content))
     writer.start()
     with pytest.raises(NoMessageError, match=r"not (a )?JSON"):
@@ -112,7 +110,7 @@ def test_a_json_object_is_read_within_its_size(pipe: Pipe) -> None:
         read_object(pipe.out, 7, soon())
 
 
-def test_a_pipe_is_readable_where_something_has_come_or_nothing_can_come_any_more(pipe: Pipe) -> None:
+def test_pipe_is_readable_after_data_or_end_of_file(pipe: Pipe) -> None:
     assert not is_readable(pipe.out, 0.01)
     assert not is_readable(pipe.out, -1.0)
     os.write(pipe.into, b"x")
@@ -123,7 +121,7 @@ def test_a_pipe_is_readable_where_something_has_come_or_nothing_can_come_any_mor
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, -1e9])
-def test_nobody_waits_when_no_time_is_left(pipe: Pipe, seconds: float) -> None:
+def test_expired_deadline_does_not_wait(pipe: Pipe, seconds: float) -> None:
     began = time.monotonic()
     assert not is_readable(pipe.out, seconds)
     assert time.monotonic() - began < 0.9

@@ -17,7 +17,7 @@ from proxbench.bench.isolation.process_state import ProcessState, replacement_te
 
 def test_a_process_in_which_nothing_happens_has_not_changed() -> None:
     before = ProcessState.now()
-    assert (before.replaced(), before.changed(), before.changed_for_timing()) == ([], [], [])
+    assert (before.replaced_names(), before.changed_settings(), before.changed_timing_settings()) == ([], [], [])
     assert replacement_text(before) == ""
 
 
@@ -45,16 +45,16 @@ def test_a_name_that_is_replaced_in_the_framework_or_added_to_it_is_found(
     before = ProcessState.now()
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, value, raising=False)
-        changed, sentence = before.replaced(), replacement_text(before)
+        changed, sentence = before.replaced_names(), replacement_text(before)
     assert changed[0].endswith(found)
     assert sentence.startswith(f"it replaced {changed[0]}")
-    assert before.replaced() == []
+    assert before.replaced_names() == []
 
 
 def test_a_name_that_is_removed_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     before = ProcessState.now()
     monkeypatch.delattr(pipe, "is_readable")
-    assert before.replaced()[0].endswith("pipe.is_readable")
+    assert before.replaced_names()[0].endswith("pipe.is_readable")
 
 
 def test_of_several_replaced_names_the_first_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,19 +76,19 @@ def test_modules_that_are_loaded_later_are_no_change(new_module: str) -> None:
     module = types.ModuleType(new_module)
     module.answer = 42  # type: ignore[attr-defined]
     sys.modules[new_module] = module
-    assert before.replaced() == []
+    assert before.replaced_names() == []
 
 
-def test_what_libraries_change_as_they_are_imported_is_accepted_only_with_an_import(new_module: str) -> None:
+def test_changes_of_process_state_by_imports_are_accepted(new_module: str) -> None:
     before, errors = ProcessState.now(), np.geterr()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ImportWarning)
-            assert before.after_imports().changed() == ["the warning filters"]
+            assert before.after_imports().changed_settings() == ["the warning filters"]
             sys.modules[new_module] = types.ModuleType(new_module)
-            assert before.after_imports().changed() == []
+            assert before.after_imports().changed_settings() == []
             np.seterr(over="ignore")
-            assert before.after_imports().changed() == ["numpy's error state"]
+            assert before.after_imports().changed_settings() == ["numpy's error state"]
     finally:
         np.seterr(**errors)
 
@@ -103,14 +103,14 @@ def test_what_libraries_change_as_they_are_imported_is_accepted_only_with_an_imp
         ("numpy's global random state", lambda: np.random.seed(1), lambda _: None),  # noqa: NPY002
     ],
 )
-def test_what_a_process_has_one_of_is_named_where_it_has_changed(
+def test_changed_process_settings_are_named(
     what: str, change: Callable[[], Any], restore: Callable[[str], Any]
 ) -> None:
     folder = os.getcwd()
     sys.setrecursionlimit(1000)
     before = ProcessState.now()
     change()
-    changed, timing = before.changed(), before.changed_for_timing()
+    changed, timing = before.changed_settings(), before.changed_timing_settings()
     restore(folder)
     assert changed == [what]
     assert timing == ([what] if what == "the recursion limit" else [])

@@ -106,7 +106,7 @@ def test_a_process_that_has_ended_does_not_run_though_nobody_waited_for_it(famil
     assert running([ended.pid, family.pid]) == [family.pid]
 
 
-def test_a_signal_reaches_those_that_live(family: psutil.Process) -> None:
+def test_signal_is_sent_to_running_processes(family: psutil.Process) -> None:
     ended = subprocess.Popen(["true"])
     ended.wait()
     send_signal(signal.SIGKILL, [ended.pid, family.pid])

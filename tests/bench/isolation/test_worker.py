@@ -119,7 +119,7 @@ def worker() -> Iterator[Worker]:
     made.close()
 
 
-def test_a_process_learns_nothing_of_what_its_copies_do(worker: Worker) -> None:
+def test_forked_copies_do_not_change_their_parent(worker: Worker) -> None:
     counts = [
         worker.ask("count"),
         worker.ask(FORK_REQUEST, "count", ()),
@@ -129,7 +129,7 @@ def test_a_process_learns_nothing_of_what_its_copies_do(worker: Worker) -> None:
     assert [answer["count"] for answer, _ in counts] == [1, 2, 2, 2]
 
 
-def test_the_end_of_a_copy_is_said_and_its_process_goes_on(worker: Worker) -> None:
+def test_end_of_a_forked_copy_is_reported_and_the_case_continues(worker: Worker) -> None:
     with pytest.raises(Fault, match="exit code 9"):
         worker.ask(FORK_REQUEST, "die", ())
     assert worker.ask("count")[0]["count"] == 1
@@ -142,7 +142,7 @@ def test_processes_that_a_case_leaves_are_counted(worker: Worker) -> None:
     assert worker.n_started() == 1
 
 
-def test_between_requests_the_process_and_all_that_it_started_stand_still(worker: Worker) -> None:
+def test_case_and_its_children_are_stopped_between_requests(worker: Worker) -> None:
     worker.ask("leave a process")
     processes = [psutil.Process(worker.process), *psutil.Process(worker.process).children(recursive=True)]
     assert len(processes) == 2

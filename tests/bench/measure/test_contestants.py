@@ -79,7 +79,7 @@ class Locked:
         return create("SORprox").prepare(problem)
 
 
-def test_an_object_that_cannot_travel_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+def test_unpicklable_object_is_rejected_before_measurement(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"Locked cannot be sent to the process of its cases \(TypeError: .*lock"):
         run(["hard-groove"], [Locked()], results=tmp_path / "results")
     assert not (tmp_path / "results").exists()
@@ -108,7 +108,7 @@ def test_an_object_cannot_take_the_name_of_a_built_in_solver() -> None:
     assert solver_spec(kind()).name == "Robuster"
 
 
-def test_nor_can_an_object_of_a_class_derived_from_another_built_in_solver() -> None:
+def test_subclass_cannot_take_the_name_of_another_built_in_solver() -> None:
     derived: Any = type("Robust", (type(create("NSGS")),), {})
     with pytest.raises(BenchError, match="has the name 'Robust'"):
         solver_spec(derived())

@@ -48,7 +48,7 @@ def test_reading_the_state_of_a_checkout_writes_nothing_into_it(
 
 
 @pytest.mark.parametrize("has_iowait", [True, False])
-def test_a_core_that_waits_is_not_busy(has_iowait: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_core_is_not_busy(has_iowait: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two cores work for 3 s and 5 s; the first one is omitted. Only Linux counts the time that a core waits."""
     names = ("user", "system", "idle", "iowait") if has_iowait else ("user", "system", "idle")
     times = namedtuple("times", names)  # type: ignore[misc]

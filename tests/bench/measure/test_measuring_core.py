@@ -26,32 +26,32 @@ def test_every_core_is_claimed_once_and_again_when_it_is_released() -> None:
     assert MeasuringCore.claim().number == cores[0].number
 
 
-def test_a_process_is_pinned_and_it_shows_if_it_leaves() -> None:
+def test_leaving_the_pinned_core_is_detected() -> None:
     core = MeasuringCore.claim()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         core.pin(process.pid)
         assert os.sched_getaffinity(process.pid) == {core.number}
-        assert core.holds(process.pid)
+        assert core.has_pinned(process.pid)
         os.sched_setaffinity(process.pid, os.sched_getaffinity(0))
-        assert core.holds(process.pid) is (len(os.sched_getaffinity(0)) == 1)
+        assert core.has_pinned(process.pid) is (len(os.sched_getaffinity(0)) == 1)
         process.communicate(b"\n")
 
 
 def test_a_process_of_several_threads_gets_further_cores() -> None:
     core, allowed = MeasuringCore.claim(), os.sched_getaffinity(0)
-    with core.occupied(), subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+    with core.pinned(), subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         core.pin(process.pid, 2)
         given = os.sched_getaffinity(process.pid)
         assert core.number in given
         assert len(given) == min(2, len(allowed))
-        assert core.holds(process.pid, 2)
-        assert core.holds(process.pid) is (len(allowed) == 1)
+        assert core.has_pinned(process.pid, 2)
+        assert core.has_pinned(process.pid) is (len(allowed) == 1)
         process.communicate(b"\n")
 
 
-def test_this_process_is_back_on_all_cores_afterwards() -> None:
+def test_pinning_is_undone_afterwards() -> None:
     core, before = MeasuringCore.claim(), os.sched_getaffinity(0)
-    with core.occupied():
+    with core.pinned():
         assert os.sched_getaffinity(0) == {core.number}
         assert core.probes
     assert os.sched_getaffinity(0) == before
@@ -65,7 +65,7 @@ def test_work_on_the_other_cores_is_counted() -> None:
     code = (
         f"import os, time; os.sched_setaffinity(0, {{{others[0]}}}); end = time.time() + 30\nwhile time.time() < end: 1"
     )
-    with subprocess.Popen([sys.executable, "-c", code]) as process, core.occupied():
+    with subprocess.Popen([sys.executable, "-c", code]) as process, core.pinned():
         _work(0.5)
         process.kill()
     assert core.busy_cores > 0.5

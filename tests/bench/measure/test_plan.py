@@ -31,9 +31,7 @@ def test_the_default_is_the_quick_suite_with_eight_problems_and_eight_variants()
         ({"problems": ["funnel-30", "funnel-30"]}, BenchError, "more than once"),
     ],
 )
-def test_what_is_wrong_is_named_with_the_remedy(
-    arguments: dict[str, object], error: type[Exception], words: str
-) -> None:
+def test_error_names_the_fault_and_the_remedy(arguments: dict[str, object], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         make_plan(**arguments)  # type: ignore[arg-type]
 

@@ -117,7 +117,7 @@ def test_the_worked_solver_has_at_most_twenty_lines() -> None:
     assert len(lines) <= SOLVER_LINES
 
 
-def test_both_are_listed_with_the_package_they_come_from(proxbench: Command) -> None:
+def test_solver_and_problem_are_listed_with_their_package(proxbench: Command) -> None:
     listed = json.loads(proxbench("list", "--json").stdout)
     solver = next(row for row in listed["solvers"] if row["name"] == "FixedStepGradient")
     assert solver["source"] == "package fixed-step-gradient 1.0"
@@ -127,7 +127,7 @@ def test_both_are_listed_with_the_package_they_come_from(proxbench: Command) -> 
     assert (problem["contacts"], problem["rows"], problem["available"]) == (2, 4, True)
 
 
-def test_both_are_run_and_stand_in_the_table_and_in_the_record(proxbench: Command, tmp_path: Path) -> None:
+def test_solver_and_problem_of_a_package_are_run_and_recorded(proxbench: Command, tmp_path: Path) -> None:
     name = "FixedStepGradient(relaxation=1.5)"
     line = ["run", "--problem", "brick-on-slope", "--problem", "hard-sticking-box", "--solver", name]
     less = ["--tolerance", "1e-2", "--passes", "1", "--no-charts", "--no-page"]
@@ -146,7 +146,7 @@ def test_both_are_run_and_stand_in_the_table_and_in_the_record(proxbench: Comman
 
 
 @pytest.mark.parametrize("target", ["FixedStepGradient(relaxation=1.5)", "brick-on-slope"])
-def test_both_can_be_checked_by_name(proxbench: Command, target: str) -> None:
+def test_solver_and_problem_of_a_package_can_be_checked_by_name(proxbench: Command, target: str) -> None:
     done = proxbench("check", target, "--json")
     assert done.returncode == 0, done.stdout
     (subject,) = json.loads(done.stdout)
@@ -156,7 +156,7 @@ def test_both_can_be_checked_by_name(proxbench: Command, target: str) -> None:
     assert results[:3] == ["passed"] * 3
 
 
-def test_both_are_recorded(proxbench: Command, tmp_path: Path) -> None:
+def test_problem_of_a_package_is_recorded_with_its_solver(proxbench: Command, tmp_path: Path) -> None:
     file = tmp_path / "a.rrd"
     done = proxbench("record", "brick-on-slope", "--solver", "FixedStepGradient", "--output", str(file))
     assert done.returncode == 0, done.stderr
@@ -199,7 +199,7 @@ def check_errors(proxbench: Command, results: Path) -> None:
         f"{one} offers the solver 'Same', and {two} offers the same name; rename or remove one of them."
     )
     assert "which fails to import: ModuleNotFoundError: No module named 'no_such_module'" in errors[("Gone", two)]
-    assert errors[("Text", two)].startswith(f"solver Text of {two} is a str; offer the class")
+    assert errors[("Text", two)].startswith(f"solver Text of {two} is a str; provide the class")
     assert sum(row["name"] == "SORprox" and not row["error"] for row in rows) == 1
     for name in ("Same", "Gone", "Text"):
         done = proxbench("run", "--solver", name, "--output", str(results))

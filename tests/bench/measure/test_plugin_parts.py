@@ -38,7 +38,7 @@ def composed(tmp_path: Path) -> Iterator[SolverSpec]:
         forget(file)
 
 
-def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: SolverSpec) -> None:
+def test_composite_with_a_plugin_part_runs_in_a_plugin_process(composed: SolverSpec) -> None:
     assert composed.name == "Fallback(SORprox, Part)"
     assert not composed.is_built_in
     assert plugin_uses([composed.name], [])[0].name == "Part"
@@ -48,6 +48,6 @@ def test_it_belongs_to_the_plugin_and_solves_in_a_process_of_its_own(composed: S
     assert solution.message.endswith("Part from zero: solved")
 
 
-def test_it_is_not_made_where_plugins_may_not_run(composed: SolverSpec) -> None:
+def test_composite_with_a_plugin_part_needs_a_plugin_process(composed: SolverSpec) -> None:
     with pytest.raises(PluginError):
         create(composed.name)

@@ -243,7 +243,7 @@ def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Cal
         ),
     ],
 )
-def test_a_solver_that_breaks_the_contract_costs_its_own_case(
+def test_plugin_without_the_interface_affects_only_its_own_case(
     old: str, new: str, outcome: Outcome, words: str, written: Callable[..., Path], tmp_path: Path
 ) -> None:
     path = written(GOOD.replace(old, new))
@@ -254,7 +254,7 @@ def test_a_solver_that_breaks_the_contract_costs_its_own_case(
     assert words in cases.loc["Filed", "reason"]
 
 
-def test_a_file_whose_process_denies_its_source_is_not_taken_for_a_built_in_solver(
+def test_plugin_that_hides_its_source_is_not_a_built_in_solver(
     written: Callable[..., Path],
 ) -> None:
     """Built-in solvers may exclude work outside a library from their times."""

@@ -46,7 +46,7 @@ def test_a_problem_that_was_offered_since_is_not_solved_in_place_of_the_prepared
         assert prepared.solve(STOP).impulses.tobytes() == create("NSGS").prepare(first).solve(STOP).impulses.tobytes()
 
 
-def test_the_reason_of_a_refusal_comes_back() -> None:
+def test_unsupported_reason_is_returned() -> None:
     with RemoteSolver(solver_spec("Enumeration")) as solver:
         assert solver.supports(load("funnel-30")) == create("Enumeration").supports(load("funnel-30"))
 

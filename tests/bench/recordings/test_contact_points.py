@@ -68,7 +68,7 @@ def with_inertia(problem: ContactProblem, factor: float) -> ContactProblem:
 
 
 @pytest.mark.parametrize(("factor", "balls"), [(1.0, 5), (0.5, 5), (1.1, 0)])
-def test_what_turns_harder_than_a_uniform_ball_is_none(factor: float, balls: int) -> None:
+def test_body_of_larger_inertia_than_a_uniform_ball_is_not_drawn_as_a_ball(factor: float, balls: int) -> None:
     bodies = find_places(with_inertia(heap(3, 0.3)[0], factor)).bodies
     assert bodies is not None
     assert bodies.is_ball.sum() == balls
@@ -113,7 +113,7 @@ def test_the_corners_of_a_box_come_back() -> None:
 
 
 @pytest.mark.parametrize("name", ["hard-counterexample", "woodpecker-beak-impact", "hard-mixed-laws", "hard-stack-10"])
-def test_what_is_no_heap_of_bodies_stands_on_a_grid_and_says_so(name: str) -> None:
+def test_contacts_without_bodies_are_placed_on_a_grid(name: str) -> None:
     problem = load(name)
     places = find_places(problem)
     assert places.positions.shape == (problem.n_contacts, 3)
@@ -136,6 +136,6 @@ def test_heaps_that_do_not_touch_stand_apart() -> None:
     assert distances.min() > 0.1 * places.size
 
 
-def test_places_that_do_not_go_together_are_refused() -> None:
+def test_inconsistent_places_are_rejected() -> None:
     with pytest.raises(BenchError, match="frames of shape"):
         Places(np.zeros((2, 3)), np.zeros((3, 3, 3)), 1.0, "")

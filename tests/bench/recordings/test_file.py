@@ -62,7 +62,7 @@ def test_a_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
 
 
-def test_a_path_that_cannot_be_is_refused_at_once(tmp_path: Path) -> None:
+def test_impossible_path_is_rejected_immediately(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.rrd").mkdir()
     for path, words in (

@@ -187,9 +187,7 @@ def test_a_file_that_is_a_link_elsewhere_is_refused_before_any_work(
     assert list(link.parent.iterdir()) == [link]
 
 
-def test_a_simulation_goes_on_in_no_file_that_a_link_leads_to(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_resume_rejects_a_linked_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result, link = tmp_path / "a.npz", tmp_path / "inside" / "a.npz"
     assert run_command(f"simulate {LITTLE} --output {result}".split()) == 0
     before = result.read_bytes()

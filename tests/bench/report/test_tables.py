@@ -43,7 +43,7 @@ def test_wrong_claims_are_never_ranked() -> None:
     assert np.isnan(time_to_accuracy(points((1e-9, 0.1, "wrong"), status="solved"), 1e-2))
 
 
-def test_what_was_solved_after_the_limit_is_never_ranked() -> None:
+def test_solves_after_the_time_limit_are_not_ranked() -> None:
     assert np.isnan(time_to_accuracy(points((1e-9, 50.0, "stalled")), 1e-2, limit=0.5))
     assert np.isnan(time_to_accuracy(points((1e-9, 1.0, "time limit"), status="solved"), 1e-2))
 
@@ -73,7 +73,7 @@ def test_every_case_is_a_row_with_its_ending_in_words(finished_run: Path) -> Non
 
 
 @pytest.mark.slow
-def test_what_an_interrupted_run_has_left_counts_among_no_failures(finished_run: Path) -> None:
+def test_unmeasured_cases_of_an_interrupted_run_are_not_failures(finished_run: Path) -> None:
     """Cases without the last point of their ladder, or without any, count neither as attempts nor as failures."""
     whole = load(finished_run)
     of_case = {
@@ -134,7 +134,7 @@ def test_columns_are_those_of_the_plan(
     assert all(tag in shown.getvalue() for tag in columns)
 
 
-def test_the_summary_sets_claims_beside_truth(finished_run: Path) -> None:
+def test_summary_shows_claimed_and_confirmed_solves(finished_run: Path) -> None:
     frames = load(finished_run)
     summary, lies = summary_table(frames).set_index("solver"), frames.points["solver"] == "Misbehaving(lie)"
     assert summary.loc["Misbehaving(lie)", "success_1e-04"] == 1.0
@@ -226,7 +226,7 @@ def test_without_a_common_problem_there_is_no_mean(finished_run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_files_hold_numbers_and_agree(finished_run: Path, tmp_path: Path) -> None:
+def test_table_files_agree_in_all_formats(finished_run: Path, tmp_path: Path) -> None:
     files = write_tables(load(finished_run), tmp_path)
     assert {file.suffix for file in files} == {".csv", ".parquet", ".md", ".tex"}
     from_csv, from_parquet = pd.read_csv(tmp_path / "results.csv"), pd.read_parquet(tmp_path / "results.parquet")

@@ -29,7 +29,7 @@ def kept_times(kept_states: KeptStates) -> list[float]:
 
 @pytest.mark.slow
 @given(lengths, st.integers(1, 20))
-def test_at_most_twice_as_many_are_held_with_the_first_and_the_last(steps: list[float], number: int) -> None:
+def test_at_most_twice_the_requested_states_are_kept_with_the_ends(steps: list[float], number: int) -> None:
     kept_states = KeptStates(number, state_at(0.0), 1.0)
     for time in np.cumsum(steps):
         kept_states.offer(state_at(float(time)))
@@ -63,7 +63,7 @@ def test_steps_of_a_third_of_the_spacing_leave_distances_within_a_factor_of_two(
 
 
 @given(lengths, st.integers(1, 9), st.data())
-def test_what_is_kept_does_not_depend_on_interruptions(steps: list[float], number: int, data: st.DataObject) -> None:
+def test_kept_states_do_not_depend_on_interruptions(steps: list[float], number: int, data: st.DataObject) -> None:
     times = np.cumsum(steps).tolist()
     marked = data.draw(st.lists(st.sampled_from(times), max_size=5))
     whole = thinned(number, times, marked)

@@ -65,13 +65,13 @@ def test_a_plan_made_again_from_its_record_is_the_same(pour: Pour) -> None:
         ({"stepper": "Extrapolated"}, "stepper Extrapolated contradicts"),
     ],
 )
-def test_what_contradicts_a_stored_plan_is_named(pour: Pour, given: dict[str, object], words: str) -> None:
+def test_options_that_contradict_the_stored_plan_are_rejected(pour: Pour, given: dict[str, object], words: str) -> None:
     with pytest.raises(BenchError) as caught:
         check_agreement(pour(), given, "old.npz")
     assert words in str(caught.value)
     assert str(caught.value).count(". ") == 0
 
 
-def test_what_agrees_with_a_stored_plan_may_be_said_again(pour: Pour) -> None:
+def test_options_equal_to_the_stored_plan_are_accepted(pour: Pour) -> None:
     plan = pour()
     check_agreement(plan, {"scene": "pile(balls=30, friction=0.3)", "stepper": "Moreau(step=1e-3)"}, "old.npz")

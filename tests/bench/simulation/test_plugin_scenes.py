@@ -47,7 +47,7 @@ def test_a_scene_of_a_plugin_moves_in_the_bits_of_the_same_scene_here(stepper: s
     assert state("twin(balls=5)") == state("funnel(balls=5)")
 
 
-def test_a_scene_says_of_itself_what_the_same_scene_says_here() -> None:
+def test_plugin_scene_has_the_properties_of_the_local_scene() -> None:
     remote, here = local_or_remote_scene("twin(balls=5)"), make_scene("funnel(balls=5)")
     for name in ("length", "step_size", "duration", "longest_step", "n_balls", "depth", "has_few_contacts"):
         assert getattr(remote, name) == getattr(here, name)

@@ -53,7 +53,7 @@ def test_a_narrow_outlet_jams_and_says_so(jam: Simulation) -> None:
     assert summary(jam)["ended"] == "jammed"
 
 
-def test_a_jam_is_no_false_alarm_the_pile_stays_as_it_is(jam: Simulation) -> None:
+def test_jammed_pile_does_not_move(jam: Simulation) -> None:
     """For another half second from the same state, nothing passes, and no ball moves by a hundredth of its radius."""
     plan, state = jam.plan, jam.state
     assert isinstance(plan.stepper, Moreau)
@@ -100,7 +100,7 @@ def test_steps_of_a_jam_that_are_not_solved_are_few_and_counted(jam: Simulation)
     assert missed == 0 or f"{missed} of {jam.n_steps} steps are not solved" in printed(jam)
 
 
-def test_penetrations_do_not_last(flow: Simulation, jam: Simulation) -> None:
+def test_penetrations_vanish_with_projection(flow: Simulation, jam: Simulation) -> None:
     allowed = float(jam.plan.scene.options["projection"] or 0.0)
     assert jam.steps["penetration"][-1] <= 1.11 * allowed
     assert jam.steps["penetration"][jam.steps["time"] > 0.4].max() <= 0.03
@@ -111,7 +111,7 @@ def test_penetrations_do_not_last(flow: Simulation, jam: Simulation) -> None:
 
 
 @pytest.mark.slow
-def test_without_projection_they_do() -> None:
+def test_penetrations_remain_without_projection() -> None:
     simulation = simulate(pour(0.8, outlet=1.2, projection=None))
     assert simulation.steps["penetration"][-1] > 0.03
 

@@ -171,6 +171,7 @@ def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
     assert f"step {kept.n_steps + 1}, from t = {kept.state.time:.6g} s, failed with Misled" in message
     assert str(file) in message
     assert "\n" not in message
+    assert message.endswith("--stepper … --solver …" if how == "nan" else f"--resume {file} --solver …")
     assert 0 < (kept.steps["contacts"] > 0).sum() < WELL
     assert kept.ending is Ending.FAILED
     assert kept.failure is not None
@@ -178,7 +179,7 @@ def test_a_step_that_fails_is_named_and_the_steps_before_it_are_kept(
     assert np.isfinite(kept.state.velocity).all()
 
 
-def test_another_solver_goes_on_from_where_the_first_one_was_stopped(pour: Pour, tmp_path: Path) -> None:
+def test_another_solver_resumes_a_stopped_simulation(pour: Pour, tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     simulate(pour(), file, should_stop=iter([False] * 20 + [True]).__next__)
     resumed = resume_simulation(file, {"solver": "SORprox", "tolerance": 1e-6, "max_iterations": 9000})

@@ -74,7 +74,7 @@ def test_steps_are_held_against_the_tolerance_that_they_were_solved_to(pour: Pou
     assert read_simulation(file).segments == resumed.segments
 
 
-def test_going_on_as_before_makes_no_further_segment(pour: Pour, tmp_path: Path) -> None:
+def test_resuming_with_equal_settings_adds_no_segment(pour: Pour, tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     simulate(pour(10), file)
     assert len(resume_simulation(file, duration=0.02).segments) == 1

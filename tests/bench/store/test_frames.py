@@ -88,7 +88,7 @@ def test_values_are_those_that_were_stored(stored: Stored) -> None:
     assert np.isnan([missing[name] for name in ("residual", "iterations", "total_seconds", "complementarity")]).all()
 
 
-def test_a_residual_that_is_no_number_is_infinite_and_any_other_number_unknown(stored: Stored) -> None:
+def test_nan_residual_becomes_infinite_and_other_nan_values_become_unknown(stored: Stored) -> None:
     run = load(stored([MEASURED]))
     point = run.points.iloc[0]
     assert point["residual"] == np.inf

@@ -42,12 +42,12 @@ def test_impulses_are_kept_to_the_bit_also_in_a_file(impulses: np.ndarray) -> No
 @pytest.mark.parametrize(
     "packed", [b"", b"x", zlib.compress(bytes(24)), zlib.compress(bytes(40)), zlib.compress(bytes(32))[:-1]]
 )
-def test_what_is_not_as_long_as_it_should_be_is_refused(packed: bytes) -> None:
+def test_arrays_of_wrong_length_are_rejected(packed: bytes) -> None:
     with pytest.raises(ValueError, match=r"data are damaged|expected 4 numbers|the data exceed 32 bytes"):
         kept(0.0, packed=packed).unpacked(4)
 
 
-def test_no_more_is_unpacked_than_there_should_be(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_decompression_is_limited_to_the_expected_size(monkeypatch: pytest.MonkeyPatch) -> None:
     bomb = kept(0.0, packed=zlib.compress(bytes(2**26), 9))
     import tracemalloc
 

@@ -78,7 +78,7 @@ def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_ro
     assert 0.92 <= np.mean([one.low <= 2.0 <= one.high for one in found]) <= 0.995
 
 
-def test_what_hits_both_rounds_of_a_pair_cancels() -> None:
+def test_disturbances_of_both_rounds_of_a_pair_cancel() -> None:
     drift = np.array([1.0, 3.0, 0.2, 7.0, 1.5])
     found = ratio(rounds(2.6 * drift), rounds(drift))
     assert found == pytest.approx((2.6, 2.6, 2.6))
@@ -200,7 +200,7 @@ def test_an_excluded_time_takes_part_in_no_ratio_and_beside_it_there_is_no_winne
     assert np.isnan(found["ratio"][2])
 
 
-def test_there_are_no_standings_where_nothing_is_reached() -> None:
+def test_no_standings_if_no_accuracy_is_reached() -> None:
     assert standings(points(("a", 1e-4, 1e-2, 1.0, "solved")), times_by_point(rounds_frame(a=STEADY)), 1e-4, 10.0).empty
 
 

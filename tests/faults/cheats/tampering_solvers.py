@@ -78,7 +78,7 @@ class Hiding(Tampering):
     def tamper(self) -> None:
         self.spoil()
         case_process.replacement_text = lambda before: ""
-        ProcessState.changed_for_timing = lambda state: []
+        ProcessState.changed_timing_settings = lambda state: []
 
     def spoil(self) -> None:
         raise NotImplementedError

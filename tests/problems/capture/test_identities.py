@@ -72,7 +72,7 @@ def test_the_solver_solves_its_own_model_and_not_coulombs_law(moved: tuple[Any, 
 
 
 @pytest.mark.parametrize(("integrator", "cone"), list(product(INTEGRATORS, CONES)))
-def test_a_and_r_make_the_matrix_of_pgs(integrator: str, cone: str) -> None:
+def test_a_plus_r_is_the_matrix_of_mujocos_pgs(integrator: str, cone: str) -> None:
     model, data = moving(STACK.format(cone=cone, integrator=integrator, solver="PGS"))
     engine, after = captured_step(model, data).engine, stepped(model, data)
     dense = engine.matrix.toarray() + np.diag(engine.regularisation)

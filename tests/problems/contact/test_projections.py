@@ -151,7 +151,7 @@ def test_the_projection_onto_each_set_is_its_nearest_point_and_moves_no_other_ro
     assert projected[0] >= 0.0 or form is not ConvexSet.HALF_LINE
 
 
-def test_a_friction_law_before_the_law_that_bounds_it_takes_the_bound_of_the_cut_impulse() -> None:
+def test_friction_bound_uses_the_projected_normal_impulse_in_any_order() -> None:
     kind, partner = [LawKind.PLANAR_FRICTION, LawKind.UNILATERAL], np.array([1, -1])
     laws = Laws.in_order(kind, np.array([0.5, 0.0]), np.zeros(2), partner)
     assert project(laws, np.array([3.0, -1.0])).tolist() == [0.0, 0.0]

@@ -89,7 +89,7 @@ def test_parts_side_by_side_keep_their_answers() -> None:
     assert united([*parts, hard_case("hard-squeezed")]).answer.solvable is False  # type: ignore[union-attr]
 
 
-def test_what_cannot_be_put_otherwise_is_refused() -> None:
+def test_impossible_transformations_are_rejected() -> None:
     with pytest.raises(ProblemError, match="permutation of 0 to 3"):
         permuted(hard_case("hard-sticking-box"), [0, 1, 2, 2])
     with pytest.raises(ProblemError, match="bounded by another contact"):

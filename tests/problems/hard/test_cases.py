@@ -164,7 +164,7 @@ def test_walls_that_close_in_are_found_by_the_judge() -> None:
         assert judge(hard_case("hard-squeezed"), np.array(impulses)).residual >= 1.0
 
 
-def test_a_normal_impulse_that_moves_nothing_must_not_buy_friction() -> None:
+def test_normal_impulse_without_effect_gives_no_friction() -> None:
     problem = hard_case("hard-friction-for-nothing")
     assert judge(problem, np.zeros(2)).residual == 0.0
     assert judge(problem, np.array([5.0, -1.0])).residual == 1.0

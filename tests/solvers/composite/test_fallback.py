@@ -95,7 +95,7 @@ def test_no_part_starts_after_the_time_limit() -> None:
 
 
 @pytest.mark.parametrize("start", [None, np.zeros(1)], ids=["none", "zero"])
-def test_zero_is_tried_once(start: np.ndarray | None) -> None:
+def test_starting_from_zero_is_tried_once(start: np.ndarray | None) -> None:
     first = Scripted()
     fallback_of(first).prepare(ONE).solve(Stop(1e-4, 2000), start)
     assert len(first.tried) == 1

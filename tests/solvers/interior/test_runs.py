@@ -9,7 +9,7 @@ from proxbench.solvers.interior.central_path import CentralPath
 from proxbench.solvers.interior.interior_point import InteriorPoint
 from proxbench.solvers.interior.progress import MAX_SHORT_STEPS, MIN_STEPS, MIN_WARM_STEPS, Progress
 from proxbench.solvers.interior.runs import InteriorMethod, SingleRun
-from proxbench.solvers.iteration.stopping import CLEARLY_BETTER
+from proxbench.solvers.iteration.stopping import BETTER_RATIO
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_short_steps_do_not_end_a_solve_without_successors(name: str) -> None:
     solution = create("InteriorPoint").prepare(problem).solve(Stop(1e-12, 300))
     assert "boundary of a cone" in single.message
     assert solution.iterations > single.iterations
-    assert judge(problem, solution.impulses).residual < CLEARLY_BETTER * judge(problem, single.impulses).residual
+    assert judge(problem, solution.impulses).residual < BETTER_RATIO * judge(problem, single.impulses).residual
 
 
 def test_impulses_that_repeat_to_the_last_bit_end_a_solve() -> None:

@@ -15,7 +15,7 @@ def memories(rate: float, sweeps: int, rule: MeasuredMomentum | None = None) -> 
     rule = rule or MeasuredMomentum()
     found = []
     for k in range(0, sweeps + 1, 10):
-        rule.note(k, np.exp(-rate * k))
+        rule.record_residual(k, np.exp(-rate * k))
         found.append(1.0 / (1.0 - rule.bound))
     return found
 
@@ -36,7 +36,7 @@ def test_the_memory_stops_growing_at_that_of_critical_damping() -> None:
     decay = 1e-3
     rule, residual = MeasuredMomentum(), 1.0
     for k in range(0, 1001, 10):
-        rule.note(k, residual)
+        rule.record_residual(k, residual)
         residual *= np.exp(-10.0 * decay / (1.0 - rule.bound))
     assert 0.5 <= 2.0 * np.sqrt(decay) / (1.0 - rule.bound) <= 2.0
 
@@ -44,7 +44,7 @@ def test_the_memory_stops_growing_at_that_of_critical_damping() -> None:
 def test_a_growth_that_makes_sweeps_slower_is_undone_and_the_next_trial_waits() -> None:
     rule, residual, grown = MeasuredMomentum(), 1.0, []
     for k in range(0, 401, 10):
-        rule.note(k, residual)
+        rule.record_residual(k, residual)
         is_long = rule.bound > 1.0 - 0.9 / FIRST_MEMORY
         residual *= 1.0 if is_long else 0.9
         grown.append(is_long)
@@ -93,7 +93,7 @@ def test_coloured_sweeps_follow_the_rate_too() -> None:
     assert counts[1] <= counts[0]
 
 
-def test_no_momentum_but_measured_is_a_word_and_has_no_delay() -> None:
+def test_only_measured_is_accepted_as_text_for_momentum() -> None:
     with pytest.raises(SolverError, match="'measured'"):
         create("SORprox", momentum="fast")
     with pytest.raises(SolverError, match="momentum_delay"):

@@ -40,7 +40,7 @@ def test_methods_for_the_convex_model_lift_a_sliding_point_off(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["ProximalADMM", "ProximalPoint"])
-def test_they_reach_the_velocities_of_sweeps_on_a_flow(name: str) -> None:
+def test_splitting_methods_reach_the_velocities_of_sweeps_on_a_flow(name: str) -> None:
     problem = load("funnel-30-early")
     solution, swept = (solve(problem, each, tolerance=1e-9) for each in (name, "NSGS"))
     assert solution.status is Status.SOLVED

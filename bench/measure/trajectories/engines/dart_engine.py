@@ -35,7 +35,7 @@ class DartEngine:
             solver.setMatrixFreeContactSolverOptions(sweep_options)
         if options.get("nsgs"):
             solver.setBoxedLcpSolver(library.constraint.NsgsFrictionSolver())
-        self._add_static()
+        self._add_static_bodies()
         self.bodies = [self._add_body(body) for body in description.bodies]
 
     def step(self) -> None:
@@ -75,7 +75,7 @@ class DartEngine:
         impulses = self.time_step * np.einsum("kij,kj->ki", axes, forces)
         return solved_problem(self.description, self._before, self.time_step, contacts, impulses)
 
-    def _add_static(self) -> None:
+    def _add_static_bodies(self) -> None:
         dynamics = self.library.dynamics
         static = dynamics.Skeleton("static")
         _, body = static.createWeldJointAndBodyNodePair()

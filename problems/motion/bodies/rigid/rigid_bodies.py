@@ -22,7 +22,7 @@ from ....errors import ProblemError
 from ...detection.broad_phase import near_bodies
 from ...detection.contact_keys import ContactKeys
 from ...detection.narrow_phase import MAX_FEATURES, ContactSet, find_contacts
-from ..balls import Acceleration, PairCoefficient, Potential, known_potential
+from ..balls import Acceleration, PairCoefficient, Potential, total_potential
 from ..system import ActiveContacts, JointErrors, Overlaps, StepAssembly
 from .force_directions import force_directions
 from .materials import MaterialPairs
@@ -391,7 +391,7 @@ class RigidBodies:
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
         """The function q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
-        known = known_potential(self.potentials, len(self.accelerations))
+        known = total_potential(self.potentials, len(self.accelerations))
         return None if known is None else lambda position: known(self.centres(position), self.masses)
 
     def kinetic_energy(self, velocity: FloatArray) -> float:

@@ -366,9 +366,11 @@ class FourBar(ClosedFormScene):
         base = np.array([self.base, 0.0, 0.0])
         centres = np.array([0.5 * along[0], along[0] + 0.5 * along[1], base + 0.5 * along[2]])
         velocities = np.array([0.5 * across[0], across[0] + 0.5 * across[1], 0.5 * across[2]])
-        turns = np.array([about(Y_AXIS, -angle) for angle in angles.tolist()])
-        spins = np.column_stack([np.zeros(3), -rates[:, 0], np.zeros(3)])
-        return State(0.0, np.hstack([centres, turns]).ravel(), np.hstack([velocities, spins]).ravel())
+        orientations = np.array([about(Y_AXIS, -angle) for angle in angles.tolist()])
+        angular_velocities = np.column_stack([np.zeros(3), -rates[:, 0], np.zeros(3)])
+        return State(
+            0.0, np.hstack([centres, orientations]).ravel(), np.hstack([velocities, angular_velocities]).ravel()
+        )
 
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s], from integration of θ̇ with tolerances of 1e-12."""

@@ -63,11 +63,11 @@ class BrickWall:
             raise ProblemError(f"speed of the ball must not be negative, got {self.speed}; 0 omits the ball.")
         if not 0.0 <= self.overlap < 0.1 * self.size[2]:
             raise ProblemError(f"overlap of a wall must be below a tenth of the height of a brick, got {self.overlap}.")
-        if self.speed and self.radius > self.middle:
+        if self.speed and self.radius > self.mid_height:
             raise ProblemError("the ball touches the ground at half the wall's height; reduce its radius, or add rows.")
 
     @property
-    def middle(self) -> float:
+    def mid_height(self) -> float:
         """Height of the middle of the wall [m], at which the ball arrives."""
         return 0.5 * self.rows * self.size[2]
 
@@ -101,7 +101,7 @@ class BrickWall:
         centres[: len(bricks), 0] = self.size[0] * bricks[:, 1]
         centres[: len(bricks), 2] = (bricks[:, 0] + 0.5) * self.size[2] - (bricks[:, 0] + 1.0) * self.overlap
         if self.speed:
-            centres[-1] = 0.0, -0.5 * self.size[1] - 1.01 * self.radius, self.middle
+            centres[-1] = 0.0, -0.5 * self.size[1] - 1.01 * self.radius, self.mid_height
             twists[-1, 1] = self.speed
         return State(0.0, upright_poses(centres).ravel(), twists.ravel())
 

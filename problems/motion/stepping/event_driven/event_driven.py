@@ -69,16 +69,16 @@ class EventDriven(Stepper):
             AccumulationError, MotionError: as ``simulate`` does.
         """
         counting, begin, began = _CountingSolver(setup.solver), setup.start, perf_counter()
-        for piece in self._phases(replace(setup, solver=counting)):
+        for phase in self._phases(replace(setup, solver=counting)):
             seconds, solves = perf_counter() - began, counting.pop_count()
-            count = max(1, math.ceil((piece.end.time - begin.time) / self.longest_step(setup.scene)))
-            for time in np.linspace(begin.time, piece.end.time, count + 1)[1:-1].tolist():
-                end = piece.at(time)
+            count = max(1, math.ceil((phase.end.time - begin.time) / self.longest_step(setup.scene)))
+            for time in np.linspace(begin.time, phase.end.time, count + 1)[1:-1].tolist():
+                end = phase.at(time)
                 yield AcceptedStep(begin, end, (), solves=0)
                 begin = end
-            switches = tuple(SwitchingPoint(e.time, e.time, e.law, e.contact, e.before, e.after) for e in piece.events)
-            yield AcceptedStep(begin, piece.end, (), switches=switches, solves=solves, seconds=seconds)
-            begin, began = piece.end, perf_counter()
+            switches = tuple(SwitchingPoint(e.time, e.time, e.law, e.contact, e.before, e.after) for e in phase.events)
+            yield AcceptedStep(begin, phase.end, (), switches=switches, solves=solves, seconds=seconds)
+            begin, began = phase.end, perf_counter()
 
     def simulate(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Motion:
         """Return the motion from ``start`` to the time ``until`` [s].

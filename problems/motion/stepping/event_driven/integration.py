@@ -202,8 +202,8 @@ class Integration:
             return
         if trigger.kind == "hit":
             velocity = self._contact_velocity()[:, 0]
-            soon = self.system.gap(self.position) + SIMULTANEOUS * self.flight * velocity <= 0.0
-            hitting = ~modes.closed & self.armed & soon & (velocity < 0.0)
+            is_imminent = self.system.gap(self.position) + SIMULTANEOUS * self.flight * velocity <= 0.0
+            hitting = ~modes.closed & self.armed & is_imminent & (velocity < 0.0)
             hitting[contact] = True
             self._impact(hitting)
             return
@@ -214,8 +214,8 @@ class Integration:
 
     def _impact(self, hitting: NDArray[np.bool_]) -> None:
         """Apply the impact law to all contacts that are closed or hit, and find the modes after it."""
-        taking_part = self.modes.closed | hitting
-        contacts = np.flatnonzero(taking_part)
+        is_involved = self.modes.closed | hitting
+        contacts = np.flatnonzero(is_involved)
         rows = (self.width * contacts[:, None] + np.arange(self.width)).ravel()
         directions = self.system.directions(self.position)[:, rows]
         responses = np.linalg.solve(self.system.mass(self.position), directions)
@@ -226,13 +226,13 @@ class Integration:
         problem = ContactProblem.from_delassus(
             0.5 * (delassus + delassus.T), (1.0 + restitution) * before, friction, self.width
         )
-        found = self._solved(problem, "impact")
+        found = self._solve(problem, "impact")
         self.velocity = self.velocity + responses @ found
-        impulses = np.zeros((len(taking_part), self.width))
+        impulses = np.zeros((len(is_involved), self.width))
         impulses[contacts] = found.reshape(-1, self.width)
         margin = ROUNDING * np.abs(before).max(initial=0.0)
         after = self._contact_velocity()
-        closed = taking_part & (after[:, 0] <= margin)
+        closed = is_involved & (after[:, 0] <= margin)
         self._settle(Modes(closed, self._slip(closed, after, margin)), hitting, impulses)
         self._check_accumulation(hitting & (after[:, 0] > margin))
 
@@ -252,7 +252,7 @@ class Integration:
                     "time-stepping method, such as Moreau.",
                     self.motion(),
                 ) from None
-            accelerations = problem.relative_velocity(self._solved(problem, "acceleration"))
+            accelerations = problem.relative_velocity(self._solve(problem, "acceleration"))
             margin = ROUNDING * np.abs(problem.free_velocity).max(initial=0.0)
             rows = self.laws.constraints(self.position, self.velocity, candidates).rows
             for row, acceleration in zip(rows.tolist(), accelerations.tolist(), strict=True):
@@ -276,8 +276,8 @@ class Integration:
         gap = self.system.gap(self.position)[candidates.closed]
         self.position = self.position - least_change(mass, directions[:, normal], gap)
         rows = self.laws.constraints(self.position, self.velocity, candidates).rows
-        kept = self.system.directions(self.position)[:, rows]
-        self.velocity = self.velocity - least_change(mass, kept, kept.T @ self.velocity)
+        constrained = self.system.directions(self.position)[:, rows]
+        self.velocity = self.velocity - least_change(mass, constrained, constrained.T @ self.velocity)
 
     def _check_directions(self) -> None:
         """Raise ``ProblemError`` if W has changed and its rate is not given."""
@@ -289,18 +289,18 @@ class Integration:
         """Record the changes of contact states as events."""
         state, nothing = self._state(), np.zeros(self.width)
 
-        def note(law: LawName, i: int, before: LawState, after: LawState, strokes: FloatArray) -> None:
-            self.events.append(Event(self.time, law, i, before, after, state, strokes))
+        def add_event(law: LawName, i: int, before: LawState, after: LawState, impulses_of_event: FloatArray) -> None:
+            self.events.append(Event(self.time, law, i, before, after, state, impulses_of_event))
 
         for i in range(len(modes.closed)):
             was, now = bool(self.modes.closed[i]), bool(modes.closed[i])
             if hitting[i] and impulses is not None:
-                note("unilateral", i, "open", "closed", impulses[i])
+                add_event("unilateral", i, "open", "closed", impulses[i])
             if (was or hitting[i]) and not now:
-                note("unilateral", i, "closed", "open", nothing)
+                add_event("unilateral", i, "closed", "open", nothing)
             if was and now and self.width == 2 and self.modes.sticks(i) != modes.sticks(i):
                 friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
-                note("friction", i, *friction, nothing)
+                add_event("friction", i, *friction, nothing)
 
     def _check_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
         """Raise ``AccumulationError`` if flights become shorter than the resolution."""
@@ -314,7 +314,7 @@ class Integration:
                 rest = flight * flight / (previous - flight)
                 raise AccumulationError(self.motion(), i, len(times), flight, self.time + rest)
 
-    def _solved(self, problem: ContactProblem, level: str) -> FloatArray:
+    def _solve(self, problem: ContactProblem, level: str) -> FloatArray:
         solution = self.solver.prepare(problem).solve(self.stop, None)
         residual = judge(problem, solution.impulses).residual
         if not residual <= TRUSTED_RESIDUAL:

@@ -42,7 +42,7 @@ def test_pages_and_json(runs: tuple[str, str, str], tmp_path: Path, capsys: pyte
     assert json.loads(capsys.readouterr().out)["verdict"].startswith("slower: A")
 
 
-def test_mistakes_are_said_in_one_sentence(runs: tuple[str, str, str], mistake: Callable[[str], str]) -> None:
+def test_usage_errors_are_one_sentence(runs: tuple[str, str, str], mistake: Callable[[str], str]) -> None:
     both = " ".join(runs[:2])
     for condition in ("time>ten%", "time<10%", "solved>", "speed", "time>10", ""):
         line = f"compare {both} --fail-on={condition}"

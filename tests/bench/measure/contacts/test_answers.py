@@ -51,7 +51,7 @@ def test_every_claim_is_held_to_the_model_of_its_solver(
 ) -> None:
     found = judged(*rows, model=model, status=status)
     assert found.outcome is outcome
-    assert len(found.different) == len({one.tobytes() for one in rows})
+    assert len(found.distinct) == len({one.tobytes() for one in rows})
 
 
 def first(impulses: np.ndarray, status: Status = Status.SOLVED, problem: ContactProblem = PROBLEM) -> ControlSolve:

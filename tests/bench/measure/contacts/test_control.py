@@ -194,14 +194,14 @@ def test_kernels_are_loaded_for_slow_copies_alone_and_only_as_often_as_a_copy_ma
     assert len(calls) == loaded
 
 
-def test_a_machine_that_has_become_slower_accuses_nobody() -> None:
+def test_slower_machine_causes_no_misbehaviour() -> None:
     assert Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.1)
     assert Scripted([0.1], 0.1).first_solves(STOP, 0.1 / 1.4, lambda: 0.001)
     with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.002 s"):
         Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.002)
 
 
-def test_first_solves_while_other_programs_use_the_core_accuse_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_solves_under_load_cause_no_misbehaviour(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(MeasuringCore, "is_steady", lambda core, *probes: False)
     found = Scripted([0.1], 0.1).first_solves(STOP, 0.001, lambda: 0.001)
     assert not any(one.is_undisturbed for one in found)
@@ -244,13 +244,13 @@ def test_slow_first_solves_accuse_after_copies_that_are_as_long_or_after_variant
 
 
 @pytest.mark.parametrize("of_copies", [4, 20])
-def test_the_first_run_of_code_that_no_copy_runs_accuses_nobody(of_copies: int) -> None:
+def test_cold_code_in_first_solves_causes_no_misbehaviour(of_copies: int) -> None:
     found = OtherWay(of_copies, 1e-3).first_solves(STOP, 1e-3, lambda: 1e-3)
     assert {solve.seconds for solve in found if solve.is_first} == {0.1}  # reported in a note
     assert {solve.seconds for solve in found if not solve.is_first} == {1e-3}  # these are judged
 
 
-def test_a_single_round_that_repeats_no_answer_acquits_nobody() -> None:
+def test_single_slow_round_does_not_refute_stored_answers() -> None:
     again = iter([1e-3] * 5 + [0.1] + [1e-3] * 20)
     with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.001 s"):
         OtherWay(10, 1e-3).first_solves(STOP, 1e-3, lambda: next(again))

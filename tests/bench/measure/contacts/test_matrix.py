@@ -118,7 +118,7 @@ def test_a_page_names_bad_outcomes_only_where_there_are_any() -> None:
     assert "No cell is" not in page
 
 
-def test_a_solver_that_crashes_costs_its_own_cell() -> None:
+def test_crashing_solver_affects_only_its_own_cell() -> None:
     found = measure_matrix(["hard-groove", "hard-sticking-box"], [Misbehaving("segfault")], Stop(1e-6, 100, 1.0))
     assert [crashed.outcome for crashed in found] == [Outcome.CRASHED] * 2
     assert count_bad(found) == 2

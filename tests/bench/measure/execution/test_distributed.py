@@ -109,7 +109,7 @@ def test_every_problem_is_of_one_machine_and_rounds_name_its_session(away: Run) 
 
 
 @pytest.mark.slow
-def test_what_is_lost_is_named_and_all_else_is_kept(here: Run, tmp_path: Path) -> None:
+def test_lost_problems_are_named_and_others_kept(here: Run, tmp_path: Path) -> None:
     executor = Inline(lost, elsewhere("it"), lost)
     with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(ConnectionError: the worker"):
         measured(executor, tmp_path, run_id="it")
@@ -130,7 +130,7 @@ class Broken(Inline):
 
 
 @pytest.mark.slow
-def test_an_executor_that_takes_no_more_costs_only_what_is_left(tmp_path: Path) -> None:
+def test_closed_executor_loses_only_the_remaining_problems(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(RuntimeError: no new tasks"):
         measured(Broken(), tmp_path, run_id="it")
     made = resume(tmp_path / "it")
@@ -149,7 +149,7 @@ def test_problems_that_an_executor_does_not_take_are_named_as_lost(failure: Exce
         measured(Refusing(), tmp_path)
 
 
-def test_a_cancelled_task_is_a_lost_one(tmp_path: Path) -> None:
+def test_cancelled_task_counts_as_lost(tmp_path: Path) -> None:
     class Cancelling(Inline):
         def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
             future: Future[Any] = Future()
@@ -220,7 +220,7 @@ def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
 
 
 @pytest.mark.slow
-def test_what_crashes_here_does_not_keep_what_another_machine_measured(begun_elsewhere: Path) -> None:
+def test_crashed_case_discards_measurements_of_another_machine(begun_elsewhere: Path) -> None:
     def crashing(given: problem_task.ProblemTask) -> problem_task.MeasuredProblem:
         found = problem_task.measure_problem(given)
         cases = [replace(case, points=[], outcome=Outcome.CRASHED) for case in found.cases]

@@ -154,7 +154,7 @@ def test_a_problem_begun_on_another_machine_is_measured_anew_unless_machines_may
     assert events[0].done == 3
 
 
-def test_a_visit_that_fails_stores_what_was_measured_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_failed_pass_keeps_earlier_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def interrupted(cases: Sequence[LadderCase[Any]], keep: Any, core: Any) -> None:
         round_of_each_level(cases[:1], lambda case, value: None, core)
         raise RuntimeError("no more")

@@ -17,7 +17,7 @@ NAMES = (
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_name_leads_back_to_its_method(name: str) -> None:
+def test_method_can_be_recreated_from_its_name(name: str) -> None:
     method = make_method(name, (1e-2, 1e-3), 1e-8)
     assert method.record.name == name
     assert stored_method(method.record) == method
@@ -63,6 +63,6 @@ def test_neighbours_of_a_variable_step_have_neighbouring_tolerances() -> None:
         ("Moreau with SORprox", [float("nan")], "values between 0 and 1, got nan"),
     ],
 )
-def test_what_is_no_method_is_refused(name: str, values: list[float], words: str) -> None:
+def test_unknown_method_is_rejected(name: str, values: list[float], words: str) -> None:
     with pytest.raises(ProxbenchError, match=words):
         make_method(name, values)

@@ -105,7 +105,7 @@ def test_a_solver_that_is_named_is_compared_too() -> None:
         ("woodpecker", {"methods": {"Extrapolated(min_step=1e-30) with NSGS": [1e-3]}}, "too short to separate"),
     ],
 )
-def test_a_study_that_cannot_be_is_refused(scene: str, options: dict[str, Any], words: str) -> None:
+def test_impossible_study_is_rejected(scene: str, options: dict[str, Any], words: str) -> None:
     with pytest.raises(ProxbenchError, match=words):
         make_study_plan(scene, **options)
 

@@ -202,7 +202,7 @@ def test_a_variable_step_that_flickers_is_given_up_and_says_where(
     assert len(run.errors) == 1
 
 
-def test_want_of_time_ends_the_ladder(tmp_path: Path) -> None:
+def test_expired_time_limit_ends_the_ladder(tmp_path: Path) -> None:
     limits = Limits(solve_seconds=1.0, case_seconds=60.0)
     ladder = {"Moreau with SORprox": (1e-1, 1e-5, 1e-6)}
     run = study("sliding_sphere", results=tmp_path, methods=ladder, limits=limits)
@@ -220,7 +220,7 @@ def test_a_solver_that_cannot_treat_a_step_is_unsupported(tmp_path: Path) -> Non
     assert "friction" in run.cases["reason"].iloc[-1]
 
 
-def test_a_folder_that_is_there_already_is_refused(tmp_path: Path) -> None:
+def test_existing_folder_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "file").write_text("mine")
     with pytest.raises(BenchError, match="exists already"):

@@ -96,7 +96,7 @@ def test_finer_points_are_simulated_unless_a_coarser_one_took_too_long(
 
 
 @pytest.mark.parametrize("changes", [{"values": {}}, {"solve": [2.0]}, {"processor": []}, {"steps": -1}])
-def test_an_answer_that_cannot_be_is_refused(changes: dict[str, Any]) -> None:
+def test_impossible_answer_of_a_case_is_a_fault(changes: dict[str, Any]) -> None:
     with pytest.raises(Fault):
         simulated(**changes)
 

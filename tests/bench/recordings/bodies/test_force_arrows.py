@@ -1,7 +1,7 @@
 """The lengths of arrows suit most forces of a recording."""
 
 import numpy as np
-from proxbench.bench.recordings.bodies.force_arrows import MAX_RATIO, NO_FORCES, RADII, ForceArrows
+from proxbench.bench.recordings.bodies.force_arrows import MAX_RATIO, NO_FORCES, REFERENCE_LENGTH, ForceArrows
 
 
 def test_arrows_grow_with_the_root_of_a_force_and_an_impact_does_not_cover_everything() -> None:
@@ -13,9 +13,9 @@ def test_arrows_grow_with_the_root_of_a_force_and_an_impact_does_not_cover_every
     assert (first, second) == (1, 2)
     assert len(nothing) == 0
     lengths = np.linalg.norm(vectors, axis=1)
-    np.testing.assert_allclose(lengths[8:18], RADII * 0.1)
-    np.testing.assert_allclose(lengths[:8], 0.5 * RADII * 0.1)
-    assert np.isclose(lengths[-1], RADII * 0.1 * np.sqrt(MAX_RATIO))
+    np.testing.assert_allclose(lengths[8:18], REFERENCE_LENGTH * 0.1)
+    np.testing.assert_allclose(lengths[:8], 0.5 * REFERENCE_LENGTH * 0.1)
+    assert np.isclose(lengths[-1], REFERENCE_LENGTH * 0.1 * np.sqrt(MAX_RATIO))
     assert "4 N" in arrows.explanation
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from proxbench.bench.recordings.bodies.force_arrows import MAX_RATIO, RADII
+from proxbench.bench.recordings.bodies.force_arrows import MAX_RATIO, REFERENCE_LENGTH
 from proxbench.bench.recordings.bodies.joints import FRICTION_COLOUR, MOTOR_COLOUR, PLAIN_COLOUR, joint_shapes
 from proxbench.bench.recordings.replay import scene_recorder
 from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
@@ -38,7 +38,7 @@ def test_a_hanging_pendulum_is_pulled_at_its_hinge_against_its_weight(
     (origin,) = content.over_time("/scene/joint_forces", "Arrows3D:origins")[5]
     np.testing.assert_allclose(origin, 0.0, atol=1e-5)
     radius = scene.system.shapes[0].bounding_radius  # type: ignore[attr-defined]
-    np.testing.assert_allclose(vector, [0.0, 0.0, RADII * radius], atol=1e-2 * radius)
+    np.testing.assert_allclose(vector, [0.0, 0.0, REFERENCE_LENGTH * radius], atol=1e-2 * radius)
     assert MAX_RATIO > 1.0  # all forces are nearly equal, none is cut
     assert "blue" in content.static("/about", "TextDocument:text")[0]
     assert " 9.8 N" in content.static("/about", "TextDocument:text")[0]

@@ -30,7 +30,7 @@ def test_the_funnel_is_where_balls_touch_it() -> None:
     for mesh in meshes:
         middles = mesh.vertices[mesh.triangles].mean(axis=1)  # below the round surface by the sag of a facet
         reach = np.full(len(middles), 1e-3)
-        assert len(middles) in [len(surface.touching(middles, reach)[0]) for surface in system.surfaces]
+        assert len(middles) in [len(surface.find_contacts(middles, reach)[0]) for surface in system.surfaces]
         assert mesh.vertices[:, 2].max() <= 0.3
 
 

@@ -37,7 +37,7 @@ def lab(colour: str, eyes: str) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("eyes", DICHROMATS)
-def test_colours_stay_apart_where_cones_are_missing(eyes: str) -> None:
+def test_colours_remain_distinguishable_for_colour_blind_readers(eyes: str) -> None:
     distances = [np.linalg.norm(lab(a, eyes) - lab(b, eyes)) for a, b in combinations(PALETTE, 2)]
     assert min(distances) > 15.0  # 2.3 is just noticeable
 
@@ -55,10 +55,10 @@ def test_neighbours_differ_in_colour_shape_and_dash() -> None:
         assert one.dash != other.dash
 
 
-def test_a_look_depends_on_the_place_in_the_run_alone() -> None:
+def test_line_style_depends_only_on_the_position_in_the_run() -> None:
     assert solver_styles(["a", "b"])["b"] == solver_styles(["c", "d", "e"])["d"]
 
 
 @pytest.mark.parametrize("colour", PALETTE)
-def test_no_colour_drowns_in_a_dark_background(colour: str) -> None:
+def test_all_colours_contrast_with_a_dark_background(colour: str) -> None:
     assert np.dot((0.299, 0.587, 0.114), on_dark(colour)) >= 90.0

@@ -45,7 +45,7 @@ def test_legends_name_the_solvers_that_are_shown(finished_run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_who_is_not_shown_is_named_with_the_reason(finished_run: Path) -> None:
+def test_omitted_solvers_are_named_with_the_reason(finished_run: Path) -> None:
     frames = load(finished_run)
     chart = json.loads(problem_chart(frames, "funnel-30").to_json())
     costs, iterations = (" ".join(panel["title"]["subtitle"]) for panel in chart["vconcat"][:2])

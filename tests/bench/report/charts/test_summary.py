@@ -41,7 +41,7 @@ def test_counts_are_what_the_judge_and_the_solver_say(finished_run: Path) -> Non
 
 
 @pytest.mark.slow
-def test_who_supports_nothing_is_named(finished_run: Path) -> None:
+def test_solvers_that_support_no_problem_are_named(finished_run: Path) -> None:
     frames = load(finished_run)
     cases = frames.cases.copy()
     cases.loc[cases["solver"] == "SORprox", "outcome"] = Outcome.UNSUPPORTED

@@ -33,7 +33,7 @@ def changes(tmp_path: Path, before: list[CaseRecord], after: list[CaseRecord], *
 
 
 @pytest.mark.parametrize("outcome", [Outcome.STALLED, Outcome.DIVERGED, Outcome.TIME_LIMIT, Outcome.WRONG])
-def test_what_is_no_longer_reached_is_unsolved_and_the_other_way_round_solved(tmp_path: Path, outcome: Outcome) -> None:
+def test_accuracies_lost_or_gained_are_listed_as_unsolved_or_solved(tmp_path: Path, outcome: Outcome) -> None:
     for name, sides, expected in (
         ("there", (solved(), unsolved(outcome)), "unsolved"),
         ("back", (unsolved(outcome), solved()), "solved"),
@@ -88,7 +88,7 @@ def test_a_solve_that_took_more_than_half_the_limit_may_miss_it_on_a_shared_core
 
 
 @pytest.mark.parametrize(("part", "change"), [(0.6, "undecided"), (0.4, "unsolved")])
-def test_so_may_a_case(part: float, change: str, tmp_path: Path) -> None:
+def test_case_time_limit_may_be_missed_on_a_shared_core(part: float, change: str, tmp_path: Path) -> None:
     timeout = case_of(outcome=Outcome.TIMEOUT, reason="60 s")
     assert changes(tmp_path, case_of(solved(), wall_seconds=part * Limits().case_seconds), timeout) == [change]
 

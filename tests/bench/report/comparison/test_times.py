@@ -68,7 +68,7 @@ def test_a_slowdown_on_one_problem_is_found_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_all_times_of_the_same_program_have_in_common_is_the_machines(tmp_path: Path) -> None:
+def test_common_factor_of_all_times_is_attributed_to_the_machine(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 2, dict.fromkeys(SOLVERS, 1.5), is_same=True)
     assert found.scale == pytest.approx(1.5, rel=0.1)
     assert not found.slower()
@@ -83,13 +83,13 @@ def test_a_change_of_most_solvers_is_no_change_of_the_others(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_a_slowdown_of_all_solvers_of_another_program_is_theirs(tmp_path: Path) -> None:
+def test_common_slowdown_of_an_external_program_is_attributed_to_it(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 4, dict.fromkeys(SOLVERS, 1.4), passes=5)
     assert [name.partition(" (")[0] for name in found.slower()] == list(SOLVERS)
 
 
 @pytest.mark.slow
-def test_the_other_way_round_ratios_are_reciprocal(tmp_path: Path) -> None:
+def test_swapping_the_runs_inverts_the_ratios(tmp_path: Path) -> None:
     there = pair_of_runs(tmp_path, 5, {"B": 2.0})
     back = compare(there.after.folder, there.before.folder)
     forth = there.solvers.set_index("solver")
@@ -117,7 +117,7 @@ def test_one_pass_decides_nothing(tmp_path: Path) -> None:
     assert found.failures("time>10%") == ["time>10% cannot be decided: each run has one pass"]
 
 
-def test_where_no_accuracy_is_reached_by_both_nothing_is_decided(tmp_path: Path) -> None:
+def test_no_verdict_without_an_accuracy_that_both_runs_reach(tmp_path: Path) -> None:
     solved, unsolved = (
         store_run(tmp_path / name, simulated_cases(0, solvers=solvers)) for name, solvers in (("a", "A"), ("b", "A"))
     )
@@ -147,7 +147,7 @@ def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_path: Path) -> None:
+def test_plugin_name_contained_in_another_keeps_the_reference_solvers(tmp_path: Path) -> None:
     use = PluginUse(kind="solver", name="Newton", source="plugin.py", sha256="0" * 64)
     names = ("Newton", "HybridNewton", "SORprox", "NSGS", "Lemke")
     runs = [
@@ -161,7 +161,7 @@ def test_a_plugin_whose_name_is_a_part_of_another_takes_no_yardstick_away(tmp_pa
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.6])
-def test_what_all_solvers_of_another_program_gain_or_lose_is_theirs(tmp_path: Path, factor: float) -> None:
+def test_common_speed_change_of_an_external_program_is_attributed_to_it(tmp_path: Path, factor: float) -> None:
     """No solver is known to be unchanged, so a drift in either direction beyond ``MAX_DRIFT`` gives no scale."""
     names = SOLVERS[:3]
     runs = [

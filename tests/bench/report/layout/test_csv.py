@@ -23,7 +23,7 @@ def test_a_text_that_begins_like_a_formula_is_quoted_and_read_back_behind_an_apo
     assert read["reason"].tolist() == [expected]
 
 
-def test_a_carriage_return_begins_no_row_that_runs() -> None:
+def test_carriage_return_does_not_start_an_executable_cell() -> None:
     written = csv_content(pd.DataFrame({"reason": ["failed\r=1+1"], "n": [1]}))
     assert pd.read_csv(io.BytesIO(written))["reason"].tolist() == ["failed\n=1+1"]
 
@@ -33,7 +33,7 @@ def test_numbers_and_other_texts_stay_as_they_are() -> None:
     assert csv_content(table) == table.to_csv(index=False).encode()
 
 
-def test_no_cell_of_a_run_runs(finished_run: Path, tmp_path: Path) -> None:
+def test_csv_cells_cannot_be_executed_as_formulas(finished_run: Path, tmp_path: Path) -> None:
     frames = load(finished_run)
     cases = frames.cases.assign(reason="=cmd|' /C calc'!A0", family="@SUM(A1)", traceback="")
     cases.loc[cases.index[::2], "outcome"] = "crashed"

@@ -86,7 +86,7 @@ def test_a_picture_that_exists_is_refused_unless_it_may_be_replaced(taken: str, 
     assert (tmp_path / taken).read_text() == "mine"
 
 
-def test_what_cannot_be_written_is_refused_and_what_can_leaves_nothing(tmp_path: Path) -> None:
+def test_unwritable_outputs_are_rejected_and_the_check_leaves_no_file(tmp_path: Path) -> None:
     (tmp_path / "plain").write_text("")
     (tmp_path / "folder.svg").mkdir()
     for name in ("plain/a", "plain/deeper/a", "folder", "a" * 300):

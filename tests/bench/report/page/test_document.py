@@ -148,7 +148,7 @@ def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_of_a_run_ends_its_element() -> None:
+def test_text_of_a_run_cannot_close_its_html_element() -> None:
     frames = load(REFERENCE)
     hostile = "</script><script>alert(1)</script><!-- <img src=x onerror=alert(1)> & \u2028"
     frames.cases.loc[0, ["stderr", "reason", "family"]] = hostile

@@ -103,7 +103,7 @@ def profile_of(tables: dict[str, pd.DataFrame], name: str, view: str = COMMON, f
     return own.drop(columns=labels, errors="ignore").reset_index(drop=True)
 
 
-def test_it_opens_without_errors_and_without_requests(browser: Chromium, reference: Path) -> None:
+def test_page_opens_without_errors_or_network_requests(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     assert browser.errors == []
     assert browser.requests == [reference.as_uri()]
@@ -215,7 +215,7 @@ def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_r
 
 
 @pytest.mark.slow
-def test_nothing_chosen_shows_nothing_and_fails_nowhere(
+def test_empty_selection_shows_nothing_without_errors(
     browser: Chromium, reference: Path, reference_run: RunFrames
 ) -> None:
     opened(browser, reference)

@@ -14,8 +14,8 @@ from proxbench.bench.simulation.view.chart import simulation_chart
 @pytest.mark.parametrize(
     ("residuals", "tolerance", "words"),
     [
-        ([1e-5, 3e-4, 1.0], 1e-4, "steps solved to 1e-4, 2 missed, by MomentumFallback"),
-        ([1e-5, 1e-5, 1e-5], 2.5e-5, "steps solved to 2.5e-5, 0 missed, by MomentumFallback"),
+        ([1e-5, 3e-4, 1.0], 1e-4, "MomentumFallback to 1e-4, 2 unsolved steps"),
+        ([1e-5, 1e-5, 1e-5], 2.5e-5, "MomentumFallback to 2.5e-5, 0 unsolved steps"),
     ],
 )
 def test_the_subtitle_counts_the_steps_that_were_missed(residuals: list[float], tolerance: float, words: str) -> None:

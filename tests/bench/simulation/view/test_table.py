@@ -125,8 +125,11 @@ def test_steps_in_which_fast_contacts_hide_others_are_named_with_their_local_res
     assert simulation.has_hidden_errors.tolist() == [False, True, False]
     text = printed(simulation, width=120)
     assert " local " in text
-    assert "fast contacts hide others in 1 step: local residual up to 5.0e-01, judged 1.0e-05, at t = 0.2 s" in text
-    assert summary(simulation)["hiding_steps"] == 1
+    assert (
+        "fast contacts hide errors of slow ones in 1 step: local residual up to 5.0e-01, judged 1.0e-05, at t = 0.2 s"
+        in text
+    )
+    assert summary(simulation)["hidden_error_steps"] == 1
     plain = printed(made(np.array([0.1]), residual=1e-5, local_residual=9e-4))
     assert "local" not in plain
 

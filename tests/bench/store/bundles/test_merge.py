@@ -84,14 +84,14 @@ def test_problems_of_runs_that_are_no_shards_of_one_run_follow_each_other(
     assert missing == []
 
 
-def test_merging_again_changes_nothing(parts: list[Path], tmp_path: Path) -> None:
+def test_merge_is_idempotent(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     again = merge([whole.folder, *parts, bundle(whole, tmp_path / "whole.bundle")], tmp_path, "again")
     assert by_case(again) == by_case(whole)
     assert again.info.sessions == whole.info.sessions
 
 
-def test_a_missing_shard_is_said(parts: list[Path], tmp_path: Path) -> None:
+def test_merge_names_a_missing_shard(parts: list[Path], tmp_path: Path) -> None:
     missing: list[str] = []
     merge(parts[1:], tmp_path, "half", on_missing=missing.append)
     assert missing == ["shard 1/2 is missing."]
@@ -108,7 +108,7 @@ def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: li
     assert drift(dataclasses.replace(whole, rounds=whole.rounds.assign(probe_seconds=probes))) == pytest.approx(1.0)
 
 
-def test_other_versions_and_another_machine_for_one_problem_are_a_mixture(parts: list[Path], tmp_path: Path) -> None:
+def test_merge_rejects_one_problem_from_different_versions_or_machines(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     first, second = whole.info.sessions
     newer = replace(second, machine=replace(second.machine, versions={**second.machine.versions, "numpy": "99"}))
@@ -176,12 +176,12 @@ def test_a_source_that_does_not_agree_is_refused_and_nothing_is_written(honest: 
     cases = [replace(case, digest="0" * 64) if case.problem == "hard-groove" else case for case in honest.cases]
     odd = tmp_path / "odd.bundle"
     write_bundle(dataclasses.replace(honest, cases=cases), odd)
-    with pytest.raises(BenchError, match=r"odd.bundle is refused: .* \(and 3 more cases\)"):
+    with pytest.raises(BenchError, match=r"odd.bundle is rejected: .* \(and 3 more cases\)"):
         merge(odd, tmp_path / "results", "it")
     assert not (tmp_path / "results").exists()
 
 
-def test_nothing_is_half_written(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_merge_writes_nothing(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 

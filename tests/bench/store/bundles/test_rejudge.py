@@ -190,7 +190,7 @@ def test_a_claim_that_is_wrong_on_a_copy_of_its_problem_agrees(honest: Bundle, t
 
 @pytest.mark.parametrize("first", [1, pytest.param(None, marks=pytest.mark.slow, id="all")])
 @pytest.mark.parametrize("name", ATTACKS)
-def test_what_is_changed_with_right_checksums_is_found_by_judging_again(
+def test_rejudge_detects_changes_with_valid_checksums(
     name: str, first: int | None, honest: Bundle, tmp_path: Path
 ) -> None:
     attack, reason = ATTACKS[name]

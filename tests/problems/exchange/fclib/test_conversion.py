@@ -27,7 +27,7 @@ def test_the_merit_of_fclib_from_its_own_arrays_is_the_natural_map_of_the_judge(
     assert verdict.natural_map_max == pytest.approx(merit / largest, rel=1e-12)
 
 
-def test_what_is_said_of_a_problem_survives(tmp_path: Path) -> None:
+def test_description_of_a_problem_survives_the_file(tmp_path: Path) -> None:
     info = {"title": "Boxes", "description": "Moreau, h=0.005", "math_info": "unknown"}
     data = {**local_data(), **{f"fclib_local/info/{name}": np.bytes_(text) for name, text in info.items()}}
     problem = read_fclib(write_data(tmp_path / "boxes.hdf5", data))

@@ -47,7 +47,7 @@ def outcome(path: Path) -> str:
 
 @pytest.mark.parametrize("mutations", MUTATIONS)
 @pytest.mark.parametrize("name", ["hard-sticking-box", "hard-linked-2-axes", "hard-four-bar-redundant"])
-def test_no_damage_to_a_file_of_ours_gives_other_numbers(name: str, mutations: int, tmp_path: Path) -> None:
+def test_damaged_proxbench_files_never_load_other_data(name: str, mutations: int, tmp_path: Path) -> None:
     path, rng = tmp_path / "p.hdf5", np.random.default_rng((14, mutations))
     write_fclib(load(name), path)
     content, digest = path.read_bytes(), read_fclib(path).digest
@@ -95,7 +95,7 @@ def peak_of_reading(path: Path) -> int:
 
 @pytest.mark.parametrize("name", ["m", "n", "nz", "nzmax"])
 @pytest.mark.parametrize("label", ["M", "H", "G"])
-def test_a_size_that_is_only_claimed_takes_no_memory(label: str, name: str, tmp_path: Path) -> None:
+def test_false_array_size_allocates_no_memory(label: str, name: str, tmp_path: Path) -> None:
     claims = {f"fclib_global/{label}/{name}": np.array([2**31 - 1])}
     assert peak_of_reading(write_data(tmp_path / "p.hdf5", global_jointed_data(), **claims)) < 100_000
 

@@ -87,7 +87,7 @@ def test_a_bomb_is_refused_before_it_is_unpacked() -> None:
         [(f"{number}.npy", header("(0,)")) for number in range(1000)],
     ],
 )
-def test_an_archive_that_lies_is_refused(members: list[tuple[str, bytes]]) -> None:
+def test_archive_with_false_sizes_is_rejected(members: list[tuple[str, bytes]]) -> None:
     with pytest.raises(ArchiveError):
         read_arrays(zipped(*members))
 

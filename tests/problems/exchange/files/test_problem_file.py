@@ -35,7 +35,7 @@ def test_every_number_survives_the_file(tmp_path: Path) -> None:
     assert {name: parts for name, parts in changed.items() if parts} == {}
 
 
-def test_what_does_not_survive_a_file_would_be_named() -> None:
+def test_data_lost_in_a_file_would_be_reported() -> None:
     problem = load("hard-groove")
     assert problem.answer is not None
     assert changes(problem, problem.fresh()) == []

@@ -25,7 +25,7 @@ def complementarity(impulses: np.ndarray, velocity: np.ndarray, mu: float) -> fl
 
 
 @given(st.integers(0, 10_000), st.integers(1, 4))
-def test_their_velocities_are_ours_in_another_order(seed: int, n: int) -> None:
+def test_contactbench_velocities_are_permuted_judge_velocities(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     root, g, mus = rng.normal(size=(3 * n, 3 * n)), rng.normal(size=(3 * n, 1)), rng.uniform(0.1, 1.0, n)
     G = root @ root.T
@@ -43,14 +43,14 @@ SAMPLES = sorted(Path(FOLDER).glob("*.npz")) if FOLDER else []
 
 @pytest.mark.skipif(not SAMPLES, reason="PROXBENCH_CONTACTBENCH names no folder of samples of ContactBench")
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.stem)
-def test_its_own_samples_are_read_and_solved(sample: Path) -> None:
+def test_samples_of_contactbench_are_read_and_solved(sample: Path) -> None:
     problem = load(sample)
     with np.load(sample) as arrays:
         assert problem.n_rows == arrays["g"].size == 3 * arrays["mus"].size
     assert judge(problem, solve(problem, tolerance=1e-6).impulses).residual <= 1e-6
 
 
-def test_a_cube_that_slides_is_solved_in_their_measure_too(tmp_path: Path) -> None:
+def test_sliding_cube_is_solved_by_the_measure_of_contactbench(tmp_path: Path) -> None:
     G, g = np.diag([1.0, 1.0, 2.0]), np.array([3.0, 0.0, -1.0])
     np.savez(tmp_path / "cube.npz", G=G, g=g, mus=np.array([0.5]))
     problem = load(tmp_path / "cube.npz")
@@ -71,7 +71,7 @@ def test_a_cube_that_slides_is_solved_in_their_measure_too(tmp_path: Path) -> No
         ({"G": np.diag([1.0, 1.0, -1e-7])}, "--indefinite project"),
     ],
 )
-def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_inconsistent_input_gets_one_sentence(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
     arrays = {"G": np.eye(3), "g": np.array([0.0, 0.0, -1.0]), "mus": np.array([0.5])} | changes
     np.savez(tmp_path / "p.npz", **{name: value for name, value in arrays.items() if value is not None})
     with pytest.raises(ProblemError, match=words) as caught:

@@ -36,7 +36,7 @@ def natural_map(impulses: np.ndarray, velocity: np.ndarray, friction: np.ndarray
     return np.concatenate(missed)
 
 
-def test_the_natural_map_of_its_metrics_is_ours_to_single_precision() -> None:
+def test_natural_map_of_kamino_agrees_to_single_precision() -> None:
     problem = problem_of_arrays(DUMP, Repair())
     assert (problem.n_contacts, problem.n_rows) == (12, 36)
     impulses = DUMP["lambdas"].astype(np.float64).reshape(-1, 3)[:, [2, 0, 1]].ravel()
@@ -49,7 +49,7 @@ def test_the_natural_map_of_its_metrics_is_ours_to_single_precision() -> None:
     assert judged == pytest.approx(np.linalg.norm(missed), rel=1e-9)
 
 
-def test_its_answer_is_judged_and_ours_is_better() -> None:
+def test_stored_solution_of_kamino_is_judged_and_solve_improves_it() -> None:
     problem = problem_of_arrays(DUMP, Repair(indefinite="project"))
     stored = problem.provenance["stored_solution_residual"]
     solution = solve(problem, tolerance=1e-8)
@@ -187,7 +187,7 @@ def test_a_compliance_of_zeros_changes_nothing(tmp_path: Path) -> None:
         ({"compliance": np.full(35, 0.0)}, "'compliance' must have 36 numbers"),
     ],
 )
-def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str) -> None:
+def test_inconsistent_input_gets_one_sentence(changes: dict[str, Any], words: str) -> None:
     arrays = {name: value for name, value in (DUMP | changes).items() if value is not None}
     with pytest.raises(ProblemError, match=words):
         problem_of_arrays(arrays, Repair())

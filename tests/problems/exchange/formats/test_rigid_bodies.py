@@ -158,7 +158,7 @@ def test_json_and_npz_are_the_same_problem(tmp_path: Path) -> None:
         ({"impulses": np.zeros((4, 2))}, "'impulses' must be 12 finite numbers"),
     ],
 )
-def test_what_does_not_fit_gets_one_sentence(changes: dict[str, Any], words: str) -> None:
+def test_inconsistent_input_gets_one_sentence(changes: dict[str, Any], words: str) -> None:
     arrays = {name: value for name, value in (box_on_the_ground() | changes).items() if value is not None}
     with pytest.raises(ProblemError, match=words):
         problem_of_arrays(arrays, Repair())

@@ -10,7 +10,7 @@ def test_a_rim_touches_exactly_the_balls_that_reach_its_nearest_point(dim: int, 
     rng = np.random.default_rng(0)
     centres, radii = rng.uniform(-1.0, 1.0, size=(300, dim)), rng.uniform(0.1, 0.9, 300)
     along = np.array([0.6, 0.8])
-    balls, gaps, normals = Rim((0.5, 0.1), (0.6, 0.8), side).touching(centres, radii)
+    balls, gaps, normals = Rim((0.5, 0.1), (0.6, 0.8), side).find_contacts(centres, radii)
     outward = np.zeros_like(centres)
     outward[:, 0] = side
     if side == 0:

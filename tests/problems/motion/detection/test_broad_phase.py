@@ -28,7 +28,7 @@ def every_pair(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 60), dim=st.sampled_from([2, 3]), spread=st.floats(0.1, 50.0))
-def test_it_agrees_with_looking_at_every_pair(seed: int, n: int, dim: int, spread: float) -> None:
+def test_broad_phase_agrees_with_testing_every_pair(seed: int, n: int, dim: int, spread: float) -> None:
     rng = np.random.default_rng(seed)
     centres, radii = rng.normal(size=(n, dim)) * spread, rng.uniform(0.2, 1.0, n)
     assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
@@ -78,7 +78,7 @@ def test_one_ball_far_away_costs_no_memory_and_no_pairs() -> None:
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
-def test_balls_that_are_nowhere_have_no_cells_to_count(value: float) -> None:
+def test_balls_at_nonfinite_positions_have_no_cells(value: float) -> None:
     centres = np.random.default_rng(7).uniform(0.0, 3.0, (30, 3))
     centres[11, 1] = value
     assert _cell_numbers(centres, 1.0)[3] == np.inf

@@ -39,7 +39,7 @@ def test_each_contact_of_a_stack_carries_the_weight_above_it(time_step: float) -
     assert found == pytest.approx(scene.supports() * time_step, rel=1e-10)
 
 
-def test_what_only_touches_sinks_in_by_second_order(step_errors: StepErrors, order: Order) -> None:
+def test_touching_bodies_penetrate_by_second_order(step_errors: StepErrors, order: Order) -> None:
     """Without overlap, the ball falls by g Δt²/2 in the first step, and as far again until the second one stops it."""
     scene, time_steps, errors = Stack((1.0,), overlap=0.0), [1e-2, 5e-3, 2.5e-3, 1.25e-3], []
     for time_step in time_steps:

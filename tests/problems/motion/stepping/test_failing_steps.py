@@ -54,12 +54,12 @@ def test_a_step_of_a_switch_that_is_not_solved_ends_the_motion(monkeypatch: pyte
     """Such a step cannot be shortened. One attempt has found the switch; a second one is made to accept the step."""
     taken, take = [(State(-1.0, np.zeros(3), np.zeros(3)), 0.0)], StepCounter.take
 
-    def fail_once(counter: StepCounter, state: State, length: float, held: tuple[int, ...] = ()) -> Any:
+    def fail_once(counter: StepCounter, state: State, length: float, inelastic: tuple[int, ...] = ()) -> Any:
         taken.append((state, length))
         if taken[-2][0] is state and taken[-2][1] == length and len(failed) < 1:
             failed.append(state)
             raise UnsolvedStepError(str(Status.ITERATION_LIMIT))
-        return take(counter, state, length, held)
+        return take(counter, state, length, inelastic)
 
     failed: list[State] = []
     monkeypatch.setattr(StepCounter, "take", fail_once)
@@ -150,7 +150,7 @@ def test_options_out_of_range_are_named(options: dict[str, Any], what: str) -> N
 
 
 @pytest.mark.parametrize("until", [-1.0, np.inf, np.nan])
-def test_an_end_before_the_start_or_never_is_named(until: float) -> None:
+def test_end_before_start_or_infinite_is_rejected(until: float) -> None:
     with pytest.raises(ProblemError, match=f"until = {until} s must be finite and after the start at 0.0 s"):
         steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), until)
 

@@ -324,7 +324,7 @@ def test_a_ball_that_falls_on_a_floor_gains_no_more_than_lifting_it_by_half_a_st
     assert np.diff(energies).max() <= weight * half_way
 
 
-def test_what_is_not_too_deep_is_left_in_the_same_bits() -> None:
+def test_shallow_penetrations_are_left_unchanged() -> None:
     system = floor(1)
     start = State(0.0, np.array([0.0, 0.0, RADIUS - 0.5 * DEPTH]), system.without_spin(np.zeros((1, 3))))
     plain, projected = (stepper(system, depth).step(start).state for depth in (None, DEPTH))

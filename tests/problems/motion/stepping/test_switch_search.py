@@ -40,7 +40,7 @@ def anticipating(monkeypatch: pytest.MonkeyPatch, due: float | None, doubt: floa
     return Anticipating(BouncingBall().system(), MIN_STEP, MAX_STEP)
 
 
-def test_margins_that_are_wrong_for_ever_do_not_make_the_motion_creep(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_persistently_wrong_margins_do_not_shorten_all_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A few minimal steps are tried at the expected switch; then steps double up to the requested length."""
     search = anticipating(monkeypatch, None)
     lengths = [search.limited_length(0.0, MAX_STEP) for _ in range(30)]
@@ -60,7 +60,7 @@ def test_a_step_ends_just_before_a_switch_that_is_announced(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(("doubt", "way"), [(0.0, 1.0), (0.1, 0.8), (0.34, 0.32), (0.36, 0.5), (10.0, 0.5)])
-def test_the_more_a_switch_is_in_doubt_the_more_of_the_way_is_left_but_half_of_it_is_gone(
+def test_uncertain_switch_shortens_the_step_by_at_most_half(
     doubt: float, way: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search = anticipating(monkeypatch, 1.0, doubt * 0.9 * MAX_STEP)
@@ -90,7 +90,7 @@ def test_nested_intervals_halve_a_step_and_keep_it_until_the_switch_is_passed() 
     assert search.length_after_step(0.0, 1e-3, 1.5e-3) == 1.5e-3
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert search.length_after_switch(1.0, 1.5 * MIN_STEP, switched_after(0.0)) == MIN_STEP
-    search.note_switch(State(1.0, np.zeros(1), np.zeros(1)))
+    search.record_switch(State(1.0, np.zeros(1), np.zeros(1)))
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert [search.length_after_step(now, 4e-3, 1.0) for now in (1.0, 1.004)] == [4e-3, 4e-3]
     assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the attempt has passed
@@ -100,7 +100,7 @@ def test_nested_intervals_halve_a_step_and_keep_it_until_the_switch_is_passed() 
     assert search.length_after_step(1.005, 4e-3, 1.0) == 8e-3
 
 
-def test_an_alarm_after_nothing_was_in_sight_is_a_new_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_switch_after_none_was_announced_starts_a_new_search(monkeypatch: pytest.MonkeyPatch) -> None:
     margins = Announced(None)
     monkeypatch.setattr(switch_search, "Margins", lambda system, horizon: margins)
     search = Anticipating(BouncingBall().system(), MIN_STEP, MAX_STEP)
@@ -125,10 +125,10 @@ def falling(gaps: Any) -> MechanicalSystem:
     )
 
 
-def noted(margins: Margins, path: Any, times: list[float]) -> Margins:
+def recorded(margins: Margins, path: Any, times: list[float]) -> Margins:
     """Record the gaps along a path, which is a function of time."""
     for time in times:
-        margins.note_gaps(State(time, np.array(path(time)), np.ones(2)))
+        margins.record_gaps(State(time, np.array(path(time)), np.ones(2)))
     return margins
 
 
@@ -138,7 +138,7 @@ TIMES = [0.0, 0.1, 0.25, 0.3, 0.45]
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_a_margin_that_is_a_polynomial_vanishes_where_it_is_announced(degree: int) -> None:
     """The contact that closes first is found; the polynomial without its oldest value is the same."""
-    margins = noted(
+    margins = recorded(
         Margins(falling(lambda position: position), 10.0), lambda time: [2.0 - time, 1.0 - time**degree], TIMES
     )
     due, doubt = margins.next_switch(TIMES[-1])
@@ -150,7 +150,7 @@ def test_the_root_of_a_lower_degree_bounds_what_is_known_of_a_margin() -> None:
     """A cubic through the last four of five values of t ↦ 1 - t⁴ has another root than the quartic through all five."""
     system = falling(lambda position: position)
     few, many = (
-        noted(Margins(system, 10.0), lambda time: [5.0, 1.0 - time**4], TIMES[-count:]).next_switch(TIMES[-1])
+        recorded(Margins(system, 10.0), lambda time: [5.0, 1.0 - time**4], TIMES[-count:]).next_switch(TIMES[-1])
         for count in (4, 5)
     )
     assert many[0] == pytest.approx(1.0, rel=1e-9)
@@ -160,29 +160,29 @@ def test_the_root_of_a_lower_degree_bounds_what_is_known_of_a_margin() -> None:
 
 def test_two_values_are_in_doubt_by_half_of_the_way_and_one_announces_nothing() -> None:
     margins = Margins(falling(lambda position: position), 10.0)
-    assert noted(margins, lambda time: [2.0, 1.0 - time], [0.0]).next_switch(0.0) == (np.inf, np.inf)
-    due, doubt = noted(margins, lambda time: [2.0, 1.0 - time], [0.2]).next_switch(0.2)
+    assert recorded(margins, lambda time: [2.0, 1.0 - time], [0.0]).next_switch(0.0) == (np.inf, np.inf)
+    due, doubt = recorded(margins, lambda time: [2.0, 1.0 - time], [0.2]).next_switch(0.2)
     assert (due, doubt) == pytest.approx((1.0, 0.4), rel=1e-9)
     margins.forget()
     assert margins.next_switch(0.2) == (np.inf, np.inf)
 
 
 def test_a_gap_that_grows_or_is_constant_announces_nothing() -> None:
-    margins = noted(Margins(falling(lambda position: position), 10.0), lambda time: [1.0 + time, 1.0], TIMES)
+    margins = recorded(Margins(falling(lambda position: position), 10.0), lambda time: [1.0 + time, 1.0], TIMES)
     assert margins.next_switch(TIMES[-1]) == (np.inf, np.inf)
 
 
-def test_a_root_that_is_passed_is_none() -> None:
+def test_past_roots_are_ignored() -> None:
     """t ↦ (t - 1)(t - 2) falls through zero at 1 and rises at 2."""
     margins = Margins(falling(lambda position: position), 10.0)
-    noted(margins, lambda time: [(time - 1.0) * (time - 2.0), 9.0], TIMES)
+    recorded(margins, lambda time: [(time - 1.0) * (time - 2.0), 9.0], TIMES)
     assert margins.next_switch(0.5)[0] == pytest.approx(1.0, rel=1e-6)
     assert margins.next_switch(2.5)[0] == np.inf
 
 
 def test_only_gaps_that_may_close_soon_are_followed_and_only_their_last_values() -> None:
     """At twice the speed of 1 m/s, gaps of up to 2 · 2 · 0.1 m may close within two steps of the largest length."""
-    margins = noted(Margins(falling(lambda position: position), 0.1), lambda time: [0.41, 0.39], TIMES * 2)
+    margins = recorded(Margins(falling(lambda position: position), 0.1), lambda time: [0.41, 0.39], TIMES * 2)
     values: Any = margins
     assert {key: len(kept) for key, kept in values._values.items()} == {("gap", 1): MEMORY}
 
@@ -239,7 +239,7 @@ def test_margins_of_friction_are_what_is_left_of_it_and_how_fast_it_slides() -> 
             sequence = take_sequence(counter, state, 1e-3, 1, states)
             assert sequence.end is not None
             ((step, length),) = sequence.substeps
-            margins.note(step, length, sequence.states)
+            margins.record(step, length, sequence.states)
             state, states = sequence.end, sequence.states
         due, _ = margins.next_switch(state.time)
         if speed:

@@ -21,7 +21,7 @@ def test_flow_and_height_are_those_of_the_second_half() -> None:
     scene = make_scene("funnel", {"balls": 10})
     recorder = MotionRecorder(replace(scene, start=column(scene, 0.0, 0)))
     for time, through in ((1.0, 0), (2.0, 5)):
-        recorder.note(column(scene, time, through))
+        recorder.record(column(scene, time, through))
     found = recorder.aggregates(2.0)
     assert found["flow rate"] == pytest.approx(5.0)
     assert found[HEIGHT] == pytest.approx(0.75)
@@ -32,7 +32,7 @@ def test_flow_and_height_are_those_of_the_second_half() -> None:
 def test_a_pour_that_ends_early_stays_as_it_was() -> None:
     scene = make_scene("funnel", {"balls": 4})
     recorder = MotionRecorder(replace(scene, start=column(scene, 0.0, 0)))
-    recorder.note(column(scene, 1.0, 4))
+    recorder.record(column(scene, 1.0, 4))
     found = recorder.aggregates(4.0)
     assert found["flow rate"] == 0.0
     assert found[HEIGHT] == 0.0
@@ -41,5 +41,5 @@ def test_a_pour_that_ends_early_stays_as_it_was() -> None:
 def test_a_pile_has_no_flow() -> None:
     scene = make_scene("pile", {"balls": 3})
     recorder = MotionRecorder(scene)
-    recorder.note(replace(scene.start, time=1.0))
+    recorder.record(replace(scene.start, time=1.0))
     assert set(recorder.aggregates(1.0)) == {HEIGHT, ENERGY}

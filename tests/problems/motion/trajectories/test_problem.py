@@ -39,13 +39,13 @@ def test_the_error_of_neighbours_is_their_median_from_the_least_to_the_largest()
     measure, members = LimitCycle(LIMIT_CYCLE, 3), {}
     for factor, error in ((0.9, 1e-3), (1.0, 1e-5), (1.1, 1e-4)):
         recorder = MotionRecorder(make_scene("woodpecker"))
-        recorder.note(after_a_period(0.47 * error))
+        recorder.record(after_a_period(0.47 * error))
         members[factor] = measure.values(recorder, PERIOD)
     found = measure.estimates(members)[ERROR]
     assert (found.error, found.low, found.high) == pytest.approx((1e-4, 1e-5, 1e-3), rel=1e-9)
 
 
-def test_no_member_has_no_error() -> None:
+def test_study_without_members_has_no_error_estimates() -> None:
     assert LimitCycle(LIMIT_CYCLE, 3).estimates({}) == {}
 
 

@@ -52,7 +52,7 @@ def test_a_body_turns_about_its_own_axes_and_moves_along_those_of_the_world() ->
 
 
 @given(seed=st.integers(0, 2**32 - 1), seconds=st.floats(-2.0, 2.0))
-def test_a_way_forth_and_back_ends_where_it_began_with_unit_quaternions(seed: int, seconds: float) -> None:
+def test_moving_forth_and_back_restores_pose_and_unit_quaternions(seed: int, seconds: float) -> None:
     rng = np.random.default_rng(seed)
     poses = np.column_stack([rng.normal(size=(3, 3)), exponential(rng.normal(size=(3, 3)))]).ravel()
     velocity = rng.normal(size=18)

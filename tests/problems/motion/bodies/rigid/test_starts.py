@@ -50,7 +50,7 @@ def test_boxes_that_touch_may_start() -> None:
         (start(position=(2, 0.4)), "body 0 and fixed body 0 penetrate by 0.1 m at the start; move them apart"),
     ],
 )
-def test_a_state_in_which_bodies_cannot_start_is_refused(state: State, words: str) -> None:
+def test_invalid_initial_state_is_rejected(state: State, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         check_start(bodies(), state)
 

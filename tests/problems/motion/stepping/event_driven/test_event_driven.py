@@ -268,7 +268,7 @@ def test_a_start_in_penetration_is_named() -> None:
         ({"force": lambda q, u: [1.0 / 0.0]}, "t = 0 s .* ZeroDivisionError"),
     ],
 )
-def test_a_system_that_is_none_is_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
+def test_invalid_system_is_an_error_with_the_time(broken: dict[str, Any], what: str) -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=what) as raised:
         simulate(replace(general_system(ball), **broken), general_start(ball), 1.0)
