@@ -50,8 +50,8 @@ def _share_compiled_kernels(session: nox.Session, other: str) -> None:
 def tests(session: nox.Session) -> None:
     """Run the daily tests against an installed package, on all cores.
 
-    After it ``nox -R -s tests -- -m slow`` runs the slow ones in the same environment: faults, worked plugins, every
-    solver on every case, commands of the docs, long motions, runs in all their variety.
+    After it ``nox -R -s tests -- -m "slow and not weekly"`` runs the slow tests in the same environment, and
+    ``-m weekly`` those that repeat them over more solvers, cases, faults and samples.
     """
     session.install(".[test,dask]")
     _keep_compiled_kernels(session)

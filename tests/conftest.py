@@ -1,4 +1,4 @@
-"""Extent of the tests: property tests use the same few examples every day, and long tests are marked as slow.
+"""Extent of the tests: property tests use the same few examples every day; slow and weekly tests are marked.
 
 With PROXBENCH_PROFILE=full or hunt, property tests use more examples. Numerical libraries use one thread, as in
 measurements, because tests already share the cores.
@@ -26,12 +26,17 @@ def pytest_sessionstart() -> None:
     COMPILATION.silence()
 
 
-SLOW_FOLDERS = {"faults", "long"}
+SLOW_FOLDERS = {"faults"}
 """Folders of tests that are all slow."""
+
+WEEKLY_FOLDERS = {"long"}
+"""Folders of tests that are all weekly."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of slow folders."""
+    """Mark the tests of slow and weekly folders, and weekly tests as slow."""
     for item in items:
-        if SLOW_FOLDERS.intersection(item.path.parts):
+        if WEEKLY_FOLDERS.intersection(item.path.parts):
+            item.add_marker("weekly")
+        if SLOW_FOLDERS.intersection(item.path.parts) or item.get_closest_marker("weekly"):
             item.add_marker("slow")

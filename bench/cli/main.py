@@ -17,6 +17,7 @@ from .catalog import generate, list_names
 from .comparison.check import check
 from .comparison.compare import compare
 from .comparison.matrix import matrix
+from .compilation.warm import warm
 from .exchange.bundles import bundle, merge, rejudge
 from .exchange.capture import capture
 from .exchange.problem_files import export_files, import_files, info
@@ -26,7 +27,6 @@ from .run import run
 from .simulation.command import simulate
 from .simulation.engines import engines
 from .simulation.statics import statics
-from .warm import warm
 
 LOOK_UP = "Find or generate problems"
 """Heading of the last group of commands."""

@@ -29,7 +29,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run(falling(), "SORprox", results=tmp_path_factory.mktemp("results"), run_id="it", tolerances=1e-4, passes=1)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_single_values_are_as_good_as_lists(finished: Run, tmp_path: Path) -> None:
     listed = run([falling()], ["SORprox"], results=tmp_path, tolerances=[1e-4], passes=1)
     same = ["problem", "solver", "digest", "outcome"]
@@ -81,7 +81,7 @@ def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_pa
         assert made.cases["problem"].tolist() == ["mine"]
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path: Path) -> None:
     mine, same = falling(), falling("other name")
     made = run([mine, same, "hard-no-motion", "funnel-30"], "SORprox", results=tmp_path, tolerances=1e-1, passes=1)
@@ -103,7 +103,7 @@ def test_resuming_a_finished_run_changes_nothing(tmp_path: Path) -> None:
     assert {file: file.read_bytes() for file in made.folder.rglob("*.json")} == before
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_them(
     finished: Run, tmp_path: Path
 ) -> None:
@@ -137,7 +137,7 @@ def test_a_problem_of_a_plugin_needs_the_plugin_no_more(tmp_path: Path) -> None:
     assert again.problem("plugged").provenance["plugin"] == f"plugin file {plugin}"
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_generated_problem_is_carried_whether_it_was_there_before_or_is_made_for_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

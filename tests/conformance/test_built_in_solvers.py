@@ -1,5 +1,7 @@
 """Every built-in solver passes the checks that plugins must pass.
 
+Slow tests run all checks on ``FIRST``, and an eighth of them on the other solvers; the rest is weekly.
+
 With PROXBENCH_PROFILE=full, each solver runs the checks with the limits of plugins. Otherwise, solves take fewer
 iterations, and only the default solver and ``SORprox`` solve hard cases of more than 100 rows.
 """
@@ -11,6 +13,7 @@ from itertools import product
 from typing import Any
 
 import pytest
+from diagonal import is_on_diagonal
 from proxbench.bench.conformance import (
     SOLVER_CHECKS,
     Check,
@@ -105,12 +108,22 @@ THOROUGH = {"Robust", *DAILY}
 """Solvers that solve the largest hard cases without the full profile too."""
 
 
+FIRST = {"Robust", *DAILY}
+"""Solvers that run all checks in slow tests: the default solver, and the one that runs all of them daily."""
+
+
 def pairs() -> list[Any]:
-    """Return each variant with each check; long checks are marked as slow except for one solver."""
+    """Return each variant with each check, with the marks of its tier."""
     return [
-        pytest.param(name, check, marks=[pytest.mark.slow] if is_slow(name, check) else [], id=f"{name}-{check}")
-        for name, check in product(VARIANTS, SOLVER_CHECKS)
+        pytest.param(name, check, marks=marks_of(row, name, column, check), id=f"{name}-{check}")
+        for (row, name), (column, check) in product(enumerate(VARIANTS), enumerate(SOLVER_CHECKS))
     ]
+
+
+def marks_of(row: int, name: str, column: int, check: Check[Solver]) -> list[pytest.MarkDecorator]:
+    if not is_slow(name, check):
+        return []
+    return [pytest.mark.slow if name in FIRST or is_on_diagonal(row, column) else pytest.mark.weekly]
 
 
 def is_slow(name: str, check: Check[Solver]) -> bool:

@@ -1,14 +1,17 @@
 """The checks that run on a few small problems also pass on each hard case.
 
 Daily tests run every built-in solver on one small case of each kind, except for the solvers in ``FOR_COMPARISON``. Slow
-tests add these, and run the other solvers on all of the smallest cases. With PROXBENCH_PROFILE=full, all solvers run on
-all cases of at most 400 rows.
+tests run ``FIRST`` on all of the smallest cases, and the other solvers on an eighth of them; weekly tests run the rest,
+and those in ``FOR_COMPARISON``. With PROXBENCH_PROFILE=full, all solvers run on all cases of at most 400 rows.
 """
 
 import os
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import pytest
+from diagonal import is_on_diagonal
 from proxbench.bench.conformance import (
     SOLVER_CHECKS,
     NotApplicable,
@@ -74,14 +77,38 @@ DAILY = {
 }
 """Cases with a mass ratio, redundant contacts, sliding in space, a cycle of sweeps, a fixed bound, and no solution."""
 
-CASES = [
-    pytest.param(name, marks=[] if name in DAILY else [pytest.mark.slow])
-    for name in HARD_CASES
-    if 0 < hard_case(name).n_rows <= MAX_ROWS
-]
+FIRST = {"Robust", "SORprox", "NSGS"}
+"""Solvers that slow tests run on all small cases: the default solver, and the sweeps that users choose most often."""
+
+COMPARED = "hard-tresca-joint"
+"""The case on which slow tests run the solvers in ``FOR_COMPARISON``."""
+
+LONGEST = ("Robust", "hard-resisting-sphere-1-axes")
+"""The pair that takes as long as all others of the solver."""
+
+CASES = [name for name in HARD_CASES if 0 < hard_case(name).n_rows <= MAX_ROWS]
+
+SOLVERS = [name for name in available() if IS_FULL or not name.startswith("Cvxpy")]
 
 
-@pytest.fixture(params=CASES)
+def pairs() -> list[Any]:
+    """Return each solver with each case, with the marks of its tier."""
+    return [
+        pytest.param(name, case, marks=marks_of(row, name, column, case))
+        for (row, name), (column, case) in product(enumerate(SOLVERS), enumerate(CASES))
+    ]
+
+
+def marks_of(row: int, name: str, column: int, case: str) -> list[pytest.MarkDecorator]:
+    if name in FOR_COMPARISON:
+        return [pytest.mark.slow if case == COMPARED else pytest.mark.weekly]
+    if case in DAILY:
+        return []
+    is_first = name in FIRST and (name, case) != LONGEST
+    return [pytest.mark.slow if is_first or is_on_diagonal(row, column) else pytest.mark.weekly]
+
+
+@pytest.fixture
 def case(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """A hard case that replaces the small problems of the checks."""
     problem = hard_case(request.param)
@@ -96,14 +123,7 @@ def case(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPa
     return str(request.param)
 
 
-SOLVERS = [
-    pytest.param(name, marks=[pytest.mark.slow] if name in FOR_COMPARISON else [])
-    for name in available()
-    if IS_FULL or not name.startswith("Cvxpy")
-]
-
-
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize(("name", "case"), pairs(), indirect=["case"])
 def test_hard_cases_pass_the_checks_of_small_problems(name: str, case: str) -> None:
     solver = create(name)
     if name in FOR_COMPARISON and case not in DAILY and not IS_FULL:

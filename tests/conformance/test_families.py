@@ -29,6 +29,9 @@ from proxbench.solvers import Solver, Status, Stop, available, create
 TOLERANCE = 1e-6
 STOP = Stop(TOLERANCE, max_iterations=3000, max_seconds=10.0)
 
+PATIENT = ("APGD", "SAP")
+"""Solvers of the convex model, which take seconds where it has no solution."""
+
 FRICTION = [0.0, 0.125, 0.5, 1.0, 8.0]
 
 
@@ -138,7 +141,9 @@ def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.weekly if name in PATIENT else []) for name in available()]
+)
 def test_a_tighter_tolerance_ends_no_worse_where_five_contacts_slide_and_the_convex_model_has_no_solution(
     name: str,
 ) -> None:

@@ -44,7 +44,7 @@ def session(folder: Path, test: str, *options: str) -> subprocess.CompletedProce
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=600)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_each_promise_of_each_solver_is_a_test_that_says_what_is_broken(tmp_path: Path) -> None:
     ran = session(tmp_path, GIVES_UP, "-k", "finite or observed", "-v", "-rs")
     assert ran.returncode == 1

@@ -151,7 +151,7 @@ ALONE = {
 """Faults that few checks detect, with these checks."""
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("fault", ALONE)
 def test_a_fault_is_noticed_by_no_other_check(fault: str) -> None:
     if fault not in FEW and os.environ.get("PROXBENCH_PROFILE") != "full":

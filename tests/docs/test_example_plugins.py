@@ -38,7 +38,7 @@ def test_every_plugin_of_the_folder_is_tested() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PLUGINS)
+@pytest.mark.parametrize("name", [pytest.param("FBF", marks=pytest.mark.weekly), "TrescaFixedPoint"])
 def test_a_run_measures_the_plugin(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.chdir(tmp_path)
     command = ["run", "--plugin", str(PLUGINS[name]), "--solver", name, "--problem", "hard-sticking-box"]
@@ -49,7 +49,7 @@ def test_a_run_measures_the_plugin(name: str, tmp_path: Path, monkeypatch: pytes
     assert name in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("name", PLUGINS)
 def test_the_plugin_passes_the_conformance_tests(name: str) -> None:
     if name == "FBF" and os.environ.get("PROXBENCH_PROFILE") != "full":

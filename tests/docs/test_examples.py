@@ -23,6 +23,7 @@ from unittest import SkipTest
 
 import pytest
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.conformance import BRIEF_CHECKS
 from proxbench.problems.exchange.plugins.offers import forget, registered
 from sybil import Document, Example, Region
 from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParser
@@ -144,17 +145,35 @@ def pages_with_examples() -> list[str]:
     return [str(page.relative_to(ROOT)) for page in pages if any(True for _ in parsed(page).examples())]
 
 
-def slow_if_it_runs_commands(page: str) -> Any:
+LONG = (
+    *("add-a-problem", "add-a-solver", "build-rigid-scenes", "choose-a-solver"),
+    *("measure-your-collection", "send-results", "simulate-a-scene", "use-fclib", "watch-for-regressions"),
+)
+"""Guides whose commands take more than six seconds, as do those of the tutorial, with which readers begin."""
+
+
+def with_mark(page: str) -> Any:
     """Return a page as a parameter; a command that measures or simulates takes seconds."""
+    if Path(page).stem in LONG:
+        return pytest.param(page, marks=pytest.mark.weekly)
     has_commands = re.search(r"^\$ proxbench ", (ROOT / page).read_text("utf-8"), re.MULTILINE)
     return pytest.param(page, marks=[pytest.mark.slow] if has_commands else [])
 
 
-@pytest.mark.parametrize("page", [slow_if_it_runs_commands(page) for page in pages_with_examples()])
+@pytest.mark.parametrize("page", [with_mark(page) for page in pages_with_examples()])
 def test_examples_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path / "cache"))
     run_page(ROOT / page)
+
+
+@pytest.mark.slow
+def test_examples_of_the_guide_for_new_solvers_run_with_the_brief_checks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
+    assert run_page(ROOT / "docs/how-to/add-a-solver.md") == 5
 
 
 @pytest.mark.parametrize("page", [page for page in pages_with_examples() if page.startswith("docs/")])

@@ -33,7 +33,13 @@ def test_there_are_notebooks_to_begin_with() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
+@pytest.mark.parametrize(
+    "notebook",
+    [
+        pytest.param(notebook, id=notebook.stem, marks=pytest.mark.weekly if notebook.stem == "read-a-run" else [])
+        for notebook in NOTEBOOKS
+    ],
+)
 def test_a_notebook_runs_from_top_to_bottom(
     notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,6 @@
 """A run survives kill -9 of any of its processes at any moment, and can be resumed after kill -9 of itself.
 
-PROXBENCH_KILLS is the number of kills of each kind; the default is small, for continuous integration.
+A slow test kills one run; weekly tests kill as many workers and runs as PROXBENCH_KILLS states.
 """
 
 import itertools
@@ -20,34 +20,39 @@ from sandbox import Sandbox, Verdicts, verdicts
 
 KILLS = int(os.environ.get("PROXBENCH_KILLS", "2"))
 
-RUN = """
+
+RUNS = """
 def say(event):
     if type(event).__name__ == "PointFinished":
         print(event.problem, event.solver, event.tolerance, sep="|", flush=True)
 
 run(
-    ["hard-sticking-box", "funnel-30"],
+    {problems!r},
     ["SORprox", "ClarabelSOCP"],
     tolerances=[1e-1, 1e-3],
     limits=Limits(solve_seconds=30.0, case_seconds=120.0),
-    passes=2,
+    passes={passes},
     on_event=say,
 )
 """
 
+SHORT = RUNS.format(problems=["hard-sticking-box"], passes=1)
+LONGER = RUNS.format(problems=["hard-sticking-box", "funnel-30"], passes=2)
+
 
 @dataclass
 class Undisturbed:
-    """Verdicts of a run that is not killed, and its wall time [s]."""
+    """A run that is not killed: its code, verdicts and wall time [s]."""
 
+    run: str
     verdicts: Verdicts
     seconds: float
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+@pytest.fixture(scope="module", params=[SHORT, pytest.param(LONGER, marks=pytest.mark.weekly)], ids=["short", "longer"])
+def undisturbed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     sandbox, start = Sandbox(tmp_path_factory.mktemp("undisturbed")), time.monotonic()
-    return Undisturbed(sandbox.done(RUN), time.monotonic() - start)
+    return Undisturbed(request.param, sandbox.done(request.param), time.monotonic() - start)
 
 
 def resumed(sandbox: Sandbox, retry: bool) -> Verdicts:
@@ -57,11 +62,12 @@ def resumed(sandbox: Sandbox, retry: bool) -> Verdicts:
     return verdicts(folder)
 
 
+@pytest.mark.weekly
 def test_killing_workers_costs_their_own_cases(tmp_path: Path, undisturbed: Undisturbed) -> None:
     chance, numbers, kills = random.Random(5), itertools.count(), 0
     while kills < KILLS:
         sandbox = Sandbox(tmp_path / str(next(numbers)))
-        process = sandbox.start(RUN)
+        process = sandbox.start(undisturbed.run)
         while process.poll() is None:
             time.sleep(chance.uniform(0.0, 0.6))
             kills += killed_one(sandbox, process.pid, chance)
@@ -87,18 +93,19 @@ def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
     return True
 
 
+@pytest.mark.parametrize("least", [1, pytest.param(KILLS, marks=pytest.mark.weekly)])
 def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_finished_later(
-    tmp_path: Path, undisturbed: Undisturbed
+    least: int, tmp_path: Path, undisturbed: Undisturbed
 ) -> None:
     """The run names a point after it is stored, so every named point is in the file with as many rounds.
 
     Every other run is killed in the second half of its time.
     """
-    chance, numbers, kills, named = random.Random(7), itertools.count(), 0, 0
-    while kills < KILLS or not named:
+    chance, numbers, kills, named = random.Random(7), itertools.count(1), 0, 0
+    while kills < least or not named:
         number = next(numbers)
         sandbox = Sandbox(tmp_path / str(number))
-        process = sandbox.start(RUN)
+        process = sandbox.start(undisturbed.run)
         wait_for_server(sandbox, process)
         time.sleep((number % 2 + chance.random()) / 2.0 * undisturbed.seconds)
         kills += process.poll() is None
@@ -115,7 +122,7 @@ def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_fini
             (found,) = own[own["tolerance"] == float(value)].itertuples()
             assert found.outcome != "solved" or found.rounds >= count
         is_begun = (sandbox.results / "it" / "run.json").exists()
-        finished = resumed(sandbox, retry=False) if is_begun else sandbox.done(RUN)
+        finished = resumed(sandbox, retry=False) if is_begun else sandbox.done(undisturbed.run)
         assert finished == undisturbed.verdicts
 
 

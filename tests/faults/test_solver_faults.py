@@ -1,6 +1,8 @@
 """Whatever a solver does, the run ends, the results of other solvers do not change, and nothing is left behind."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import pytest
 from proxbench.bench.store.records import CaseRecord
@@ -59,6 +61,21 @@ ACTIONS = {
 LATE_ACTIONS = {name: (TIMEOUT, "2 s") for name in ("stop itself", "sleep", "spin")}
 """Actions that last as long as the time limit; they have their own run, with a short limit."""
 
+FEW = (*("raise", "nan", "lie", "segfault", "allocate", "patch", "move", "start processes", "spin"),)
+"""One action of each kind, which slow tests run; the other actions are weekly."""
+
+GROUPS = {"few": FEW, "others": tuple(name for name in ACTIONS | LATE_ACTIONS if name not in FEW)}
+
+groups = pytest.mark.parametrize("group", ["few", pytest.param("others", marks=pytest.mark.weekly)])
+actions = pytest.mark.parametrize(
+    "action", [*FEW, *(pytest.param(name, marks=pytest.mark.weekly) for name in GROUPS["others"])]
+)
+
+
+def group_of(action: str) -> str:
+    return "few" if action in FEW else "others"
+
+
 RUNS = """
 def run_actions(run_id, actions):
     run(
@@ -98,32 +115,46 @@ class Disturbance:
     left_behind: list[str]
 
 
+Disturb = Callable[[str], Disturbance]
+
+
 @pytest.fixture(scope="module")
-def disturbance(tmp_path_factory: pytest.TempPathFactory) -> Disturbance:
-    sandbox = Sandbox(tmp_path_factory.mktemp("disturbed"))
-    done = sandbox.run(RUNS.format(actions=list(ACTIONS), late_actions=list(LATE_ACTIONS)))
-    assert (done.returncode, done.stdout) == (0, ""), done.stderr
-    quiet, disturbed, late = (sandbox.results / name for name in ("quiet", "disturbed", "late"))
-    cases = [case for folder in (disturbed, late) for case in Store.open(folder).read_cases()[0]]
-    on_funnel = {case.solver: case for case in cases if case.problem == "funnel-30"}
-    return Disturbance(verdicts(quiet), verdicts(disturbed), on_funnel, sandbox.left_behind())
+def disturb(tmp_path_factory: pytest.TempPathFactory) -> Disturb:
+    """Return a function that runs the actions of a group, once."""
+
+    @cache
+    def run(group: str) -> Disturbance:
+        sandbox = Sandbox(tmp_path_factory.mktemp("disturbed"))
+        early, late = ([name for name in GROUPS[group] if name in kind] for kind in (ACTIONS, LATE_ACTIONS))
+        done = sandbox.run(RUNS.format(actions=early, late_actions=late))
+        assert (done.returncode, done.stdout) == (0, ""), done.stderr
+        quiet, disturbed, last = (sandbox.results / name for name in ("quiet", "disturbed", "late"))
+        cases = [case for folder in (disturbed, last) for case in Store.open(folder).read_cases()[0]]
+        on_funnel = {case.solver: case for case in cases if case.problem == "funnel-30"}
+        return Disturbance(verdicts(quiet), verdicts(disturbed), on_funnel, sandbox.left_behind())
+
+    return run
 
 
-def test_other_cases_are_complete_and_judged_as_usual(disturbance: Disturbance) -> None:
-    culprits = [f"Misbehaving({action})" for action in ACTIONS]
+@groups
+def test_other_cases_are_complete_and_judged_as_usual(disturb: Disturb, group: str) -> None:
+    disturbance, early = disturb(group), [name for name in GROUPS[group] if name in ACTIONS]
+    culprits = [f"Misbehaving({action})" for action in early]
     assert len(disturbance.quiet) == 6
     others = {key: verdict for key, verdict in disturbance.disturbed.items() if key[1] not in culprits}
     assert others == disturbance.quiet
-    assert len(disturbance.disturbed) == 6 + 2 * len(ACTIONS)
+    assert len(disturbance.disturbed) == 6 + 2 * len(early)
 
 
-def test_no_process_and_no_temporary_file_is_left(disturbance: Disturbance) -> None:
-    assert disturbance.left_behind == []
+@groups
+def test_no_process_and_no_temporary_file_is_left(disturb: Disturb, group: str) -> None:
+    assert disturb(group).left_behind == []
 
 
-@pytest.mark.parametrize("action", ACTIONS | LATE_ACTIONS)
-def test_record_of_a_misbehaving_solver_names_its_fault(disturbance: Disturbance, action: str) -> None:
-    case, (outcome, words) = disturbance.cases[f"Misbehaving({action})"], (ACTIONS | LATE_ACTIONS)[action]
+@actions
+def test_record_of_a_misbehaving_solver_names_its_fault(disturb: Disturb, action: str) -> None:
+    cases, (outcome, words) = disturb(group_of(action)).cases, (ACTIONS | LATE_ACTIONS)[action]
+    case = cases[f"Misbehaving({action})"]
     assert case.outcome == outcome, case.reason + case.traceback + case.stderr
     assert len(case.reason) <= 2000
     if outcome == MEASURED:
@@ -132,7 +163,7 @@ def test_record_of_a_misbehaving_solver_names_its_fault(disturbance: Disturbance
         assert words in case.reason
 
 
-def test_harmless_side_effects_do_not_change_results(disturbance: Disturbance) -> None:
-    honest = disturbance.disturbed["funnel-30", "SORprox"][-1]
-    for action in ("move", "print gigabytes"):
-        assert disturbance.disturbed["funnel-30", f"Misbehaving({action})"][-1] == honest
+@pytest.mark.parametrize("action", ["move", pytest.param("print gigabytes", marks=pytest.mark.weekly)])
+def test_harmless_side_effects_do_not_change_results(disturb: Disturb, action: str) -> None:
+    disturbed = disturb(group_of(action)).disturbed
+    assert disturbed["funnel-30", f"Misbehaving({action})"][-1] == disturbed["funnel-30", "SORprox"][-1]

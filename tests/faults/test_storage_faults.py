@@ -40,6 +40,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run_here(tmp_path_factory.mktemp("undisturbed"))
 
 
+@pytest.mark.weekly
 def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
     sandbox: Sandbox, undisturbed: Path
 ) -> None:
@@ -132,6 +133,7 @@ def spoiled(tmp_path_factory: pytest.TempPathFactory) -> SpoiledRuns:
     return SpoiledRuns(sandbox.results, done.stderr.strip().splitlines()[-1], left_behind)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("how", SPOILED)
 def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(
     how: str, spoiled: SpoiledRuns, undisturbed: Path
@@ -141,15 +143,18 @@ def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(
     assert load(folder).is_finished
 
 
+@pytest.mark.weekly
 def test_a_folder_that_cannot_be_made_again_ends_the_run_with_an_error(spoiled: SpoiledRuns) -> None:
     assert "BenchError: cannot write" in spoiled.error
     assert (spoiled.results / "it").is_file()
 
 
+@pytest.mark.weekly
 def test_spoiled_runs_leave_no_process_and_no_temporary_file(spoiled: SpoiledRuns) -> None:
     assert spoiled.left_behind == []
 
 
+@pytest.mark.weekly
 def test_two_runs_on_one_folder_do_not_mix(sandbox: Sandbox, undisturbed: Path) -> None:
     first = sandbox.start(f"run({SMALL})")
     folder = sandbox.results / "it"

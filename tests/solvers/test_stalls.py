@@ -3,7 +3,7 @@
 A stall is false if one of them halves the judged residual; the second is omitted if the residual is rounding.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,9 @@ PROBLEMS = (
 )
 """Problems on which solvers stall, and two on which solvers with earlier limits would stall."""
 
+FEW = ("hard-scaled-rows-15", "hard-slider-in-km-t", "hard-duplicated-slider")
+"""The problems of the slow test; all are weekly."""
+
 TOLERANCE = 1e-12
 
 STOP = Stop(TOLERANCE, 50_000, 1.0)
@@ -69,10 +72,10 @@ def without_rules(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Progress, "end", no_end)
 
 
-def stalls() -> list[tuple[str, ContactProblem, Callable[..., Solution], Solution]]:
+def stalls(problems: Iterable[str]) -> list[tuple[str, ContactProblem, Callable[..., Solution], Solution]]:
     """Return solver, problem, its prepared ``solve`` and the solution of every solve that stalls."""
     found = []
-    for problem in map(load, PROBLEMS):
+    for problem in map(load, problems):
         for name in SOLVERS:
             solver = create(name)
             if solver.supports(problem) is None:
@@ -84,8 +87,9 @@ def stalls() -> list[tuple[str, ContactProblem, Callable[..., Solution], Solutio
 
 
 @pytest.mark.slow
-def test_claimed_stalls_are_genuine(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, false = stalls(), []
+@pytest.mark.parametrize("problems", [FEW, pytest.param(PROBLEMS, marks=pytest.mark.weekly)], ids=["few", "all"])
+def test_claimed_stalls_are_genuine(problems: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    found, false = stalls(problems), []
     assert len(found) >= 10
     for name, problem, solve, solution in found:
         residual = Residual(problem)

@@ -9,7 +9,8 @@ import time
 from collections import defaultdict
 
 from numba.core import event
-from proxbench.bench.cli.main import run_command
+from proxbench.bench.cli.compilation.processes import compile_here
+from proxbench.bench.cli.compilation.warm import parts
 
 SHOWN = 10
 """Number of kernels that are printed."""
@@ -42,7 +43,7 @@ class KernelCosts(event.Listener):
 if __name__ == "__main__":
     costs = KernelCosts()
     event.register("numba:compile", costs)  # type: ignore[no-untyped-call]
-    run_command(["warm"])
+    compile_here(parts())
     own = [name for name in costs.seconds if not name.startswith("numba.")]  # numba compiles some of NumPy's functions
     for name in sorted(own, key=costs.seconds.__getitem__, reverse=True)[:SHOWN]:
         print(f"{costs.seconds[name]:6.2f} s  {costs.signatures[name]:3d}  {name}")

@@ -36,7 +36,7 @@ def test_a_simulation_ends_where_the_bound_is_exceeded() -> None:
     assert FALLEN < motion.largest < 10.0 * FALLEN
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_least_thickness_in_motion_is_that_of_the_equilibrium() -> None:
     assert least_thickness(7) == pytest.approx(0.09570, abs=1e-5)
     ratio, motions = search_thickness(7, "Robust", to_tolerance(1e-6), 1e-2)
@@ -78,7 +78,7 @@ def test_work_is_time_per_simulated_second_without_motions_that_ran_out_of_time(
     assert found["cut"].tolist() == [1e-3, 0.1]
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_charts_of_the_documentation_are_drawn_from_its_table(tmp_path: Path) -> None:
     docs = Path(__file__).parents[2] / "docs"
     draw(pd.read_csv(docs / "reference" / "costs-of-accuracy.csv"), tmp_path, [*SOLVERS, RELAXED])
@@ -106,7 +106,7 @@ def test_contacts_of_a_stack_open_if_they_barely_overlap_and_are_not_solved_well
     assert loose["vanished"] >= loose["opened"] > 0
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time_on_finding_contacts() -> None:
     (found,) = piles((40,), 150, (("SORprox(relaxation=1.3)", 50),))
     assert found["contacts"] > 40
@@ -127,14 +127,14 @@ def test_a_card_house_falls_below_its_limit_of_friction_and_stands_above() -> No
     assert above["largest"] < 1e-6 < MOVED < below["largest"]
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_wave_of_dominoes_runs_as_fast_as_the_theory_and_loses_energy() -> None:
     (row,) = dominoes((0.2,), 1e-3)
     assert row["speed"] == pytest.approx(row["theory"], rel=0.04)
     assert 0.0 < row["energy lost"] < 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_boxes_in_containers_are_measured_for_each_seed() -> None:
     drum, hopper = containers((1,), 12, 40)
     assert drum["least"] < drum["mean"] < drum["largest"]

@@ -231,7 +231,7 @@ for answer in figures.answers(Path(sys.argv[1])):
 """Program of the figures of this state, in which one figure is slowed down by a factor."""
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize(("factor", "code"), [(1.0, 0), (1.2, 1)])
 def test_a_figure_that_is_slowed_down_by_a_fifth_is_found(
     factor: float, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

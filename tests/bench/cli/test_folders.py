@@ -53,7 +53,7 @@ def check_run(folder: Path, results: Path, captured: pytest.CaptureFixture[str],
     assert failed[["problem", "outcome", "reason"]].to_numpy().tolist() == []
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_broken_files_of_a_folder_are_listed_and_the_others_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

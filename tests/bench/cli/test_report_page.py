@@ -28,7 +28,7 @@ def test_the_page_of_a_run_is_written_and_nothing_else(copied: Path, capsys: pyt
     assert json.loads(capsys.readouterr().out)["page"] == str(copied / "local/report.html")
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_charts_and_page_take_the_baseline_that_is_named(copied: Path) -> None:
     assert run_command(["report", str(copied), "--quiet", "--baseline", "SORprox"]) == 1
     lines = (copied / "charts/profile-speedup.csv").read_text().splitlines()

@@ -49,7 +49,7 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -65,10 +65,15 @@ def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
     ("fault", "seconds", "words"),
     [
         ("os._exit(3)", 60.0, "its process ended with exit code 3"),
-        ("os.abort()", 60.0, "killed by SIGABRT"),
-        ("time.sleep(1000)", 5.0, "it did not finish within 5 s"),
-        ("raise ValueError('odd')", 60.0, "it raised ValueError: odd (line 18 of wrapped.py)"),
-        ("[bytes(2**28) for _ in range(100)]", 60.0, "MiB of memory"),
+        pytest.param("os.abort()", 60.0, "killed by SIGABRT", marks=pytest.mark.weekly),
+        pytest.param("time.sleep(1000)", 5.0, "it did not finish within 5 s", marks=pytest.mark.weekly),
+        pytest.param(
+            "raise ValueError('odd')",
+            60.0,
+            "it raised ValueError: odd (line 18 of wrapped.py)",
+            marks=pytest.mark.weekly,
+        ),
+        pytest.param("[bytes(2**28) for _ in range(100)]", 60.0, "MiB of memory", marks=pytest.mark.weekly),
     ],
 )
 @pytest.mark.usefixtures("brief")
@@ -94,7 +99,7 @@ def test_failures_are_in_the_table_and_make_the_exit_code_one(
     assert f"{len(BRIEF_CHECKS) - 1} passed, 1 failed" in printed
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.usefixtures("brief")
 def test_json_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["check", "SORprox(relaxation=1.5)", "--json"]) == 0
@@ -175,7 +180,10 @@ def test_a_mistake_gets_one_sentence_and_exit_code_two(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "seconds", "words"),
-    [("import os; os._exit(9)", 60.0, "exit code 9"), ("while True: pass", 3.0, "it does not end within 3 s")],
+    [
+        ("import os; os._exit(9)", 60.0, "exit code 9"),
+        pytest.param("while True: pass", 3.0, "it does not end within 3 s", marks=pytest.mark.weekly),
+    ],
 )
 def test_a_file_that_crashes_or_hangs_when_imported_is_reported(
     text: str, seconds: float, words: str, tmp_path: Path

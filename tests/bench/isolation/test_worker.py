@@ -203,7 +203,7 @@ def _kernels_to_load() -> int:
         worker.close()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_processes_of_cases_load_no_cached_kernel_after_the_server_has_loaded_all(new_server: None) -> None:
     create("SORprox").prepare(load("bodies-table-4-1e4").fresh()).solve(
         Stop(1e-6)

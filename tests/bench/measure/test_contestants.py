@@ -48,7 +48,7 @@ def module_from(text: str, name: str) -> ModuleType:
     return module
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("way", ["-", "script.py"])
 def test_a_class_of_a_script_or_of_standard_input_is_measured_and_the_script_not_run_again(
     way: str, tmp_path: Path

@@ -127,6 +127,7 @@ def test_solver_and_problem_are_listed_with_their_package(proxbench: Command) ->
     assert (problem["contacts"], problem["rows"], problem["available"]) == (2, 4, True)
 
 
+@pytest.mark.weekly
 def test_solver_and_problem_of_a_package_are_run_and_recorded(proxbench: Command, tmp_path: Path) -> None:
     name = "FixedStepGradient(relaxation=1.5)"
     line = ["run", "--problem", "brick-on-slope", "--problem", "hard-sticking-box", "--solver", name]
@@ -170,6 +171,7 @@ def test_the_worked_problem_is_generated(proxbench: Command, tmp_path: Path) -> 
     assert (tmp_path / "brick-on-slope.npz").is_file()
 
 
+@pytest.mark.weekly
 def test_names_that_are_not_free_and_packages_that_do_not_import_are_listed_with_their_error(tmp_path: Path) -> None:
     def project(name: str, points: str) -> str:
         return f'[project]\nname = "{name}"\nversion = "2.0"\n[project.entry-points."proxbench.solvers"]\n{points}\n'

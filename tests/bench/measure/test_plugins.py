@@ -231,7 +231,7 @@ def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Cal
             "return 3",
             Outcome.MISBEHAVED,
             "its prepare returned an int, which has no",
-            marks=pytest.mark.slow,
+            marks=pytest.mark.weekly,
         ),
         ("yield impulses", "yield impulses[1:]", Outcome.CRASHED, "yielded an array of shape (2,)"),
         pytest.param(
@@ -239,7 +239,7 @@ def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Cal
             "import threading; self.__dict__['x'] = 1; raise ValueError('no') #",
             Outcome.CRASHED,
             "no",
-            marks=pytest.mark.slow,
+            marks=pytest.mark.weekly,
         ),
     ],
 )

@@ -64,9 +64,9 @@ def nothing_registered() -> Iterator[None]:
         "simulate woodpecker --duration 0.002 --solver Noted --output {folder}/toy.npz --no-progress",
         pytest.param(
             "simulate pile(balls=3) --study --solver Noted --duration 0.02 --output {folder} --no-progress",
-            marks=pytest.mark.slow,
+            marks=pytest.mark.weekly,
         ),
-        pytest.param("check Noted", marks=pytest.mark.slow),
+        pytest.param("check Noted", marks=pytest.mark.weekly),
         "check noted",
     ],
 )

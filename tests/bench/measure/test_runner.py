@@ -231,7 +231,7 @@ def test_limits_are_those_of_the_plan(tmp_path: Path) -> None:
     assert 0.5 <= case["wall_seconds"] < Limits().case_seconds
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_script_without_a_main_guard_is_run_once(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

@@ -75,6 +75,7 @@ def test_the_rounds_of_a_problem_are_spread_over_the_run(made: Run, events: list
     assert len(orders) > 1
 
 
+@pytest.mark.slow
 def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
     cases, _ = Store.open(made.folder).read_cases()
     rounds = times_by_point(rounds_frame(cases))[cases[0].solver, cases[0].points[0].tolerance]

@@ -165,7 +165,7 @@ def test_a_library_solves_where_solves_follow_each_other(sweeps: Path) -> None:
     assert shown == list(range(1, solution.iterations + 1))
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_run_measures_libraries_and_programs_and_counts_lies(
     faulty: Path, sweeps: Path, program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,7 +52,7 @@ def test_json_holds_even_where_nothing_is_finite(capsys: pytest.CaptureFixture[s
     assert document["solves"][0]["residual"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Path) -> None:
     plugin = tmp_path / "hanging.py"
     plugin.write_text(HANGING)

@@ -12,7 +12,7 @@ from proxbench.bench.recordings.solves import record_run
 from proxbench.solvers import create
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_every_problem_of_the_run_gets_a_recording(
     tmp_path: Path, read_back: Callable[[Path], Any], capsys: pytest.CaptureFixture[str]
 ) -> None:

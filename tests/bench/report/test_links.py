@@ -58,10 +58,15 @@ LINKS: dict[str, tuple[str, str, str]] = {
     "local folder": ("local", ".", "report {} --residual local"),
     "local table": ("local/tables/results.csv", "mine", "report {} --residual local"),
 }
+FEW = ("table", "folder of charts", "local folder")
+"""Links that slow tests try; the others are weekly."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("place", "target", "line"), LINKS.values(), ids=LINKS)
+@pytest.mark.parametrize(
+    ("place", "target", "line"),
+    [pytest.param(*link, id=name, marks=[] if name in FEW else pytest.mark.weekly) for name, link in LINKS.items()],
+)
 def test_links_out_of_a_run_are_refused_when_its_tables_are_printed_and_nothing_is_written(
     place: str, target: str, line: str, run: Path, outside: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -110,7 +115,7 @@ def test_a_run_may_itself_be_reached_over_a_link(run: Path, tmp_path: Path) -> N
     assert (run / "tables" / "summary.csv").is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("charts", ["", " --no-charts"])
 def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
     charts: str, run: Path, capsys: pytest.CaptureFixture[str]
@@ -130,7 +135,7 @@ def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
     assert capsys.readouterr().out == ""
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_files_that_cannot_be_written_fail_no_run_of_which_nothing_failed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

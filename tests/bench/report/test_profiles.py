@@ -254,7 +254,7 @@ def test_times_and_residuals_are_those_of_points_that_count(reference_run: RunFr
         assert (residuals.at[problem, solver] <= 1e-6) == np.isfinite(expected)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_families_are_profiled_as_the_problems_of_each_alone(
     reference_run: RunFrames, reference_tables: dict[str, pd.DataFrame]
 ) -> None:
@@ -266,7 +266,7 @@ def test_families_are_profiled_as_the_problems_of_each_alone(
         pd.testing.assert_frame_equal(of_family, alone)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_every_chart_has_its_numbers_beside_it(
     reference_run: RunFrames, reference_tables: dict[str, pd.DataFrame], tmp_path: Path
 ) -> None:
@@ -303,7 +303,7 @@ def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residu
     assert "without excluded times" not in subtitle(charts["accuracy"])
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_run_of_excluded_times_alone_has_a_report(finished_run: Path, tmp_path: Path) -> None:
     copied = tmp_path / "run"
     shutil.copytree(finished_run, copied)

@@ -139,7 +139,7 @@ def long_simulation(file: Path) -> subprocess.Popen[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.weekly)])
 def test_an_interruption_stores_the_steps_prints_the_table_and_says_how_to_go_on(number: int, tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     process = long_simulation(file)
@@ -151,7 +151,7 @@ def test_an_interruption_stores_the_steps_prints_the_table_and_says_how_to_go_on
     assert "stopped before its end" in out
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_killed_simulation_leaves_a_whole_file_from_its_last_checkpoint(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     process = long_simulation(file)

@@ -38,7 +38,7 @@ def test_a_number_out_of_range_is_named(numbers: dict[str, float], words: str) -
     [
         (0.3, 0.1, 3),
         (0.7, 1e-3, 700),
-        pytest.param(0.7, 1e-4, 7000, marks=pytest.mark.slow),
+        pytest.param(0.7, 1e-4, 7000, marks=pytest.mark.weekly),
         (1.0, 0.3, 4),
         (0.1, 0.1, 1),
     ],

@@ -109,7 +109,7 @@ def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_sto
     assert not reached.unsolved.any()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_motor_of_a_plugin_turns_its_body_in_the_same_bits_and_its_hinge_stays_closed() -> None:
     """The judge here receives the target speed; otherwise it would find the friction of the motor unsolved."""
     plan = make_simulation_plan("wiper(speed=1.5)", stepper="Moreau(step=2e-3)", duration=0.24, tolerance=1e-10)
@@ -166,9 +166,9 @@ def test_no_code_of_the_scene_runs_here() -> None:
     ("fault", "seconds", "words"),
     [
         ("raise", 60.0, "RuntimeError: oh no (line 49 of scene_plugin.py)"),
-        pytest.param("exit", 60.0, "exit code 3", marks=pytest.mark.slow),
-        pytest.param("hang", 2.0, "it took longer than 2 s", marks=pytest.mark.slow),
-        pytest.param("eat", 60.0, "MiB of memory", marks=pytest.mark.slow),
+        ("exit", 60.0, "exit code 3"),
+        pytest.param("hang", 2.0, "it took longer than 2 s", marks=pytest.mark.weekly),
+        pytest.param("eat", 60.0, "MiB of memory", marks=pytest.mark.weekly),
     ],
 )
 def test_a_fault_of_the_scene_ends_the_simulation_at_its_step_and_keeps_all_before(

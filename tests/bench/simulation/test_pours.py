@@ -110,7 +110,7 @@ def test_penetrations_vanish_with_projection(flow: Simulation, jam: Simulation) 
     assert flow.steps["penetration"].max() <= 1.11 * allowed + way**2 / 4.0
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_penetrations_remain_without_projection() -> None:
     simulation = simulate(pour(0.8, outlet=1.2, projection=None))
     assert simulation.steps["penetration"][-1] > 0.03
@@ -130,7 +130,7 @@ def test_energy_never_grows_where_the_law_forbids_it(options: dict[str, object])
     assert growth.sum() < 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
     simulation = simulate(pour(1.0, outlet=1.2))
     growth = np.diff(simulation.steps["kinetic_energy"] + simulation.steps["potential_energy"])
@@ -141,7 +141,7 @@ def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
     assert (growth <= lift + 1e-12).all()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_jammed_simulation_stays_jammed_when_it_is_resumed(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     plan = make_simulation_plan("funnel", {"balls": 20, "outlet": 0.8}, stepper="Moreau(step=1e-3)", duration=4.0)

@@ -51,6 +51,7 @@ def test_steps_are_solved_stored_and_recorded(name: str, tmp_path: Path) -> None
     assert any(path.startswith("/scene/fixed/") for path in paths) is bool(system.fixed)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("name", RIGID_SCENES if os.environ.get("PROXBENCH_PROFILE") == "full" else STUDIED)
 def test_the_error_of_a_study_of_a_point_is_below_the_distance_that_bodies_move(name: str, tmp_path: Path) -> None:
     """An impact is found up to one of the three steps late."""

@@ -111,7 +111,7 @@ def test_a_step_that_the_solver_cannot_treat_says_why() -> None:
         StepSolver(create("Enumeration"), "warm").prepare(load("funnel-30"))
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_every_step_of_a_settling_pile_is_solved_and_a_single_attempt_is_not_enough() -> None:
     plan = make_simulation_plan("pile", {"balls": 60, "seed": 1}, duration=0.8)
     assert not simulate(plan).unsolved.any()

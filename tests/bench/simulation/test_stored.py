@@ -53,8 +53,12 @@ def failing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "failing"),
-    [(FIXED, "raises"), (VARIABLE, "raises"), (FIXED, "exits"), (VARIABLE, "nan")],
-    ids=["raises-fixed", "raises-variable", "exits-fixed", "nan-variable"],
+    [
+        pytest.param(FIXED, "raises", id="raises-fixed"),
+        pytest.param(VARIABLE, "raises", marks=pytest.mark.weekly, id="raises-variable"),
+        pytest.param(FIXED, "exits", marks=pytest.mark.weekly, id="exits-fixed"),
+        pytest.param(VARIABLE, "nan", marks=pytest.mark.weekly, id="nan-variable"),
+    ],
     indirect=["failing"],
 )
 def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solver(

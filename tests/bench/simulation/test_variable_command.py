@@ -62,7 +62,7 @@ def test_a_fixed_step_is_taken_where_its_size_is_given(capsys: pytest.CaptureFix
     assert "Moreau(step=0.0001)" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_figure_of_many_short_steps_is_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     stepper = "StepDoubling(tolerance=1e-4,min_step=1e-6,max_step=2e-5)"
     assert run_command(f"{TOY} --duration 0.02 --stepper {stepper} --output {tmp_path}/toy.npz".split()) == 0

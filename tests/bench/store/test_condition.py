@@ -83,9 +83,11 @@ def test_a_package_that_one_machine_lacks_differs_and_one_that_both_lack_does_no
 @pytest.mark.parametrize(
     ("probes", "busy", "excluded", "warning"),
     [
-        ((1.0, 1.4), 0.1, "", ""),
+        pytest.param((1.0, 1.4), 0.1, "", "", marks=pytest.mark.weekly),
         ((1.0, 1.6), 0.1, "", "UNSTEADY: the speed of the core changed by a factor of 1.60"),
-        ((1.0, 1.0), 1.0, "", "BUSY: other programs kept 1.0 of the other cores busy"),
+        pytest.param(
+            (1.0, 1.0), 1.0, "", "BUSY: other programs kept 1.0 of the other cores busy", marks=pytest.mark.weekly
+        ),
         ((1.0, 1.0), 0.0, "preempted", "times were measured while other programs used the core or its speed changed"),
     ],
 )

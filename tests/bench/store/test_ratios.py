@@ -52,8 +52,10 @@ def ratio(mine: pd.DataFrame, others: pd.DataFrame) -> Ratio:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [quiet, disturbed])
-@pytest.mark.parametrize("pairs", [MIN_PAIRS, 6, 10, 20] if IS_FULL else [MIN_PAIRS, 20])
+@pytest.mark.parametrize("noise", [pytest.param(quiet, marks=pytest.mark.weekly), disturbed])
+@pytest.mark.parametrize(
+    "pairs", [MIN_PAIRS, 6, 10, 20] if IS_FULL else [MIN_PAIRS, pytest.param(20, marks=pytest.mark.weekly)]
+)
 def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs: int) -> None:
     chance = default_rng(pairs)
     found = [bootstrap_ratio(np.log(2.0) + noise(chance, pairs) - noise(chance, pairs)) for _ in range(RUNS)]
@@ -62,7 +64,7 @@ def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("passes", [MIN_PAIRS, 7])
+@pytest.mark.parametrize("passes", [MIN_PAIRS, pytest.param(7, marks=pytest.mark.weekly)])
 def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_rounds(passes: int) -> None:
     chance, n_runs, place = default_rng(passes), RUNS // 2, np.arange(2 * passes)
 
@@ -109,8 +111,11 @@ def test_rounds_of_other_moments_make_no_pairs() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [quiet, disturbed])
-@pytest.mark.parametrize(("mine", "others"), [(3, 3), (3, 6), (5, 4), (10, 10)] if IS_FULL else [(3, 6), (10, 10)])
+@pytest.mark.parametrize("noise", [pytest.param(quiet, marks=pytest.mark.weekly), disturbed])
+@pytest.mark.parametrize(
+    ("mine", "others"),
+    [(3, 3), (3, 6), (5, 4), (10, 10)] if IS_FULL else [(3, 6), pytest.param(10, 10, marks=pytest.mark.weekly)],
+)
 def test_intervals_without_pairs_hold_the_true_ratio_too(noise: Noise, mine: int, others: int) -> None:
     chance = default_rng((mine, others))
     found = [bootstrap_ratio(np.log(2.0) + noise(chance, mine), noise(chance, others)) for _ in range(RUNS)]

@@ -11,7 +11,7 @@ from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load
 
 
-@pytest.mark.parametrize("is_randomised", [False, True])
+@pytest.mark.parametrize("is_randomised", [False, pytest.param(True, marks=pytest.mark.weekly)])
 def test_answers_that_differ_between_repeats_are_shown_unless_they_are_declared(is_randomised: bool) -> None:
     case = measured(Jittering(is_randomised))
     point = case.points[-1]
@@ -38,6 +38,7 @@ def test_a_false_claim_of_infeasibility_is_refuted_by_another_solver_also_when_t
     assert list(both.points["outcome"]) == [Outcome.WRONG, Outcome.SOLVED]
 
 
+@pytest.mark.weekly
 def test_iterations_are_those_that_were_observed() -> None:
     honest, found = (measured(one, "funnel-30").points[-1].measured for one in (Honest(), FewIterations()))
     assert honest is not None
@@ -48,6 +49,7 @@ def test_iterations_are_those_that_were_observed() -> None:
 
 
 @pytest.mark.alone
+@pytest.mark.weekly
 def test_work_that_goes_on_elsewhere_is_waited_for_on_the_clock() -> None:
     points = measured(Elsewhere()).points
     assert {point.outcome for point in points} == {Outcome.SOLVED}

@@ -102,7 +102,7 @@ def test_without_resistance_the_pile_keeps_its_solutions() -> None:
     assert judge(pile, lanes[:, :3].ravel()).residual == pytest.approx(1e-4, rel=1.0, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 @pytest.mark.parametrize("axes", [2, 3])
 def test_a_hundred_balls_at_rest_that_resist_rolling_are_solved_to_eight_digits(axes: int) -> None:
     problem = with_rolling_friction(load("pile-100"), 1e-3, axes)

@@ -48,7 +48,7 @@ def test_the_path_of_an_infeasible_problem_has_ended() -> None:
     assert path.has_ended
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_path_never_reverses() -> None:
     """If the direction were chosen by the angle to the last tangent, the path of this pile would reverse at 1e-6."""
     problem = load("pile-400-mixed-2")

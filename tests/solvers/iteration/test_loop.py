@@ -42,7 +42,15 @@ def test_too_long_a_step_ends_as_oscillating_diverged_or_stalled() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", ["SORprox(relaxation=1.5)", "SafeguardedSORprox", "SORprox(momentum=0.8)", "NSGS"])
+@pytest.mark.parametrize(
+    "solver",
+    [
+        "SORprox(relaxation=1.5)",
+        "SafeguardedSORprox",
+        pytest.param("SORprox(momentum=0.8)", marks=pytest.mark.weekly),
+        "NSGS",
+    ],
+)
 def test_a_plateau_is_crossed_at_once_and_from_the_impulses_that_a_limit_returned(solver: str) -> None:
     """Two blocks, the upper 10⁴ times heavier: every sweep passes on 10⁻⁴ of the weight."""
     problem = load("hard-stack-2-top-1e4")

@@ -125,7 +125,7 @@ def test_the_counterexample_that_makes_gauss_seidel_cycle_is_solved_to_rounding(
         assert min(np.abs(found.impulses - known).max() for known in problem.answer.impulses) <= 1e-13
 
 
-@pytest.mark.parametrize(("most", "part"), [(16, 3.0), pytest.param(32, 5.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("most", "part"), [(16, 3.0), pytest.param(32, 5.0, marks=pytest.mark.weekly)])
 def test_the_distance_of_pyramids_from_the_cone_falls_with_their_sides(most: int, part: float) -> None:
     problem = load("funnel-30")
     residuals = []

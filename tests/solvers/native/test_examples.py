@@ -1,6 +1,8 @@
 """The examples in C and Rust are SORprox in another language: equal iterates, statuses and counts."""
 
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,8 +67,17 @@ def test_an_unreadable_option_is_refused_with_a_sentence(text: str) -> None:
     assert "a positive number" in solution.message
 
 
+def checks_of_languages() -> list[Any]:
+    """Return each language with each check; slow tests run each check in one language."""
+    pairs = product(enumerate(LANGUAGES), enumerate(SOLVER_CHECKS))
+    return [
+        pytest.param(language, check, marks=[] if column % len(LANGUAGES) == row else pytest.mark.weekly)
+        for (row, language), (column, check) in pairs
+    ]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("check", SOLVER_CHECKS, ids=lambda check: check.name)
+@pytest.mark.parametrize(("text", "check"), checks_of_languages(), indirect=["text"], ids=str)
 def test_it_passes_the_conformance_test(text: str, check: object) -> None:
     check.run(create(text))  # type: ignore[attr-defined]
 

@@ -126,7 +126,7 @@ def test_crashing_solver_affects_only_its_own_cell() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("action", ["sleep", "prepare for ever"])
+@pytest.mark.parametrize("action", ["sleep", pytest.param("prepare for ever", marks=pytest.mark.weekly)])
 def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(action: str) -> None:
     ended: list[float] = []
     found = measure_matrix(

@@ -18,6 +18,9 @@ from proxbench.problems.exchange.catalog import suite_members
 
 SOLVERS = ["NSGS", "SORprox"]
 
+SAME = ["problem", "solver", "tolerance", "outcome", "residual", "iterations"]
+"""Columns of points that depend on no clock."""
+
 N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "4"))
 """Problems of the sweep; with PROXBENCH_CLUSTER=200 it is as large as one that needs a cluster."""
 
@@ -29,6 +32,21 @@ def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.slow
+def test_a_cluster_measures_what_one_machine_does(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    given: dict[str, Any] = {"tolerances": [1e-2], "passes": 1, "results": tmp_path}
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with (
+        distributed.LocalCluster(**options) as cluster,
+        dask_executor(cluster.scheduler_address) as executor,
+    ):
+        swept = run(["hard-groove"], SOLVERS, run_id="swept", executor=executor, **given)
+    here = run(["hard-groove"], SOLVERS, run_id="here", **given)
+    assert swept.is_finished
+    assert swept.points[SAME].equals(here.points[SAME])
+
+
+@pytest.mark.weekly
 def test_two_workers_of_which_one_is_killed_measure_what_one_machine_does(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     problems = suite_members("hard")[:N_PROBLEMS]
@@ -49,9 +67,8 @@ def test_two_workers_of_which_one_is_killed_measure_what_one_machine_does(tmp_pa
     assert swept.is_finished
     assert swept.damaged == []
     here = run(problems, SOLVERS, run_id="here", **given)
-    same = ["problem", "solver", "tolerance", "outcome", "residual", "iterations"]
     timed = (swept.points["outcome"] == Outcome.TIME_LIMIT) | (here.points["outcome"] == Outcome.TIME_LIMIT)
-    assert swept.points[~timed][same].equals(here.points[~timed][same])
+    assert swept.points[~timed][SAME].equals(here.points[~timed][SAME])
     assert not timed.all()
     assert rejudge(bundle(swept, tmp_path / "swept.bundle")).disagreements == []
 

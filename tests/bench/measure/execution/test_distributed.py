@@ -66,7 +66,8 @@ def threads() -> Iterator[Executor]:
         yield executor
 
 
-@pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", ["threads", pytest.param("processes", marks=pytest.mark.weekly)])
 def test_the_judge_reads_the_same_to_the_bit_as_on_one_machine_in_one_session(
     workers: str, here: Run, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -129,7 +130,7 @@ class Broken(Inline):
         return super().submit(function, *arguments, **options)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_closed_executor_loses_only_the_remaining_problems(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(RuntimeError: no new tasks"):
         measured(Broken(), tmp_path, run_id="it")
@@ -209,7 +210,7 @@ def begun_elsewhere(away: Run, tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("executor", [None, Inline()])
+@pytest.mark.parametrize("executor", [pytest.param(None, marks=pytest.mark.weekly), Inline()])
 def test_a_problem_begun_on_another_machine_is_measured_anew_as_a_whole(
     executor: Executor | None, begun_elsewhere: Path
 ) -> None:
@@ -231,7 +232,7 @@ def test_crashed_case_discards_measurements_of_another_machine(begun_elsewhere: 
     assert set(own["outcome"]) == {Outcome.CRASHED}
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_problem_begun_on_another_machine_is_finished_here_if_machines_may_mix(begun_elsewhere: Path) -> None:
     made = resume(begun_elsewhere, executor=Inline(), mix=True)
     assert made.rounds[made.rounds["problem"] == "hard-groove"]["session"].nunique() == 2

@@ -37,9 +37,9 @@ def scenes() -> Iterator[None]:
     [
         ("raise", Outcome.CRASHED, "the plugin gave up"),
         ("exit", Outcome.CRASHED, "exit code 7"),
-        ("leave", Outcome.CRASHED, "SystemExit: enough"),
+        pytest.param("leave", Outcome.CRASHED, "SystemExit: enough", marks=pytest.mark.weekly),
         ("segfault", Outcome.CRASHED, "SIGSEGV"),
-        ("sleep", Outcome.TIMEOUT, "its 3 s"),
+        pytest.param("sleep", Outcome.TIMEOUT, "its 3 s", marks=pytest.mark.weekly),
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MiB"),
     ],
 )
@@ -86,6 +86,7 @@ study("sliding_sphere", results={results!r}, run_id="it", members=[1.0], duratio
 """
 
 
+@pytest.mark.weekly
 def test_a_study_that_is_killed_keeps_its_points_and_goes_on(tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", BEGIN.format(results=str(tmp_path))])
     folder = tmp_path / "it"

@@ -64,6 +64,7 @@ def test_the_position_of_a_bouncing_ball_converges_with_first_order(tmp_path: Pa
     assert (run.errors["error"] <= run.errors["high"]).all()
 
 
+@pytest.mark.weekly
 def test_errors_of_the_woodpecker_fall_with_first_order_and_with_the_tolerance_of_a_variable_step(
     tmp_path: Path,
 ) -> None:
@@ -82,6 +83,7 @@ def test_errors_of_the_woodpecker_fall_with_first_order_and_with_the_tolerance_o
     assert point(run, "Moreau with SORprox", PERIOD / 200)["iterations"] == 200
 
 
+@pytest.mark.weekly
 def test_aggregates_of_a_pour_are_compared_seed_by_seed_with_a_finer_step(pour: Run) -> None:
     (trajectory,) = pour.info.plan.trajectories
     assert [one.member for one in trajectory.known] == [0.0, 1.0]
@@ -119,6 +121,7 @@ def test_a_study_reports_tables_points_and_charts_as_a_run_does(pour: Run) -> No
     assert "2 methods" in pour._repr_html_()
 
 
+@pytest.mark.weekly
 def test_points_count_the_steps_whose_projection_leaves_overlaps(tmp_path: Path) -> None:
     """Balls fall many radii in a step of 30 ms, and a tenth of one in a step of 2 ms."""
     methods = {"Moreau with SORprox": (0.03, 0.002)}

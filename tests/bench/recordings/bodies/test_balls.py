@@ -43,7 +43,7 @@ def rolling_ball(dimension: int) -> tuple[BallSystem, State]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension", [pytest.param(2, marks=pytest.mark.weekly), 3])
 def test_a_rolling_ball_turns_by_its_path_over_its_radius(
     dimension: int, tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:

@@ -16,8 +16,11 @@ def test_a_problem_is_drawn_by_name() -> None:
     assert len(chart["vconcat"]) >= 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "title"), [("performance", "Performance profile"), ("speedup", "Speed-up")])
+@pytest.mark.weekly
+@pytest.mark.parametrize(
+    ("kind", "title"),
+    [("performance", "Performance profile"), ("speedup", "Speed-up")],
+)
 def test_a_profile_is_drawn_by_kind(kind: str, title: str) -> None:
     assert json.loads(load(REFERENCE).plot_profile(kind, "NSGS").to_json())["title"]["text"] == title
 

@@ -49,12 +49,12 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> list[Comparison]:
     return [pair_of_runs(tmp_path_factory.mktemp("pairs"), seed, {}) for seed in range(PAIRS)]
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_of_twenty_pairs_of_the_same_program_at_most_one_is_a_false_alarm(pairs: list[Comparison]) -> None:
     assert sum(bool(pair.failures("time>10%")) for pair in pairs) <= 1
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_of_twenty_slowdowns_by_a_fifth_nineteen_are_found(pairs: list[Comparison]) -> None:
     found = [compare_runs(pair.before, slowed(pair.after, "A", 1.2)).slower() for pair in pairs]
     assert sum(any(name.startswith("A (") for name in names) for names in found) >= PAIRS - 1
@@ -74,7 +74,7 @@ def test_common_factor_of_all_times_is_attributed_to_the_machine(tmp_path: Path)
     assert not found.slower()
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_change_of_most_solvers_is_no_change_of_the_others(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 3, dict.fromkeys(SOLVERS[1:], 0.6))
     assert found.scale == 1.0
@@ -88,7 +88,7 @@ def test_common_slowdown_of_an_external_program_is_attributed_to_it(tmp_path: Pa
     assert [name.partition(" (")[0] for name in found.slower()] == list(SOLVERS)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_swapping_the_runs_inverts_the_ratios(tmp_path: Path) -> None:
     there = pair_of_runs(tmp_path, 5, {"B": 2.0})
     back = compare(there.after.folder, there.before.folder)

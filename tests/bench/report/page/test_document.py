@@ -85,7 +85,7 @@ def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
                 )
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_variables_of_the_environment_are_in_a_table_apart_from_versions() -> None:
     frames = load(REFERENCE)
     for settings, expected in (({"NUMBA_OPT": "1"}, [("NUMBA_OPT", "1")]), ({}, None)):
@@ -112,19 +112,19 @@ def quick() -> str:
     return page(load(REFERENCE))
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_page_of_a_quick_run_is_small(quick: str) -> None:
     assert len(quick.encode()) < 3e6
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_page_of_many_problems_and_solvers_is_not_large() -> None:
     frames = enlarged(load(REFERENCE), 250, 15)
     assert len(frames.cases) == 3750
     assert len(page(frames, "NSGS").encode()) < 8e6
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None:
     frames = load(REFERENCE)
     nothing = {name: getattr(frames, name).iloc[:0] for name in ("points", "rounds", "iterations")}
@@ -136,7 +136,7 @@ def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None
     assert len(write_profiles(failed, "NSGS", tmp_path)) == 15
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
     frames = load(REFERENCE)
     tables = {name: getattr(frames, name) for name in ("cases", "points", "rounds", "iterations")}
@@ -194,7 +194,7 @@ def test_a_name_is_one_word_of_a_command(name: str) -> None:
     assert shlex.split(option("solver", name)) == ["--solver", name]
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_study_has_no_page() -> None:
     class Study(Run):
         is_study = property(lambda self: True)

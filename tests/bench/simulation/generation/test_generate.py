@@ -61,7 +61,7 @@ def test_remade_problems_match_the_frozen_ones_to_solver_accuracy() -> None:
         assert difference(problem, load(problem.name)) <= 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_two_fresh_processes_generate_equal_digests(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "from proxbench.bench.cli.main import main; main()", "generate", *SMALL, "--json"]
     digests = []

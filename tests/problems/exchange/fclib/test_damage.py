@@ -46,7 +46,14 @@ def outcome(path: Path) -> str:
 
 
 @pytest.mark.parametrize("mutations", MUTATIONS)
-@pytest.mark.parametrize("name", ["hard-sticking-box", "hard-linked-2-axes", "hard-four-bar-redundant"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("hard-sticking-box", marks=pytest.mark.weekly),
+        "hard-linked-2-axes",
+        pytest.param("hard-four-bar-redundant", marks=pytest.mark.weekly),
+    ],
+)
 def test_damaged_proxbench_files_never_load_other_data(name: str, mutations: int, tmp_path: Path) -> None:
     path, rng = tmp_path / "p.hdf5", np.random.default_rng((14, mutations))
     write_fclib(load(name), path)
@@ -60,7 +67,14 @@ def test_damaged_proxbench_files_never_load_other_data(name: str, mutations: int
 
 
 @pytest.mark.parametrize("mutations", MUTATIONS)
-@pytest.mark.parametrize("data", [global_data(), jointed_data(), rolling_data()], ids=["contacts", "joints", "rolling"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        pytest.param(global_data(), marks=pytest.mark.weekly, id="contacts"),
+        pytest.param(jointed_data(), id="joints"),
+        pytest.param(rolling_data(), marks=pytest.mark.weekly, id="rolling"),
+    ],
+)
 def test_damage_to_a_file_from_elsewhere_is_refused_or_gives_another_valid_problem(
     data: Data, mutations: int, tmp_path: Path
 ) -> None:

@@ -31,7 +31,7 @@ def test_the_closed_form_is_free_flight_between_impacts_that_obey_newtons_law() 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("finest", "error"), [(900, 3e-3), pytest.param(2700, 1e-3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("finest", "error"), [(900, 3e-3), pytest.param(2700, 1e-3, marks=pytest.mark.weekly)])
 def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
     step_errors: StepErrors, order: Order, finest: int, error: float
 ) -> None:

@@ -16,10 +16,8 @@ StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[n
 Order = Callable[[list[float], list[float]], float]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("masses", "friction"), [((1.0, 3.0, 10.0), 0.3), pytest.param((1.0,) * 5, None, marks=pytest.mark.slow)]
-)
+@pytest.mark.weekly
+@pytest.mark.parametrize(("masses", "friction"), [((1.0, 3.0, 10.0), 0.3), ((1.0,) * 5, None)])
 def test_a_stack_rests_for_ten_seconds(
     step_errors: StepErrors, masses: tuple[float, ...], friction: float | None
 ) -> None:

@@ -29,7 +29,7 @@ def error_after_one_period(steps: int) -> float:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_error_of_fixed_steps_is_of_first_order_in_the_median() -> None:
     """Single runs are erratic in the number of steps, so medians over neighbouring numbers are compared.
 

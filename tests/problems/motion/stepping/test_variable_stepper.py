@@ -67,7 +67,7 @@ def test_an_incident_is_located_to_the_minimal_step() -> None:
     assert all(switch.end - switch.begin <= 1.001e-10 for switch in found)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_nested_intervals_converge_only_if_both_steps_are_taken_back() -> None:
     def errors(search: str) -> list[float]:
         levels = [(1e-4, 1e-6), (1e-6, 1e-8), (1e-8, 1e-10)]

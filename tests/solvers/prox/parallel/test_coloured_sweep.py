@@ -91,7 +91,7 @@ def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None
 
 @pytest.mark.parametrize("name", ["funnel-300", "balls"])
 @pytest.mark.parametrize("patience", [None, 0, 2000])
-def test_threads_that_come_late_or_never_change_no_bit(
+def test_late_or_missing_threads_do_not_change_the_result(
     name: str, patience: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Running threads take over the tasks of threads that never start, or leave after each window."""

@@ -72,14 +72,14 @@ def least_thickness(stones: int, friction: float, stone: Stone = round_stone) ->
 
 
 @pytest.mark.parametrize(
-    "stones", [pytest.param(stones, marks=pytest.mark.slow if stones > 13 else ()) for stones in ROUND_STONES]
+    "stones", [pytest.param(stones, marks=pytest.mark.weekly if stones > 13 else ()) for stones in ROUND_STONES]
 )
 def test_the_least_thickness_of_round_stones_is_that_of_a_linear_program(stones: int) -> None:
     assert round(least_thickness(stones, 0.8), 4) == ROUND_STONES[stones]
 
 
 @pytest.mark.parametrize(
-    ("stones", "limit"), [(7, 0.09570), (13, 0.10253), pytest.param(51, 0.10736, marks=pytest.mark.slow)]
+    ("stones", "limit"), [(7, 0.09570), (13, 0.10253), pytest.param(51, 0.10736, marks=pytest.mark.weekly)]
 )
 def test_straight_stones_have_a_slightly_lower_limit(stones: int, limit: float) -> None:
     found = least_thickness(stones, 0.8, straight_stone)
@@ -88,7 +88,14 @@ def test_straight_stones_have_a_slightly_lower_limit(stones: int, limit: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("thickness", "friction"), [(0.107426, 0.395832), (0.200637, 0.309215), (0.3, 0.309215)])
+@pytest.mark.parametrize(
+    ("thickness", "friction"),
+    [
+        (0.107426, 0.395832),
+        pytest.param(0.200637, 0.309215, marks=pytest.mark.weekly),
+        pytest.param(0.3, 0.309215, marks=pytest.mark.weekly),
+    ],
+)
 def test_the_least_friction_of_many_stones_is_that_of_the_continuous_arch(thickness: float, friction: float) -> None:
     """At 0.1 % above the least thickness, the limits are within 0.3 % of those of Cocchetti and Rizzi."""
     found = least_friction(at_rest(Arch(151, 1.001 * thickness)))
@@ -168,7 +175,9 @@ def test_in_motion_an_arch_falls_or_stands_one_per_cent_beside_the_limit(thickne
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stones", [7, 13, 27])
+@pytest.mark.parametrize(
+    "stones", [7, pytest.param(13, marks=pytest.mark.weekly), pytest.param(27, marks=pytest.mark.weekly)]
+)
 def test_the_limit_in_motion_is_that_of_equilibrium(stones: int) -> None:
     """The arch falls at a thickness 0.2 % below the limit of equilibrium, and stands at 0.2 % above it."""
     exact = least_thickness(stones, 0.8, straight_stone)

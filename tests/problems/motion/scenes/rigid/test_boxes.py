@@ -145,7 +145,10 @@ def test_contacts_open_where_a_stack_overlaps_by_less_than_its_tolerance_allows(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "heavy_on_top", "time_step"), [(1e3, False, 1e-3), (1e6, True, 1e-2)])
+@pytest.mark.parametrize(
+    ("ratio", "heavy_on_top", "time_step"),
+    [pytest.param(1e3, False, 1e-3, marks=pytest.mark.weekly), (1e6, True, 1e-2)],
+)
 def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top: bool, time_step: float) -> None:
     """The uppermost box drifts by at most n τ g Δt T; solutions of ``Robust`` are ten times as accurate."""
     scene, tolerance, seconds = BoxStack(10, ratio, heavy_on_top), 1e-8, 10.0

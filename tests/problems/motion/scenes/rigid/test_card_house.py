@@ -49,6 +49,7 @@ def test_a_house_has_its_cards_and_every_face_that_touches_has_contacts(storeys:
     assert at_rest(house).n_contacts == 4 * (pairs + 2 * pairs + 2 * lying)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize(("storeys", "limit"), [(1, 0.1754), pytest.param(3, 0.3168, marks=pytest.mark.slow)])
 def test_in_motion_a_house_stands_two_per_cent_above_its_limit_and_falls_two_per_cent_below(
     storeys: int, limit: float

@@ -68,7 +68,7 @@ def test_the_ring_has_weight_on_boxes_and_centripetal_acceleration_on_the_others
     assert found == pytest.approx(np.array([[0.0, 0.0, -9.81], [-1.6, 0.0, 2.4]]))
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_boxes_in_a_drum_climb_and_slump_at_angles_of_repose() -> None:
     drum = RotatingDrum(16, edge=0.02, layers=1)
     slopes = np.array([drum.slope(state) for state in states_of(drum, 0.8)])

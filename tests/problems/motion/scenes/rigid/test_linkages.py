@@ -137,7 +137,7 @@ def test_a_crank_that_cannot_turn_is_refused() -> None:
         replace(Pendulum(), length=0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_a_heavy_ball_swings_on_a_light_chain_without_drift() -> None:
     scene = BallOnChain()
     system, start = scene.system(), scene.start()

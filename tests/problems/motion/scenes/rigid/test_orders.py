@@ -9,10 +9,14 @@ from convergence_orders import EXACT, STOP, Case
 
 CASES = {case.name: case for case in convergence_orders.cases()}
 
-SLOW = ("tipping_box", "four_bar", "spinning_top, on a joint", "pendulum")
+MARKS = {
+    "tipping_box": pytest.mark.weekly,
+    **dict.fromkeys(("four_bar", "spinning_top, on a joint", "pendulum"), pytest.mark.slow),
+}
+"""The marks of scenes that take half a second and more."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in CASES])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, ())) for name in CASES])
 def test_the_error_of_a_scene_falls_with_its_order(name: str) -> None:
     case: Case = CASES[name]
     errors = np.array(case.errors())
@@ -32,7 +36,7 @@ def test_free_bodies_keep_energy_and_momentum() -> None:
         assert row["angular momentum in space"] <= 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_free_bodies_keep_energy_and_momentum_over_many_steps() -> None:
     count = 100_000 if os.environ.get("PROXBENCH_PROFILE") == "full" else 20_000
     for row in convergence_orders.free(count):

@@ -48,7 +48,7 @@ def test_one_period_of_the_woodpecker_has_the_published_events() -> None:
     assert [impulses[1] / impulses[0] for impulses in struck] == pytest.approx([0.3, -0.3, -0.3, 0.3, 0.3], rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_the_woodpecker_comes_back_to_the_section_lower_by_its_descent() -> None:
     motion = cycle(3.001)
     begins = [event for event in motion.events if event.law == "friction" and event.after == "slip"]

@@ -1,0 +1,1 @@
+"""The command that compiles all kernels, in several processes."""
