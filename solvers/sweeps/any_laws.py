@@ -79,17 +79,17 @@ def velocity_of_block(i, first, n_lanes, starts, lanes, values, free, impulses, 
 
 
 @njit(cache=True)
-def into_ball(size, bound, begin, xi, held, change):  # type: ignore[no-untyped-def]
-    """Move ``held``, the lanes from ``begin`` on, along −size ξ, and project onto a ball around 0; write the change."""
+def into_ball(size, bound, begin, xi, impulses, change):  # type: ignore[no-untyped-def]
+    """Move the impulses of the lanes from ``begin`` on by −size ξ, project them onto a ball, and write their change."""
     squared = 0.0
-    for k in range(len(held)):
-        change[begin + k] = held[k] - size * xi[begin + k]
+    for k in range(len(impulses)):
+        change[begin + k] = impulses[k] - size * xi[begin + k]
         squared += change[begin + k] ** 2
     scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
-    for k in range(len(held)):
+    for k in range(len(impulses)):
         new = scale * change[begin + k]
-        change[begin + k] = new - held[k]
-        held[k] = new
+        change[begin + k] = new - impulses[k]
+        impulses[k] = new
 
 
 @njit(cache=True)

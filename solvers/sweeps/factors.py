@@ -41,7 +41,7 @@ class FactorSweep:
         factor: W̃ as the product reads it.
         free: c, padded and flat.
         slots: position of each entry of padded Λ in the kernel's order, None if the order is the same.
-        n_held: length of Λ in the kernel's order.
+        n_impulses: length of Λ in the kernel's order.
     """
 
     layout: BlockLayout
@@ -52,7 +52,7 @@ class FactorSweep:
     factor: tuple[Any, ...]
     free: FloatArray
     slots: IntArray | None
-    n_held: int
+    n_impulses: int
 
     @staticmethod
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
@@ -86,8 +86,8 @@ class FactorSweep:
             arguments = (*_pairs(pieces), free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))
         arguments = batch_arguments(pieces, batches, free, laws[:3], coupling)
-        slots, n_held = slots_in_batches(batches.places), 3 * n_lanes
-        return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_held)
+        slots, n_impulses = slots_in_batches(batches.places), 3 * n_lanes
+        return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_impulses)
 
     def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,); see ``MomentumState``."""
@@ -106,23 +106,23 @@ class FactorIterates:
         padded = layout.pad(start).reshape(-1)
         self._relative = np.empty_like(padded)
         idle = pieces.length  # length of the idle chunk
-        self._both = np.zeros(sweep.n_held + pieces.n_chunks * pieces.length + idle)
-        self._held, self._scaled = self._both[: sweep.n_held], self._both[sweep.n_held :]
-        self._held[slice(None) if sweep.slots is None else sweep.slots] = padded
+        self._both = np.zeros(sweep.n_impulses + pieces.n_chunks * pieces.length + idle)
+        self._impulses, self._scaled = self._both[: sweep.n_impulses], self._both[sweep.n_impulses :]
+        self._impulses[slice(None) if sweep.slots is None else sweep.slots] = padded
         self._scaled[:-idle] = pieces.times(padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._sweep.kernel(count, *self._sweep.arguments, self._held, self._scaled)
+        self._sweep.kernel(count, *self._sweep.arguments, self._impulses, self._scaled)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ followed by v, and the length of Λ; see ``LinearIterates``."""
-        return self._both, len(self._held)
+        return self._both, len(self._impulses)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
         slots = self._sweep.slots
-        return self._sweep.layout.unpad(self._held if slots is None else self._held[slots])
+        return self._sweep.layout.unpad(self._impulses if slots is None else self._impulses[slots])
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
@@ -141,7 +141,7 @@ class AnyLawIterates(FactorIterates):
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         pieces = self._sweep.pieces
-        self._scaled[: -pieces.length] = pieces.times(self._held)
+        self._scaled[: -pieces.length] = pieces.times(self._impulses)
         return super().relative_velocity()
 
 
@@ -151,12 +151,12 @@ class BatchIterates(FactorIterates, MomentumState):
     def __init__(self, sweep: FactorSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         FactorIterates.__init__(self, sweep, start)
         MomentumState.__init__(self, momentum, delay)
-        self._change = np.zeros_like(self._held)
+        self._change = np.zeros_like(self._impulses)
         self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        arrays = (self._held, self._scaled, self._change, self._before)
+        arrays = (self._impulses, self._scaled, self._change, self._before)
         own, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
         self._present = own.kernel(count, *own.arguments, *arrays, *momentum, self._present)
         self._sweeps += count

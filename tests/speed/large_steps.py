@@ -53,7 +53,7 @@ def heap(n_balls: int, is_shuffled: bool = False) -> tuple[BallSystem, State]:
 
 
 @njit(cache=True, fastmath={"reassoc"})
-def stream(count, bodies, records, held, change):  # type: ignore[no-untyped-def]
+def stream(count, bodies, records, impulses, change):  # type: ignore[no-untyped-def]
     """Read and write the arrays of a sweep from beginning to end, and do nothing else."""
     total, touched = 0.0, 0
     for _ in range(count):
@@ -61,8 +61,8 @@ def stream(count, bodies, records, held, change):  # type: ignore[no-untyped-def
             total += records[k]
         for k in range(len(bodies)):
             touched += bodies[k]
-        for k in range(len(held)):
-            held[k], change[k] = held[k] + 1.0, change[k] + 1.0
+        for k in range(len(impulses)):
+            impulses[k], change[k] = impulses[k] + 1.0, change[k] + 1.0
     return total, touched
 
 
@@ -77,14 +77,14 @@ class Sweeps:
         self.iterates = prepared.begin(np.zeros(problem.n_rows))
         self.data = self.iterates._sweep
         self.short_records = self.data.records.astype(np.float32)
-        self.held, self.change = np.zeros_like(self.iterates._held), np.zeros_like(self.iterates._held)
+        self.impulses, self.change = np.zeros_like(self.iterates._impulses), np.zeros_like(self.iterates._impulses)
         self.n_contacts = problem.n_contacts
 
     @property
     def bytes_per_contact(self) -> int:
         """Bytes that a sweep moves per contact."""
         own = self.data
-        total = own.records.nbytes + own.bodies.nbytes + 2 * (self.held.nbytes + self.change.nbytes)
+        total = own.records.nbytes + own.bodies.nbytes + 2 * (self.impulses.nbytes + self.change.nbytes)
         return total // self.n_contacts
 
     def sweep(self) -> None:
@@ -94,12 +94,12 @@ class Sweeps:
     def sweep_short(self) -> None:
         """Sweep over records of 32-bit numbers."""
         own, now = self.data, self.iterates
-        arrays = now._held, now._moved, now._change, now._before
+        arrays = now._impulses, now._moved, now._change, now._before
         sweep_balls(SWEEPS, own.bodies, self.short_records, own.balls.spin_share, *arrays, MOMENTUM, 0.0, 0, MOMENTUM)
 
     def stream(self) -> None:
         """Read and write the arrays of a sweep in sequence."""
-        stream(SWEEPS, self.data.bodies, self.data.records, self.held, self.change)
+        stream(SWEEPS, self.data.bodies, self.data.records, self.impulses, self.change)
 
 
 def samples(n_balls: int, solver: str, start: str) -> tuple[dict[str, Callable[[], Any]], int, int]:

@@ -6,6 +6,8 @@ nanoseconds per sweep and contact, and the ratio of the least times to that of o
 turns. ``--momentum 0`` omits the stage of the momentum. Sweeps by colour include ξ. The last line is a kernel that
 reads the records once, and reads and writes Λ and its change.
 
+A second table has whole solves to a residual of 1e-2 from zero, in milliseconds (least and median).
+
 Labels contain the number of threads that run, as in "threads=1 (of 2)" if the problem has too few contacts for the two
 that were requested. ``--force`` runs all threads that are requested.
 """
@@ -33,29 +35,29 @@ from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 STEPS, TIME_STEP = 450, 1e-3
 DEPTH = 0.02 * RADIUS
 SWEEPS = 10
-RELAXATION = 1.1
+RELAXATION, TOLERANCE = 1.1, 1e-2
 SOLVER = "SORprox(relaxation=1.1, momentum=0.65, form='factors')"
 
 
 def poured(balls: int) -> ContactProblem:
     """Return the contacts of a pour at 0.45 s."""
     funnel = Funnel(balls)
-    rule = MidpointRule(funnel.system(), create(SOLVER), Stop(1e-2, 1000), TIME_STEP, depth=DEPTH)
+    rule = MidpointRule(funnel.system(), create(SOLVER), Stop(TOLERANCE, 1000), TIME_STEP, depth=DEPTH)
     ((_, step),) = steps_at(rule, funnel.start(), [STEPS * TIME_STEP])
     assert step.problem is not None
     return step.problem
 
 
 @njit(fastmath=True)
-def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
+def stream(records, bodies, impulses, change):  # type: ignore[no-untyped-def]
     """Read the records, and read and write two arrays."""
     total, count = 0.0, 0
     for k in range(len(records)):
         total += records[k]
     for k in range(len(bodies)):
         count += bodies[k]
-    for k in range(len(held)):
-        held[k] = 0.5 * held[k] + change[k]
+    for k in range(len(impulses)):
+        impulses[k] = 0.5 * impulses[k] + change[k]
         change[k] = 0.5 * change[k]
     return total + count
 
@@ -63,11 +65,11 @@ def stream(records, bodies, held, change):  # type: ignore[no-untyped-def]
 def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
     """Return a function that streams the bytes of a number of sweeps."""
     bodies, records, _ = sweep.ball_batches or (*sweep.piece_batches[1:], None)
-    held, change = np.zeros((2, 3 * len(bodies) // 2))
+    impulses, change = np.zeros((2, 3 * len(bodies) // 2))
 
     def run(count: int) -> None:
         for _ in range(count):
-            stream(records, bodies.view(np.int64), held, change)
+            stream(records, bodies.view(np.int64), impulses, change)
 
     return run
 
@@ -111,6 +113,24 @@ def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, se
         print(f"  {name:28} {1e6 * values.min():9.0f} {1e6 * np.median(values):9.0f} us {each:6.1f} ns {ratio:6.2f}")
 
 
+def measure_solves(problem: ContactProblem, threads: Sequence[int], momentum: float, seconds: float) -> None:
+    """Print the times of whole solves of one problem."""
+    options = f"relaxation={RELAXATION}, momentum={momentum}"
+    solvers = [f"SORprox({options}, form='factors')", *(f"ColouredSORprox({options}, threads={n})" for n in threads)]
+    prepared = {name: create(name).prepare(problem) for name in solvers}
+    times: dict[str, list[float]] = {name: [] for name in solvers}
+    sweeps: dict[str, int] = {}
+    end = time.perf_counter() + seconds
+    while len(times[solvers[0]]) < 3 or time.perf_counter() < end:
+        for name, solver in prepared.items():
+            began = time.perf_counter()
+            sweeps[name] = solver.solve(Stop(TOLERANCE)).iterations
+            times[name].append(time.perf_counter() - began)
+    for name, values in times.items():
+        kept = 1e3 * np.array(values[1:])
+        print(f"  {name:62} {sweeps[name]:4} sweeps {kept.min():8.2f} {np.median(kept):8.2f} ms")
+
+
 def main() -> None:
     """Read the command line and print all tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -124,7 +144,9 @@ def main() -> None:
         coloured_sweep.MIN_CONTACTS_PER_THREAD = coloured_sweep.MIN_CONTACTS_OF_BALLS_PER_THREAD = 1
     for balls in given.balls:
         print(f"{balls} balls: ", end="", flush=True)
-        measure(poured(balls), given.threads, given.momentum, given.seconds)
+        problem = poured(balls)
+        measure(problem, given.threads, given.momentum, given.seconds)
+        measure_solves(problem, given.threads, given.momentum, given.seconds)
 
 
 if __name__ == "__main__":

@@ -8,13 +8,13 @@ from ...sweeps.batches.pieces import LANES
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_ball_batch(balls, batch, moved, held, change, present, turn, moves):  # type: ignore[no-untyped-def]
+def update_ball_batch(balls, batch, moved, impulses, change, present, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, v and τ of the contacts of a batch; ``balls`` holds bodies, records and κ of ``BallSweep``."""
     bodies, records, share = balls
     lanes, at = uint64(LANES), uint64(LANES) * uint64(batch)
     record, pair = uint64(NUMBERS) * at, uint64(2) * at
     gather_moves(bodies, pair, moved, moves)
-    update_impulses(records, record, share, held, change, uint64(3) * at, present, turn, moves)
+    update_impulses(records, record, share, impulses, change, uint64(3) * at, present, turn, moves)
     three, idle, mass = uint64(3), uint64(len(moved)) - uint64(6), record + uint64(9) * lanes
     for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])

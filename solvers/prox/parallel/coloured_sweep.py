@@ -128,8 +128,8 @@ class ColouredIterates(MomentumState):
         self._sweep = sweep
         self._scaled = sweep.motion(start)
         self._before = self._scaled.copy()
-        self._held, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.n_batches))
-        self._held[sweep.slots] = sweep.layout.pad(start).reshape(-1)
+        self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.n_batches))
+        self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
         n_pieces = -(-len(self._scaled) // PIECE_LENGTH) if momentum > 0.0 else 0
         self._stages = np.concatenate([[0], n_pieces + sweep.first_batch])
         n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ of each batch comes last
@@ -142,7 +142,7 @@ class ColouredIterates(MomentumState):
             self._stages,
             sweep.piece_batches,
             sweep.ball_batches,
-            (self._held, self._scaled, self._change, self._before, self._velocity),
+            (self._impulses, self._scaled, self._change, self._before, self._velocity),
             self._turns,
             self._claims,
             self._done,
@@ -164,7 +164,7 @@ class ColouredIterates(MomentumState):
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._sweep.layout.unpad(self._held[self._sweep.slots])
+        return self._sweep.layout.unpad(self._impulses[self._sweep.slots])
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
@@ -197,7 +197,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     counts how often each task was claimed, and ``done`` the completed tasks of the window.
     """
     sweeps, windows, count = past[0], past[1], past[2]
-    held, scaled, change, before, velocity = arrays
+    impulses, scaled, change, before, velocity = arrays
     momentum, delay, present = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
@@ -220,9 +220,9 @@ def _run_window(  # type: ignore[no-untyped-def]
                         batch = task - stages[1]
                         turn[:] = 0.0
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, held, change, present, turn, own)
+                            update_ball_batch(balls, batch, scaled, impulses, change, present, turn, own)
                         if pieces is not None:
-                            update_pieces(pieces, batch, scaled, held, change, present, turn, own, others)
+                            update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others)
                         turns[sweep % 2, batch] = turn.sum()
                     completed += 1
             if completed:

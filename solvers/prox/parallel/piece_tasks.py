@@ -6,8 +6,8 @@ from ...sweeps.batches.pieces import LANES, update_batch
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_pieces(pieces, batch, scaled, held, change, present, turn, own, others):  # type: ignore[no-untyped-def]
-    """Update Λ (``held``) and v = W̃ Λ (``scaled``) of the contacts of a batch.
+def update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others):  # type: ignore[no-untyped-def]
+    """Update Λ (``impulses``) and v = W̃ Λ (``scaled``) of the contacts of a batch.
 
     ``pieces`` is as in ``batch_arguments``, and ``change``, ``present`` and ``turn`` are as in ``update_batch``.
     ``own`` and ``others`` are work arrays for v of both bodies before and after the update.
@@ -16,7 +16,7 @@ def update_pieces(pieces, batch, scaled, held, change, present, turn, own, other
     lanes, length = uint64(LANES), uint64(len(axes))
     _gather(axes, bodies, batch, scaled, own)
     begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
-    update_batch(axes, records, begin, held, change, uint64(3) * lanes * uint64(batch), present, turn, own, others)
+    update_batch(axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), present, turn, own, others)
     _scatter(axes, bodies, batch, others, scaled)
 
 

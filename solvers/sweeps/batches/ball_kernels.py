@@ -38,9 +38,9 @@ def in_frame(frame, apart, turned, free):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_balls(  # type: ignore[no-untyped-def]
-    count, bodies, records, share, held, moved, change, before, momentum, delay, sweeps, present
+    count, bodies, records, share, impulses, moved, change, before, momentum, delay, sweeps, present
 ):
-    """Do ``count`` sweeps on Λ (``held``), v and τ (``moved``); other arguments as in ``pieces.sweep_batches``."""
+    """Do ``count`` sweeps on Λ (``impulses``), v and τ (``moved``); other arguments as in ``pieces.sweep_batches``."""
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
     n_batches = uint64(len(bodies)) // (two * lanes)
     moves, turn = np.empty(six * lanes), np.empty(lanes)
@@ -55,7 +55,7 @@ def sweep_balls(  # type: ignore[no-untyped-def]
             pair = two * lanes * batch
             gather_moves(bodies, pair, moved, moves)
             record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
-            update_impulses(records, record, share, held, change, at, present, turn, moves)
+            update_impulses(records, record, share, impulses, change, at, present, turn, moves)
             mass = record + uint64(9) * lanes
             for lane in range(lanes):
                 a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
@@ -83,7 +83,7 @@ def gather_moves(bodies, pair, moved, moves):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_impulses(records, record, share, held, change, at, present, turn, moves):  # type: ignore[no-untyped-def]
+def update_impulses(records, record, share, impulses, change, at, present, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, from ``at`` on, of a batch with records from ``record`` on, and replace ``moves`` by P and n × P.
 
     ``moves`` holds v_i − v_j and τ_i + τ_j. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
@@ -103,7 +103,7 @@ def update_impulses(records, record, share, held, change, at, present, turn, mov
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
         normal, first, second = in_frame(frame, apart, turned, free)
         ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
-        old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
+        old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_t = records[r + k7]
         new_n = max(old_n - records[r + k6] * normal, 0.0)
         new_t, new_s = old_t - size_t * first, old_s - size_t * second
@@ -112,10 +112,10 @@ def update_impulses(records, record, share, held, change, at, present, turn, mov
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
         new_t *= scale
         new_s *= scale
-        step_n, step_t, step_s = new_n - held[n], new_t - held[t], new_s - held[s]
+        step_n, step_t, step_s = new_n - impulses[n], new_t - impulses[t], new_s - impulses[s]
         turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
         change[n], change[t], change[s] = step_n, step_t, step_s
-        held[n], held[t], held[s] = new_n, new_t, new_s
+        impulses[n], impulses[t], impulses[s] = new_n, new_t, new_s
         dn, dt, ds = new_n - old_n, new_t - old_t, new_s - old_s
         moves[lane] = dn * x + dt * t1x + ds * t2x
         moves[lane + k1] = dn * y + dt * t1y + ds * t2y
@@ -126,13 +126,13 @@ def update_impulses(records, record, share, held, change, at, present, turn, mov
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def largest_violation(bodies, records, share, held, moved, weights, slots, impulses):  # type: ignore[no-untyped-def]
+def largest_violation(bodies, records, share, impulses, moved, weights, slots, rows):  # type: ignore[no-untyped-def]
     """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it.
 
     ξ of all contacts follows from the final v and τ, so the records are read once more than the sweeps read them.
     """
     for row in range(len(slots)):
-        impulses[row] = held[slots[row]]
+        rows[row] = impulses[slots[row]]
     one, moves, largest = uint64(LANES), np.empty(6 * LANES), np.zeros(LANES)
     two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
     for batch in range(uint64(len(bodies)) // two):
@@ -146,10 +146,10 @@ def largest_violation(bodies, records, share, held, moved, weights, slots, impul
             turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
             free = records[r + three], records[r + four], records[r + five]
             normal, first, second = in_frame(frame, apart, turned, free)
-            pressed, stiffness = weights[w] * held[n], weights[w + one]
+            pressed, stiffness = weights[w] * impulses[n], weights[w + one]
             unilateral = pressed if pressed < normal or pressed != pressed else normal
-            bound = stiffness * (records[r + uint64(8) * one] * max(held[n], 0.0))
-            square = outside_disc(stiffness * held[n + one], stiffness * held[n + two], first, second, bound)
+            bound = stiffness * (records[r + uint64(8) * one] * max(impulses[n], 0.0))
+            square = outside_disc(stiffness * impulses[n + one], stiffness * impulses[n + two], first, second, bound)
             normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
             part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
             largest[lane] = part if part > largest[lane] or part != part else largest[lane]

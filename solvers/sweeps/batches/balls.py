@@ -127,10 +127,10 @@ class BallIterates(MomentumState, SinglePassIterates):
     def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
-        self._held = np.zeros(3 * len(sweep.bodies) // 2)
-        self._held[sweep.slots] = start
+        self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
+        self._impulses[sweep.slots] = start
         self._moved = sweep.balls.motion(start)
-        self._change = np.zeros_like(self._held)
+        self._change = np.zeros_like(self._impulses)
         self._before = self._moved.copy() if momentum > 0.0 else self._moved
         self._relative = np.empty(len(start))
         self._residual: Residual | None = None
@@ -139,14 +139,14 @@ class BallIterates(MomentumState, SinglePassIterates):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         data = self._sweep
-        arrays = (self._held, self._moved, self._change, self._before)
+        arrays = (self._impulses, self._moved, self._change, self._before)
         momentum = self._momentum, self._delay, self._sweeps, self._present
         self._present = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
         self._sweeps += count
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._held[self._sweep.slots]
+        return self._impulses[self._sweep.slots]
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
@@ -163,7 +163,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         data, impulses = self._sweep, np.empty(len(self._sweep.slots))
         if residual is not self._residual:
             self._residual, self._weights = residual, data.weights(residual)
-        arrays = data.bodies, data.records, data.balls.spin_share, self._held, self._moved
+        arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._moved
         violation = largest_violation(*arrays, self._weights, data.slots, impulses)
         return impulses, ratio(violation, residual.scale)
 
@@ -226,8 +226,12 @@ def _write_motion(chunks, normals, inverse_masses, impulses, moved):  # type: ig
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        held, one, two = impulses[3 * c], impulses[3 * c + 1], impulses[3 * c + 2]
-        push = (held * x + one * t1x + two * t2x, held * y + one * t1y + two * t2y, held * z + one * t1z + two * t2z)
+        normal, one, two = impulses[3 * c], impulses[3 * c + 1], impulses[3 * c + 2]
+        push = (
+            normal * x + one * t1x + two * t2x,
+            normal * y + one * t1y + two * t2y,
+            normal * z + one * t1z + two * t2z,
+        )
         turn = (one * t2x - two * t1x, one * t2y - two * t1y, one * t2z - two * t1z)
         for side in range(2):
             ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side

@@ -123,12 +123,12 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_batches(  # type: ignore[no-untyped-def]
-    count, axes, bodies, records, held, scaled, change, before, momentum, delay, sweeps, present
+    count, axes, bodies, records, impulses, scaled, change, before, momentum, delay, sweeps, present
 ):
     """Do ``count`` sweeps, and return the β of the sweep after them.
 
-    ``held`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last. ``change``
-    is the change of Λ in the previous sweep. With momentum, ``before`` is the v at which that sweep began.
+    ``impulses`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last.
+    ``change`` is the change of Λ in the previous sweep. With momentum, ``before`` is the v at which that sweep began.
     ``present`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
     sweeps.
     """
@@ -150,7 +150,7 @@ def sweep_batches(  # type: ignore[no-untyped-def]
                     own[lanes * x + lane] = scaled[a + x]
                     own[lanes * (length + x) + lane] = scaled[b + x]
             begin, at = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
-            update_batch(axes, records, begin, held, change, at, present, turn, own, others)
+            update_batch(axes, records, begin, impulses, change, at, present, turn, own, others)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
@@ -162,10 +162,10 @@ def sweep_batches(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_batch(axes, records, begin, held, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
+def update_batch(axes, records, begin, impulses, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
     """Update the impulses of one batch.
 
-    Its record begins at ``begin`` of ``records``, and its Λ at ``at`` of ``held``. Read v of its bodies from
+    Its record begins at ``begin`` of ``records``, and its Λ at ``at`` of ``impulses``. Read v of its bodies from
     ``before``, and write it to ``after``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
     Λ̂ = Λ + β ``change``.
     """
@@ -186,7 +186,7 @@ def update_batch(axes, records, begin, held, change, at, present, turn, before, 
             first_b += records[b + row + lanes * x] * v_b
             second_b += records[b + two * row + lanes * x] * v_b
         ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
-        old_n, old_t, old_s = held[n] + ahead_n, held[t] + ahead_t, held[s] + ahead_s
+        old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
         new_n = max(old_n - size_n * (normal + normal_b), 0.0)
         dn = new_n - old_n
@@ -197,10 +197,10 @@ def update_batch(axes, records, begin, held, change, at, present, turn, before, 
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
         new_t *= scale
         new_s *= scale
-        step_n, step_t, step_s = new_n - held[n], new_t - held[t], new_s - held[s]
+        step_n, step_t, step_s = new_n - impulses[n], new_t - impulses[t], new_s - impulses[s]
         turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
         change[n], change[t], change[s] = step_n, step_t, step_s
-        held[n], held[t], held[s] = new_n, new_t, new_s
+        impulses[n], impulses[t], impulses[s] = new_n, new_t, new_s
         dt, ds = new_t - old_t, new_s - old_s
         for x in range(length):
             after[lanes * x + lane] = before[lanes * x + lane] + (
