@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path
         ("check funnel-10", "did you mean 'funnel-100'?"),
         ("list solvers nosuch", "are known, and proxbench list solvers lists them."),
         ("list nosuch", "there is no kind 'nosuch' to list; known are problems, scenes, solvers, suites."),
-        ("list suites --suite hard", "--suite lists problems only; write: proxbench list problems --suite hard"),
+        ("list suites --suite hard", "--suite applies to problems only; use: proxbench list problems --suite hard"),
         (
             "run --problem hard-groove --run-id=",
             "--run-id '' is not a valid name of a run; use at most 60 of the characters",

@@ -234,7 +234,7 @@ def test_a_solver_that_works_in_more_threads_than_it_names_misbehaves(
     """Its processor time is 1.5 ms in almost no wall time; each thread may use 1 ms."""
     case = begun(monkeypatch, Scripted(answered(SOLUTION, threads=named, processor=[0.75e-3] * 2)))
     monkeypatch.setattr(case, "solver", spec_replace(case.solver, threads=2))
-    for name in ("pin", "holds", "is_steady"):
+    for name in ("pin", "has_pinned", "is_steady"):
         monkeypatch.setattr(MeasuringCore, name, lambda *_: True)
     monkeypatch.setattr(MeasuringCore, "probe", lambda *_: 0.0)
     case.pin_to_core(MeasuringCore(0, allowed=frozenset({0, 1})))

@@ -58,7 +58,7 @@ def test_no_option_takes_what_is_no_number(name: str, wrong: Any) -> None:
         ("bouncing_ball(restitution=None)", "restitution must be a number"),
         ("newtons_cradle(n_balls=2.5)", "n_balls must be a whole number"),
         ("newtons_cradle(n_balls=1)", "at least 2"),
-        ("stack(masses=1.0)", "masses must be numbers in brackets"),
+        ("stack(masses=1.0)", "masses must be a tuple of numbers"),
         ("stack(masses=(1.0, 'x'))", "masses must be a number"),
         ("stack(masses=())", "at least one ball"),
         ("sphere_on_incline(slope=2.0)", "between 0 and"),
