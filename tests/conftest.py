@@ -4,6 +4,7 @@ With PROXBENCH_PROFILE=full or hunt, property tests use more examples. Numerical
 measurements, because tests already share the cores.
 """
 
+import gc
 import os
 
 import pytest
@@ -40,3 +41,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("weekly")
         if SLOW_FOLDERS.intersection(item.path.parts) or item.get_closest_marker("weekly"):
             item.add_marker("slow")
+
+
+def pytest_collection_finish() -> None:
+    """Exempt the collected tests from garbage collections, each of which would visit all of them."""
+    gc.collect()
+    gc.freeze()

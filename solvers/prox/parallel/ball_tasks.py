@@ -3,7 +3,14 @@
 from numba import njit, uint64
 
 from ....problems.contact.matrices.contact_frame import tangents
-from ...sweeps.batches.ball_kernels import NUMBERS, gather_moves, in_frame, update_impulses
+from ...sweeps.batches.ball_kernels import (
+    NUMBERS,
+    find_violations,
+    gather_moves,
+    in_frame,
+    largest_of_lanes,
+    update_impulses,
+)
 from ...sweeps.batches.pieces import LANES
 
 
@@ -43,3 +50,12 @@ def write_ball_velocities(balls, batch, moved, moves, velocity):  # type: ignore
         turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
         free = records[r + three], records[r + four], records[r + five]
         velocity[n], velocity[n + one], velocity[n + two] = in_frame(frame, apart, turned, free)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def largest_ball_violation(balls, batch, moved, impulses, weights, moves, largest):  # type: ignore[no-untyped-def]
+    """Return the largest squared violation of a batch, or NaN if one is NaN."""
+    bodies, records, share = balls
+    largest[:] = 0.0
+    find_violations(bodies, records, share, impulses, moved, weights, uint64(batch), moves, largest)
+    return largest_of_lanes(largest)

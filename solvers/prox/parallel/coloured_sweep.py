@@ -20,15 +20,19 @@ import numpy as np
 from numba import njit, uint64
 
 from ....problems.arrays import FloatArray, IntArray
+from ....problems.contact.answer import ratio
 from ....problems.contact.blocks import BlockLayout
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
+from ....problems.contact.residual import Residual
+from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, momentum_after
-from ...sweeps.batches.balls import balls_of
+from ...sweeps.batches.ball_kernels import WEIGHTS
+from ...sweeps.batches.balls import balls_of, measures_squares, write_weights
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
-from .ball_tasks import update_ball_batch, write_ball_velocities
+from .ball_tasks import largest_ball_violation, update_ball_batch, write_ball_velocities
 from .colouring import colour_contacts, order_by_colour
 from .pairs import in_pairs
 from .piece_tasks import update_pieces, write_piece_velocities
@@ -120,11 +124,11 @@ def _motion(layout: BlockLayout, pairs: Pieces, impulses: FloatArray) -> FloatAr
     return np.append(pairs.times(padded), np.zeros(pairs.length))
 
 
-class ColouredIterates(MomentumState):
+class ColouredIterates(MomentumState, SinglePassIterates):
     """Λ, in the order of the batches, and v of an iteration with momentum β; ``start`` has shape (n_rows,)."""
 
     def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
-        super().__init__(momentum, delay)
+        MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
         self._scaled = sweep.motion(start)
         self._before = self._scaled.copy()
@@ -132,10 +136,13 @@ class ColouredIterates(MomentumState):
         self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
         n_pieces = -(-len(self._scaled) // PIECE_LENGTH) if momentum > 0.0 else 0
         self._stages = np.concatenate([[0], n_pieces + sweep.first_batch])
-        n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ of each batch comes last
+        n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ or the violations of each batch come last
         self._claims, self._done = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self._turns = np.zeros((2, sweep.n_batches))
-        self._past, self._momenta = np.zeros(3, dtype=np.int64), np.zeros(3)
+        self._past, self._momenta = np.zeros(4, dtype=np.int64), np.zeros(3)
+        self._residual: Residual | None = None
+        self._weights = np.zeros(WEIGHTS * LANES * sweep.n_batches if sweep.ball_batches is not None else 0)
+        self._violations = np.zeros(sweep.n_batches)
         arguments = (
             self._past,
             self._momenta,
@@ -143,6 +150,7 @@ class ColouredIterates(MomentumState):
             sweep.piece_batches,
             sweep.ball_batches,
             (self._impulses, self._scaled, self._change, self._before, self._velocity),
+            (self._weights, self._violations),
             self._turns,
             self._claims,
             self._done,
@@ -150,17 +158,11 @@ class ColouredIterates(MomentumState):
         self._team = Team(sweep.threads, _run_windows, *arguments)
         self._alone = Team(1, _run_windows, *arguments)
         self._windows = 0
-        self._is_measured = False
+        self._has_velocity = self._has_violations = False
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps, and compute ξ."""
-        self._done[0] = 0
-        self._past[:] = self._sweeps, self._windows, count
-        self._momenta[:] = self._momentum, self._delay, self._present
-        self._present = (self._team if count else self._alone).run()
-        self._sweeps += count
-        self._windows += 1
-        self._is_measured = True
+        """Do ``count`` sweeps, and compute the violations if the residual is known, or else ξ."""
+        self._run(count, self._residual is not None)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -168,9 +170,31 @@ class ColouredIterates(MomentumState):
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        if not self._is_measured:
-            self.sweep(0)
+        if not self._has_velocity:
+            self._run(0, False)
         return self._sweep.layout.rows_of(self._velocity[self._sweep.slots])
+
+    def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
+        """Return Λ over rows and its residual."""
+        impulses = self.impulses()
+        if self._sweep.ball_batches is None or not measures_squares(residual):
+            return impulses, residual(impulses, self.relative_velocity())
+        if residual is not self._residual:
+            self._residual = residual
+            write_weights(residual.alpha, residual.ratios, self._sweep.slots, self._weights)
+            self._has_violations = False
+        if not self._has_violations:
+            self._run(0, True)
+        return impulses, ratio(float(np.sqrt(self._violations.max())), residual.scale)
+
+    def _run(self, count: int, measures: bool) -> None:
+        self._done[0] = 0
+        self._past[:] = self._sweeps, self._windows, count, measures
+        self._momenta[:] = self._momentum, self._delay, self._present
+        self._present = (self._team if count else self._alone).run()
+        self._sweeps += count
+        self._windows += 1
+        self._has_velocity, self._has_violations = not measures, measures
 
 
 @njit(cache=True, nogil=True)
@@ -186,15 +210,16 @@ def _run_windows(thread, threads, calls, states, *arguments):  # type: ignore[no
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _run_window(  # type: ignore[no-untyped-def]
-    thread, threads, past, momenta, stages, pieces, balls, arrays, turns, claims, done
+    thread, threads, past, momenta, stages, pieces, balls, arrays, violations, turns, claims, done
 ):
-    """Do the share of one thread in a window of sweeps and ξ; return β of the sweep after these.
+    """Do the share of one thread in a window of sweeps and ξ or violations; return β of the sweep after these.
 
     One of ``pieces`` and ``balls`` is None. Λ, v, the last change of Λ, v before the last sweep and ξ are in
-    ``arrays``. ``past`` holds the numbers of earlier sweeps and windows and of sweeps in this window, and ``momenta``
-    the bound and delay of ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each batch in the
-    product that is positive if the iterates turn back (``iteration.momentum``), for even and odd sweeps. ``claims``
-    counts how often each task was claimed, and ``done`` the completed tasks of the window.
+    ``arrays``. ``past`` holds the numbers of earlier sweeps and windows, of sweeps in this window, and whether
+    violations are computed in place of ξ; ``violations`` holds their weights and the largest of each batch.
+    ``momenta`` holds the bound and delay of ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each
+    batch in the product that is positive if the iterates turn back (``iteration.momentum``), for even and odd sweeps.
+    ``claims`` counts how often each task was claimed, and ``done`` the completed tasks of the window.
     """
     sweeps, windows, count = past[0], past[1], past[2]
     impulses, scaled, change, before, velocity = arrays
@@ -231,7 +256,11 @@ def _run_window(  # type: ignore[no-untyped-def]
         wait_for(done, 0, needed)
         present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(done, 0, needed)
-    completed = _write_xi(thread, threads, windows, stages[n_stages], pieces, balls, scaled, velocity, claims)
+    first = stages[n_stages]
+    if past[3] and balls is not None:
+        completed = _write_violations(thread, threads, windows, first, balls, impulses, scaled, violations, claims)
+    else:
+        completed = _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, claims)
     if completed:
         add(done, 0, completed)
     wait_for(done, 0, needed + n_batches)
@@ -254,6 +283,23 @@ def _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, 
                     write_ball_velocities(balls, batch, scaled, own, velocity)
                 if pieces is not None:
                     write_piece_velocities(pieces, batch, scaled, own, velocity)
+                completed += 1
+    return completed
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
+def _write_violations(  # type: ignore[no-untyped-def]
+    thread, threads, windows, first, balls, impulses, scaled, violations, claims
+):
+    """Do the share of one thread in the violations, by tasks from ``first`` on, as ``_write_xi`` does in ξ."""
+    weights, squares = violations
+    moves, largest, completed = np.empty(BALL_LENGTH * LANES), np.empty(LANES), 0
+    for k in range(threads):
+        share = (thread + k) % threads
+        for batch in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):
+            task = first + batch
+            if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
+                squares[batch] = largest_ball_violation(balls, batch, scaled, impulses, weights, moves, largest)
                 completed += 1
     return completed
 

@@ -133,28 +133,41 @@ def largest_violation(bodies, records, share, impulses, moved, weights, slots, r
     """
     for row in range(len(slots)):
         rows[row] = impulses[slots[row]]
-    one, moves, largest = uint64(LANES), np.empty(6 * LANES), np.zeros(LANES)
+    moves, largest = np.empty(6 * LANES), np.zeros(LANES)
+    for batch in range(uint64(len(bodies)) // (uint64(2) * uint64(LANES))):
+        find_violations(bodies, records, share, impulses, moved, weights, batch, moves, largest)
+    return np.sqrt(largest_of_lanes(largest))
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def find_violations(bodies, records, share, impulses, moved, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
+    """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
+    one = uint64(LANES)
     two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
-    for batch in range(uint64(len(bodies)) // two):
-        gather_moves(bodies, two * batch, moved, moves)
-        record, at, weight = uint64(NUMBERS) * one * batch, three * batch, uint64(WEIGHTS) * one * batch
-        for lane in range(one):
-            r, n, w = record + lane, at + lane, weight + lane
-            first_tangent, second_tangent = tangents(records[r], records[r + one], records[r + two])
-            frame = (records[r], records[r + one], records[r + two]), first_tangent, second_tangent
-            apart = moves[lane], moves[lane + one], moves[lane + two]
-            turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
-            free = records[r + three], records[r + four], records[r + five]
-            normal, first, second = in_frame(frame, apart, turned, free)
-            pressed, stiffness = weights[w] * impulses[n], weights[w + one]
-            unilateral = pressed if pressed < normal or pressed != pressed else normal
-            bound = stiffness * (records[r + uint64(8) * one] * max(impulses[n], 0.0))
-            square = outside_disc(stiffness * impulses[n + one], stiffness * impulses[n + two], first, second, bound)
-            normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
-            part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
-            largest[lane] = part if part > largest[lane] or part != part else largest[lane]
-    violation = 0.0
+    gather_moves(bodies, two * batch, moved, moves)
+    record, at, weight = uint64(NUMBERS) * one * batch, three * batch, uint64(WEIGHTS) * one * batch
     for lane in range(one):
-        part = largest[lane]
-        violation = part if part > violation or part != part else violation
-    return np.sqrt(violation)
+        r, n, w = record + lane, at + lane, weight + lane
+        first_tangent, second_tangent = tangents(records[r], records[r + one], records[r + two])
+        frame = (records[r], records[r + one], records[r + two]), first_tangent, second_tangent
+        apart = moves[lane], moves[lane + one], moves[lane + two]
+        turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
+        free = records[r + three], records[r + four], records[r + five]
+        normal, first, second = in_frame(frame, apart, turned, free)
+        pressed, stiffness = weights[w] * impulses[n], weights[w + one]
+        unilateral = pressed if pressed < normal or pressed != pressed else normal
+        bound = stiffness * (records[r + uint64(8) * one] * max(impulses[n], 0.0))
+        square = outside_disc(stiffness * impulses[n + one], stiffness * impulses[n + two], first, second, bound)
+        normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
+        part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
+        largest[lane] = part if part > largest[lane] or part != part else largest[lane]
+
+
+@njit(cache=True, inline="always")
+def largest_of_lanes(largest):  # type: ignore[no-untyped-def]
+    """Return the largest of several squares, or NaN if one is NaN."""
+    square = 0.0
+    for k in range(len(largest)):
+        part = largest[k]
+        square = part if part > square or part != part else square
+    return square

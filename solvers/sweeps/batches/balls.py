@@ -113,7 +113,7 @@ class BallSweep:
     def weights(self, residual: Residual) -> FloatArray:
         """Return α and squared ratios of the laws in batches, 0 in empty lanes, (n_batches · WEIGHTS · LANES,)."""
         weights = np.zeros(WEIGHTS * len(self.bodies) // 2)
-        _write_weights(residual.alpha, residual.ratios, self.slots, weights)
+        write_weights(residual.alpha, residual.ratios, self.slots, weights)
         return weights
 
     def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> "BallIterates":
@@ -157,7 +157,7 @@ class BallIterates(MomentumState, SinglePassIterates):
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows and its residual."""
-        if type(residual) is not Residual or residual.unit != 1.0 or residual.infeasible:
+        if not measures_squares(residual):
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
         data, impulses = self._sweep, np.empty(len(self._sweep.slots))
@@ -166,6 +166,11 @@ class BallIterates(MomentumState, SinglePassIterates):
         arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._moved
         violation = largest_violation(*arrays, self._weights, data.slots, impulses)
         return impulses, ratio(violation, residual.scale)
+
+
+def measures_squares(residual: Residual) -> bool:
+    """Return whether the residual is that of Coulomb's law, and squares of its velocities are in range."""
+    return type(residual) is Residual and residual.unit == 1.0 and not residual.infeasible
 
 
 @njit(cache=True)
@@ -210,7 +215,7 @@ def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batc
 
 
 @njit(cache=True)
-def _write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def]
+def write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def]
     """Write α of both laws of each contact, and the squares of their ratios."""
     for c in range(len(slots) // 3):
         batch, lane = slots[3 * c] // (3 * LANES), slots[3 * c] % LANES

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from proxbench.problems import ContactProblem, judge, load
+from proxbench.problems.contact.residual import Residual
 from proxbench.problems.contact.transformations import permuted
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers.iteration.loop import impulses_and_residual
 from proxbench.solvers.prox import coloured_sorprox
 from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
@@ -148,6 +150,38 @@ def test_the_velocity_is_that_of_the_impulses(name: str) -> None:
         iterates.sweep(count)
         expected = problem.relative_velocity(iterates.impulses())
         assert np.abs(iterates.relative_velocity() - expected).max() <= 1e-12 * np.abs(problem.free_velocity).max()
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "balls"])
+def test_the_residual_of_a_window_is_that_of_its_impulses(
+    name: str, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is also that of another residual, asked for after the window, and ξ is available after it."""
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
+    problem = problem_of(name)
+    sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), threads)
+    iterates, residual = ColouredIterates(sweep, np.zeros(problem.n_rows), 0.6), Residual(problem)
+    for count in (0, 1, 10):
+        if count:
+            iterates.sweep(count)
+        impulses, found = impulses_and_residual(iterates, residual)
+        expected = residual(impulses, problem.relative_velocity(impulses))
+        assert np.array_equal(impulses, iterates.impulses())
+        assert found == pytest.approx(expected, rel=1e-10)
+        assert impulses_and_residual(iterates, Residual(problem))[1] == found
+        velocity = problem.relative_velocity(impulses)
+        assert np.abs(iterates.relative_velocity() - velocity).max() <= 1e-12 * np.abs(problem.free_velocity).max()
+    assert found > 0.0
+
+
+def test_an_impulse_that_is_not_a_number_has_no_finite_residual() -> None:
+    problem = problem_of("balls")
+    sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1)
+    start = np.zeros(problem.n_rows)
+    start[problem.n_rows // 2] = np.nan
+    assert not impulses_and_residual(ColouredIterates(sweep, start, 0.0), Residual(problem))[1] < np.inf
 
 
 def test_the_solution_without_friction_is_that_of_newton_steps() -> None:
