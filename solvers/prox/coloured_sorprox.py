@@ -50,7 +50,7 @@ class ColouredSORprox(Method):
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
         threads: number of threads, at most the number of cores that the process may use. If the colours have fewer than
-            250 contacts per thread on average (2000 for balls), fewer threads are used, and the message says so.
+            250 contacts per thread on average (1000 for balls), fewer threads are used, and the message says so.
 
     Raises:
         SolverError: if an option is out of range.

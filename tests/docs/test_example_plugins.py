@@ -37,8 +37,8 @@ def test_every_plugin_of_the_folder_is_tested() -> None:
     assert set(PLUGINS.values()) == set(FOLDER.glob("*.py"))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param("FBF", marks=pytest.mark.weekly), "TrescaFixedPoint"])
+@pytest.mark.weekly
+@pytest.mark.parametrize("name", ["FBF", "TrescaFixedPoint"])
 def test_a_run_measures_the_plugin(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.chdir(tmp_path)
     command = ["run", "--plugin", str(PLUGINS[name]), "--solver", name, "--problem", "hard-sticking-box"]

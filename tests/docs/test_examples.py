@@ -147,7 +147,14 @@ def pages_with_examples() -> list[str]:
 
 LONG = (
     *("add-a-problem", "add-a-solver", "build-rigid-scenes", "choose-a-solver"),
-    *("measure-your-collection", "send-results", "simulate-a-scene", "use-fclib", "watch-for-regressions"),
+    *(
+        "measure-your-collection",
+        "send-results",
+        "show-a-run",
+        "simulate-a-scene",
+        "use-fclib",
+        "watch-for-regressions",
+    ),
 )
 """Guides whose commands take more than six seconds, as do those of the tutorial, with which readers begin."""
 

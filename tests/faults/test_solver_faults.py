@@ -61,8 +61,8 @@ ACTIONS = {
 LATE_ACTIONS = {name: (TIMEOUT, "2 s") for name in ("stop itself", "sleep", "spin")}
 """Actions that last as long as the time limit; they have their own run, with a short limit."""
 
-FEW = (*("raise", "nan", "lie", "segfault", "allocate", "patch", "move", "start processes", "spin"),)
-"""One action of each kind, which slow tests run; the other actions are weekly."""
+FEW = ("lie", "segfault", "patch", "move", "spin")
+"""Actions that slow tests run: a claim, a crash, two side effects and a time limit. The other actions are weekly."""
 
 GROUPS = {"few": FEW, "others": tuple(name for name in ACTIONS | LATE_ACTIONS if name not in FEW)}
 

@@ -44,11 +44,8 @@ BALL_LENGTH = 6
 PIECE_LENGTH = 512
 """Number of entries of v, 4 kB, that one task extrapolates."""
 
-MIN_CONTACTS_PER_THREAD, MIN_CONTACTS_OF_BALLS_PER_THREAD = 250, 2000
-"""Minimum numbers of contacts per colour and thread. With fewer, waking another thread and waiting for it take more
-time than it saves: about half a millisecond per call on virtual cores, in which one thread sweeps 3000 contacts of
-balls ten times.
-"""
+MIN_CONTACTS_PER_THREAD, MIN_CONTACTS_OF_BALLS_PER_THREAD = 250, 1000
+"""Minimum numbers of contacts per colour and thread; with fewer, whole solves in two threads save little or no time."""
 
 
 @dataclass(frozen=True, eq=False)

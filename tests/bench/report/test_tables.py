@@ -186,7 +186,7 @@ def test_the_own_mean_is_shown_if_it_differs_from_the_mean(finished_run: Path, l
         assert duration(seconds[f"{kind}_1e-04"]) in line
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_tables_by_the_local_residual_hold_those_reached_by_it(finished_run: Path, tmp_path: Path) -> None:
     judged, local = load(finished_run), load(finished_run).judged_by("local")
     key = ["problem", "solver"]

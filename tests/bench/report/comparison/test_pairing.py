@@ -90,7 +90,7 @@ def with_rounds(folder: Path, **changes: object) -> Path:
     return store_run(folder, msgspec.convert(cases, list[CaseRecord]))
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_under_load_there_is_no_verdict(tmp_path: Path, before: Path) -> None:
     """Only one of the runs had the machine to itself, so neither can be called slower."""
     session = Session(started="2026-01-01", core=1, busy_cores=[1.0, 1.0], machine=MACHINE)

@@ -115,8 +115,8 @@ def test_page_opens_without_errors_or_network_requests(browser: Chromium, refere
 @pytest.mark.parametrize(
     ("solvers", "families"),
     [
-        ([], []),
-        (["Lemke", "ClarabelSOCP", "SafeguardedSORprox"], []),
+        pytest.param([], [], marks=pytest.mark.weekly),
+        pytest.param(["Lemke", "ClarabelSOCP", "SafeguardedSORprox"], [], marks=pytest.mark.weekly),
         (["Jprox", "Lemke"], ["woodpecker", "hard: rods"]),
     ],
 )

@@ -49,7 +49,7 @@ def test_a_period_of_the_woodpecker_costs_few_solves(
     assert sum(step.solves for step in steps) <= solves
 
 
-@pytest.mark.slow
+@pytest.mark.weekly
 def test_all_periods_have_the_twelve_incidents_of_the_published_table_in_order_and_in_time() -> None:
     periods = 20 if os.environ.get("PROXBENCH_PROFILE") == "full" else 5
     found = switches(cycle(periods + 1e-4, tolerance=1e-9, min_step=1e-10))
