@@ -33,7 +33,7 @@ from collections.abc import Callable
 from typing import Literal, Protocol
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from .loop import Iterates, MeasuringIterates, WrappedIterates
@@ -79,6 +79,15 @@ class LinearIterates(Iterates, Protocol):
 def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
     """Return β after k ≥ 1 sweeps: min(β, k/(k + d)), which is β itself for d = 0."""
     return min(momentum, sweeps / (sweeps + delay))
+
+
+@njit(cache=True, fastmath={"contract"}, inline="always")
+def extrapolate(velocity, before, present, begin, end):  # type: ignore[no-untyped-def]
+    """Move v from ``begin`` to ``end`` by β = ``present`` times its last change, and keep the old v in ``before``."""
+    for k in range(uint64(begin), uint64(end)):
+        v = velocity[k]
+        velocity[k] = v + present * (v - before[k])
+        before[k] = v
 
 
 class MomentumState(MeasuringIterates):

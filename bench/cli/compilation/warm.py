@@ -57,7 +57,6 @@ SIMULATIONS = (
 )
 """Scene, stepper and duration [s] of short simulations; contacts occur with every stepper and every kind of body."""
 
-
 MAX_PROCESSES = 4
 """Largest number of processes; with more, the slowest part decides, and each takes 0.7 GB of memory."""
 
@@ -100,7 +99,8 @@ def parts() -> list[Callable[[], None]]:
     demanding = [
         partial(_solve_to_the_end, *pair) for pair in product(("Robust", "MomentumFallback"), DEMANDING_PROBLEMS)
     ]
-    return [*solves, _solve_many, _judge, *demanding, *simulations]
+    coloured = partial(_simulate, *SIMULATIONS[0], "ColouredSORprox")  # only scenes have contacts of balls
+    return [*solves, _solve_many, _judge, *demanding, *simulations, coloured]
 
 
 def _solve(name: str) -> None:
@@ -147,11 +147,11 @@ def _solve_to_the_end(solver: str, problem: str) -> None:
     create(solver).prepare(load(problem)).solve(Stop(1e-10, sys.maxsize, DEMANDING_SECONDS))
 
 
-def _simulate(scene: str, stepper: str, duration: float) -> None:
+def _simulate(scene: str, stepper: str, duration: float, solver: str | None = None) -> None:
     from ...simulation.plan import make_simulation_plan
     from ...simulation.run import simulate
 
-    simulate(make_simulation_plan(scene, stepper=stepper, duration=duration))
+    simulate(make_simulation_plan(scene, stepper=stepper, duration=duration, solver=solver))
 
 
 def _cache_folder() -> str:

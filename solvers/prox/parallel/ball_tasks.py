@@ -2,12 +2,11 @@
 
 from numba import njit, uint64
 
-from ....problems.contact.matrices.contact_frame import tangents
 from ...sweeps.batches.ball_kernels import (
     NUMBERS,
     find_violations,
     gather_moves,
-    in_frame,
+    lane_velocity,
     largest_of_lanes,
     update_impulses,
 )
@@ -41,15 +40,10 @@ def write_ball_velocities(balls, batch, moved, moves, velocity):  # type: ignore
     bodies, records, share = balls
     one, at = uint64(LANES), uint64(LANES) * uint64(batch)
     gather_moves(bodies, uint64(2) * at, moved, moves)
-    two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
     for lane in range(one):
         r, n = uint64(NUMBERS) * at + lane, uint64(3) * at + lane
-        first, second = tangents(records[r], records[r + one], records[r + two])
-        frame = (records[r], records[r + one], records[r + two]), first, second
-        apart = moves[lane], moves[lane + one], moves[lane + two]
-        turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
-        free = records[r + three], records[r + four], records[r + five]
-        velocity[n], velocity[n + one], velocity[n + two] = in_frame(frame, apart, turned, free)
+        xi = lane_velocity(records, r, share, moves, lane)
+        velocity[n], velocity[n + one], velocity[n + uint64(2) * one] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

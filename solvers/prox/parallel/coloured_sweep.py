@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numba import njit, uint64
+from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.answer import ratio
@@ -26,7 +26,7 @@ from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
-from ...iteration.momentum import MomentumState, momentum_after
+from ...iteration.momentum import MomentumState, extrapolate, momentum_after
 from ...sweeps.batches.ball_kernels import WEIGHTS
 from ...sweeps.batches.balls import balls_of, measures_squares, write_weights
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
@@ -237,7 +237,8 @@ def _run_window(  # type: ignore[no-untyped-def]
                     if claims[task] != sweep or not swap_if_equal(claims, task, sweep, sweep + 1):
                         continue
                     if stage == 0:
-                        _extrapolate(scaled, before, present, PIECE_LENGTH * task)
+                        first = PIECE_LENGTH * task
+                        extrapolate(scaled, before, present, first, min(first + PIECE_LENGTH, len(scaled)))
                     else:
                         batch = task - stages[1]
                         turn[:] = 0.0
@@ -299,12 +300,3 @@ def _write_violations(  # type: ignore[no-untyped-def]
                 squares[batch] = largest_ball_violation(balls, batch, scaled, impulses, weights, moves, largest)
                 completed += 1
     return completed
-
-
-@njit(cache=True, fastmath={"contract"}, inline="always")
-def _extrapolate(scaled, before, present, begin):  # type: ignore[no-untyped-def]
-    """Move a piece of v along its last change."""
-    for k in range(uint64(begin), uint64(min(begin + PIECE_LENGTH, len(scaled)))):
-        v = scaled[k]
-        scaled[k] = v + present * (v - before[k])
-        before[k] = v

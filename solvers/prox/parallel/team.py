@@ -90,6 +90,8 @@ class Team:
 
         Raise the error of the calling thread, or else one of the other threads.
         """
+        if len(self._states) == 1:
+            return self._kernel(0, *self._arguments)
         while len(self._members) < len(self._states) - 1:
             self._members.append(_Member())
         for number, member in enumerate(self._members, start=1):
@@ -107,7 +109,8 @@ class Team:
         return result
 
     def __del__(self) -> None:
-        _send_away(self._states)
+        if self._members:
+            _send_away(self._states)
         for member in self._members:
             member.is_idle(wait=True)
             member.begin(None)

@@ -15,7 +15,7 @@ from numba import njit, uint64
 
 from ....problems.contact.matrices.contact_frame import tangents
 from ....problems.contact.residual import outside_disc
-from ...iteration.momentum import momentum_after
+from ...iteration.momentum import extrapolate, momentum_after
 from .pieces import LANES
 
 NUMBERS = 11
@@ -46,10 +46,7 @@ def sweep_balls(  # type: ignore[no-untyped-def]
     moves, turn = np.empty(six * lanes), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            for k in range(uint64(len(moved))):
-                v = moved[k]
-                moved[k] = v + present * (v - before[k])
-                before[k] = v
+            extrapolate(moved, before, present, 0, len(moved))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
@@ -143,17 +140,12 @@ def largest_violation(bodies, records, share, impulses, moved, weights, slots, r
 def find_violations(bodies, records, share, impulses, moved, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
     one = uint64(LANES)
-    two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
+    two, three = uint64(2) * one, uint64(3) * one
     gather_moves(bodies, two * batch, moved, moves)
     record, at, weight = uint64(NUMBERS) * one * batch, three * batch, uint64(WEIGHTS) * one * batch
     for lane in range(one):
         r, n, w = record + lane, at + lane, weight + lane
-        first_tangent, second_tangent = tangents(records[r], records[r + one], records[r + two])
-        frame = (records[r], records[r + one], records[r + two]), first_tangent, second_tangent
-        apart = moves[lane], moves[lane + one], moves[lane + two]
-        turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
-        free = records[r + three], records[r + four], records[r + five]
-        normal, first, second = in_frame(frame, apart, turned, free)
+        normal, first, second = lane_velocity(records, r, share, moves, lane)
         pressed, stiffness = weights[w] * impulses[n], weights[w + one]
         unilateral = pressed if pressed < normal or pressed != pressed else normal
         bound = stiffness * (records[r + uint64(8) * one] * max(impulses[n], 0.0))
@@ -161,6 +153,19 @@ def find_violations(bodies, records, share, impulses, moved, weights, batch, mov
         normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
         part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
         largest[lane] = part if part > largest[lane] or part != part else largest[lane]
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def lane_velocity(records, r, share, moves, lane):  # type: ignore[no-untyped-def]
+    """Return ξ of one contact, whose record begins at ``r``; ``moves`` as ``gather_moves`` writes it."""
+    one = uint64(LANES)
+    two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
+    x, y, z = records[r], records[r + one], records[r + two]
+    first, second = tangents(x, y, z)
+    apart = moves[lane], moves[lane + one], moves[lane + two]
+    turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
+    free = records[r + three], records[r + four], records[r + five]
+    return in_frame(((x, y, z), first, second), apart, turned, free)
 
 
 @njit(cache=True, inline="always")

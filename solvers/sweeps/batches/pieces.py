@@ -16,7 +16,7 @@ from numba import njit, uint64
 
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.matrices.pieces import Pieces
-from ...iteration.momentum import momentum_after
+from ...iteration.momentum import extrapolate, momentum_after
 
 LANES = 16
 """Number of contacts in a batch, the smallest one for which compilers vectorise a loop of known length."""
@@ -137,10 +137,7 @@ def sweep_batches(  # type: ignore[no-untyped-def]
     own, others, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            for k in range(uint64(len(scaled))):
-                v = scaled[k]
-                scaled[k] = v + present * (v - before[k])
-                before[k] = v
+            extrapolate(scaled, before, present, 0, len(scaled))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
