@@ -36,7 +36,7 @@ DEMANDING_SECONDS = 20.0
 """Time limit of the solve of a demanding problem."""
 
 VARIANTS = ("SORprox(form='factors')", "SORprox(step_size='row_sum')")
-"""Options with kernels of their own."""
+"""Options that select other kernels."""
 
 SIMULATIONS = (
     ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3),
