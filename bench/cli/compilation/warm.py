@@ -38,10 +38,11 @@ DEMANDING_SECONDS = 20.0
 VARIANTS = ("SORprox(form='factors')", "SORprox(step_size='row_sum')")
 """Options that select other kernels."""
 
-SIMULATIONS = (
+SIMULATIONS: tuple[tuple[Any, ...], ...] = (
     ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3),
     ("funnel(balls=30, planar=True)", "Moreau(step=1e-3)", 5e-3),
     ("funnel(balls=30, friction=None)", "Moreau(step=1e-3)", 5e-3),
+    ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3, "ColouredSORprox"),
     ("funnel(balls=1000)", "Moreau(step=5e-3)", 0.1),
     ("bouncing_ball", "StepDoubling", 0.6),
     ("woodpecker", "Extrapolated", 0.02),
@@ -55,7 +56,10 @@ SIMULATIONS = (
     ("four_bar", "Moreau(step=1e-3)", 2e-3),
     ("brick_wall", "Moreau(step=1e-3)", 2e-3),
 )
-"""Scene, stepper and duration [s] of short simulations; contacts occur with every stepper and every kind of body."""
+"""Scene, stepper, duration [s] and solver, if it has kernels for balls, of short simulations.
+
+Contacts occur with every stepper and every kind of body.
+"""
 
 MAX_PROCESSES = 4
 """Largest number of processes; with more, the slowest part decides, and each takes 0.7 GB of memory."""
@@ -99,8 +103,7 @@ def parts() -> list[Callable[[], None]]:
     demanding = [
         partial(_solve_to_the_end, *pair) for pair in product(("Robust", "MomentumFallback"), DEMANDING_PROBLEMS)
     ]
-    coloured = partial(_simulate, *SIMULATIONS[0], "ColouredSORprox")  # only scenes have contacts of balls
-    return [*solves, _solve_many, _judge, *demanding, *simulations, coloured]
+    return [*solves, _solve_many, _judge, *demanding, *simulations]
 
 
 def _solve(name: str) -> None:
