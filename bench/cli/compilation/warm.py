@@ -56,7 +56,7 @@ SIMULATIONS: tuple[tuple[Any, ...], ...] = (
     ("four_bar", "Moreau(step=1e-3)", 2e-3),
     ("brick_wall", "Moreau(step=1e-3)", 2e-3),
 )
-"""Scene, stepper, duration [s] and solver, if it has kernels for balls, of short simulations.
+"""Scene, stepper and duration [s] of short simulations, and the solver if it is not the default.
 
 Contacts occur with every stepper and every kind of body.
 """
