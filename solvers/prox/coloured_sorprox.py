@@ -1,6 +1,6 @@
-"""ColouredSORprox: SORprox that visits the contacts colour by colour, so that several threads can share a sweep.
+"""ColouredSORprox: SORprox over slabs of contacts in two colours, so that several threads can share a sweep.
 
-The contacts of one colour share no movable body; see ``parallel.coloured_sweep``.
+The slabs of one colour share no movable body; see ``parallel.slabs`` and ``parallel.coloured_sweep``.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from .parallel.team import check_threads
 
 @dataclass(frozen=True)
 class PreparedWithFewerThreads:
-    """A projected iteration whose colours are too small for the requested threads.
+    """A projected iteration over too few contacts or slabs for the requested threads.
 
     Attributes:
         iteration: the iteration.
@@ -36,21 +36,21 @@ class PreparedWithFewerThreads:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep until the residual reaches the tolerance; the message gives the number of threads."""
         solution = self.iteration.solve(stop, start, observe)
-        threads = f"{self.threads} of {self.requested} threads used, because the colours have few contacts"
+        threads = f"{self.threads} of {self.requested} threads used, because there are few contacts or slabs"
         return replace(solution, message="; ".join(filter(None, [solution.message, threads])))
 
 
 @dataclass(frozen=True)
 class ColouredSORprox(Method):
-    """Projected Gauss–Seidel over the factors, colour by colour, for contacts of one or two bodies.
+    """Projected Gauss–Seidel over the factors, by slabs in two colours, for contacts of one or two bodies.
 
     The impulses are identical for any number of threads.
 
     Attributes:
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
-        threads: number of threads, at most the number of cores that the process may use. If the colours have fewer than
-            250 contacts per thread on average (1000 for balls), fewer threads are used, and the message says so.
+        threads: number of threads, at most the number of cores that the process may use. Each thread needs 2000
+            contacts and a slab of each colour; if there are fewer, fewer threads are used, and the message says so.
 
     Raises:
         SolverError: if an option is out of range.
@@ -71,7 +71,7 @@ class ColouredSORprox(Method):
         return unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Colour the contacts, and assemble the data of the batches."""
+        """Divide the contacts into slabs, and assemble the data of the batches."""
         self.check_supports(problem)
         sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, self.relaxation), self.threads)
         begin = begin_with_momentum(partial(ColouredIterates, sweep), self.momentum, self.momentum_delay)

@@ -1,7 +1,7 @@
 """Projected iterations on a graphics processor, by kernels of Warp: two methods that differ in the order of contacts.
 
     WarpJORprox             all contacts from the same iterate
-    WarpColouredSORprox     colour by colour, as ``ColouredSORprox``
+    WarpColouredSORprox     colour by colour, where contacts of one colour share no movable body
 
 The device is always part of the name. With ``device="cpu"`` the same kernels run on the processor, in one thread.
 """
@@ -101,7 +101,7 @@ class WarpJORprox(DeviceMethod):
 
 @dataclass(frozen=True)
 class WarpColouredSORprox(DeviceMethod):
-    """Projected Gauss–Seidel colour by colour on a device of Warp, as ``ColouredSORprox``.
+    """Projected Gauss–Seidel colour by colour on a device of Warp.
 
     Attributes:
         relaxation: ω, as in ``SORprox``.

@@ -1,12 +1,13 @@
-"""Measure sweeps in plain order and by colour, in one and in several threads, and against a stream of the same bytes.
+"""Measure sweeps in plain order and by slabs, in one and in several threads, and against a stream of the same bytes.
 
 ``python tests/speed/threads.py --balls 1000 4000 16000 --threads 1 2`` pours balls into a funnel for 0.45 s (Δt 1 ms),
 and prints a line for each way to sweep the contacts of that state: microseconds of ten sweeps (least and median),
-nanoseconds per sweep and contact, and the ratio of the least times to that of one thread by colour. The ways take
-turns. ``--momentum 0`` omits the stage of the momentum. Sweeps by colour include ξ. The last line is a kernel that
+nanoseconds per sweep and contact, and the ratio of the least times to that of one thread by slabs. The ways take
+turns. ``--momentum 0`` omits the stage of the momentum. Sweeps by slabs include ξ. The last line is a kernel that
 reads the records once, and reads and writes Λ and its change.
 
-A second table has whole solves to a residual of 1e-2 from zero, in milliseconds (least and median).
+A second table has whole solves to a residual of 1e-2 from zero, in milliseconds (least and median). A third one has the
+sweeps to residuals of 1e-2 and 1e-4, in plain order and by slabs, for several relaxations and momenta.
 
 Labels contain the number of threads that run, as in "threads=1 (of 2)" if the problem has too few contacts for the two
 that were requested. ``--force`` runs all threads that are requested.
@@ -25,7 +26,7 @@ from proxbench.problems import ContactProblem
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.solvers import Stop, create
+from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from proxbench.solvers.sweeps.batches.balls import BallSweep
@@ -34,7 +35,7 @@ from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 STEPS, TIME_STEP = 450, 1e-3
 DEPTH = 0.02 * RADIUS
-SWEEPS = 10
+SWEEPS, MAX_SWEEPS = 10, 3000
 RELAXATION, TOLERANCE = 1.1, 1e-2
 SOLVER = "SORprox(relaxation=1.1, momentum=0.65, form='factors')"
 
@@ -74,13 +75,13 @@ def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
     return run
 
 
-def coloured_sweeps(problem: ContactProblem, sizes: FloatArray, threads: Sequence[int]) -> dict[str, ColouredSweep]:
-    """Return a sweep by colour for each requested number of threads; its label has the number that runs."""
+def slab_sweeps(problem: ContactProblem, sizes: FloatArray, threads: Sequence[int]) -> dict[str, ColouredSweep]:
+    """Return a sweep by slabs for each requested number of threads; its label has the number that runs."""
     sweeps = {}
     for requested in threads:
         sweep = ColouredSweep.over(problem, sizes, requested)
         excess = f" (of {requested})" if sweep.threads < requested else ""
-        sweeps[f"by colour, threads={sweep.threads}{excess}"] = sweep
+        sweeps[f"by slabs, threads={sweep.threads}{excess}"] = sweep
     return sweeps
 
 
@@ -93,7 +94,7 @@ def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, se
         "plain order": over_balls.begin(start, momentum).sweep,
         "plain order over pieces": FactorSweep.over(problem, sizes).begin(start, momentum).sweep,
     }
-    coloured = coloured_sweeps(problem, sizes, threads)
+    coloured = slab_sweeps(problem, sizes, threads)
     for name, sweep in coloured.items():
         ways[name] = partial(ColouredIterates.sweep, ColouredIterates(sweep, start, momentum))
     ways["stream of the same bytes"] = streamed(sweep)
@@ -106,7 +107,9 @@ def measure(problem: ContactProblem, threads: Sequence[int], momentum: float, se
             times[name].append(time.perf_counter() - began)
     reference, *_ = coloured
     kept = {name: np.array(values[1:]) for name, values in times.items()}
-    print(f"{problem.n_contacts} contacts, {sweep.n_colours} colours, {len(kept['plain order'])} windows")
+    print(
+        f"{problem.n_contacts} contacts, {len(sweep.slabs.first_batch) - 1} slabs, {len(kept['plain order'])} windows"
+    )
     for name, values in kept.items():
         each = 1e9 * values.min() / (SWEEPS * problem.n_contacts)
         ratio = kept[reference].min() / values.min()
@@ -131,6 +134,18 @@ def measure_solves(problem: ContactProblem, threads: Sequence[int], momentum: fl
         print(f"  {name:62} {sweeps[name]:4} sweeps {kept.min():8.2f} {np.median(kept):8.2f} ms")
 
 
+def count_sweeps(problem: ContactProblem) -> None:
+    """Print the sweeps to two residuals in plain order and by slabs, or a dash above ``MAX_SWEEPS``."""
+    for relaxation, momentum in ((1.1, 0.65), (1.1, 0.8), (1.5, 0.0)):
+        options = f"relaxation={relaxation}, momentum={momentum}"
+        counts = []
+        for tolerance in (1e-2, 1e-4):
+            for solver in (f"SORprox({options}, form='factors')", f"ColouredSORprox({options})"):
+                solution = solve(problem, solver, tolerance, max_iterations=MAX_SWEEPS, max_seconds=np.inf)
+                counts.append(str(solution.iterations) if solution.status is Status.SOLVED else "–")
+        print(f"  {options:30} 1e-2: {counts[0]}, by slabs {counts[1]};  1e-4: {counts[2]}, by slabs {counts[3]}")
+
+
 def main() -> None:
     """Read the command line and print all tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -141,12 +156,13 @@ def main() -> None:
     parser.add_argument("--force", action="store_true", help="run all requested threads, even if that takes longer")
     given = parser.parse_args()
     if given.force:
-        coloured_sweep.MIN_CONTACTS_PER_THREAD = coloured_sweep.MIN_CONTACTS_OF_BALLS_PER_THREAD = 1
+        coloured_sweep.MIN_CONTACTS_PER_THREAD = 1
     for balls in given.balls:
         print(f"{balls} balls: ", end="", flush=True)
         problem = poured(balls)
         measure(problem, given.threads, given.momentum, given.seconds)
         measure_solves(problem, given.threads, given.momentum, given.seconds)
+        count_sweeps(problem)
 
 
 if __name__ == "__main__":

@@ -1,1 +1,1 @@
-"""Sweeps that several threads share: colours of contacts, a team of threads, and sweeps colour by colour."""
+"""Sweeps that several threads or a device share: slabs and colours of contacts, a team of threads, and the sweeps."""

@@ -1,4 +1,4 @@
-"""Tasks of sweeps by colour over contacts of balls: batches of ``sweeps.batches.ball_kernels``."""
+"""Tasks of sweeps in several threads over contacts of balls: batches of ``sweeps.batches.ball_kernels``."""
 
 from numba import njit, uint64
 
@@ -7,7 +7,6 @@ from ...sweeps.batches.ball_kernels import (
     find_violations,
     gather_moves,
     lane_velocity,
-    largest_of_lanes,
     update_impulses,
 )
 from ...sweeps.batches.pieces import LANES
@@ -47,9 +46,7 @@ def write_ball_velocities(balls, batch, moved, moves, velocity):  # type: ignore
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def largest_ball_violation(balls, batch, moved, impulses, weights, moves, largest):  # type: ignore[no-untyped-def]
-    """Return the largest squared violation of a batch, or NaN if one is NaN."""
+def raise_to_violations(balls, batch, moved, impulses, weights, moves, largest):  # type: ignore[no-untyped-def]
+    """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
     bodies, records, share = balls
-    largest[:] = 0.0
     find_violations(bodies, records, share, impulses, moved, weights, uint64(batch), moves, largest)
-    return largest_of_lanes(largest)

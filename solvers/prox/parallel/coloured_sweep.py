@@ -1,14 +1,14 @@
-"""Gauss–Seidel sweeps colour by colour over the factors, which several threads share.
+"""Gauss–Seidel sweeps over slabs of contacts in two colours, which several threads share.
 
-The contacts of a colour share no movable body, and are swept in the batches of ``sweeps.batches``: those of balls from
-records of a normal, others from pieces of W̃. A sweep is a sequence of stages: the momentum of v, and one stage for each
-colour. The tasks of a stage (pieces of v, or batches) write different numbers and read none that another task of the
-stage writes. A stage begins when the previous one is complete.
+The slabs of a colour share no movable body (``slabs``). Each slab is swept in the batches of ``sweeps.batches``: those
+of balls from records of a normal, others from pieces of W̃. A sweep is a sequence of three stages: the momentum of v,
+the even slabs, and the odd slabs. A task of a stage (a piece of v, or a slab) writes numbers that no other task of the
+stage reads or writes. A stage begins when the previous one is complete.
 
 The thread that claims a task first does it. The arithmetic of a task does not depend on the thread, and sums over tasks
 are taken in the order of the tasks. The result is therefore identical for any number of threads. Each thread begins
-with its own share of a stage, whose data are then in the cache of its core. Other threads do the tasks of a late
-thread.
+with its own share of a stage, whose data are then in the cache of its core: v is in the order of the levels, so that
+the shares of all stages concern the same bodies. Other threads do the tasks of a late thread.
 """
 
 from collections.abc import Callable
@@ -27,15 +27,15 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, extrapolate, momentum_after
-from ...sweeps.batches.ball_kernels import WEIGHTS
+from ...sweeps.batches.ball_kernels import WEIGHTS, largest_of_lanes
 from ...sweeps.batches.balls import balls_of, measures_squares, write_weights
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
-from .ball_tasks import largest_ball_violation, update_ball_batch, write_ball_velocities
-from .colouring import colour_contacts, order_by_colour
+from .ball_tasks import raise_to_violations, update_ball_batch, write_ball_velocities
 from .pairs import in_pairs
 from .piece_tasks import update_pieces, write_piece_velocities
+from .slabs import Slabs, divide_into_slabs
 from .team import Team, joins_call, leave_call
 
 BALL_LENGTH = 6
@@ -44,8 +44,8 @@ BALL_LENGTH = 6
 PIECE_LENGTH = 512
 """Number of entries of v, 4 kB, that one task extrapolates."""
 
-MIN_CONTACTS_PER_THREAD, MIN_CONTACTS_OF_BALLS_PER_THREAD = 250, 1000
-"""Minimum numbers of contacts per colour and thread; with fewer, whole solves in two threads save little or no time."""
+MIN_CONTACTS_PER_THREAD = 2000
+"""Minimum number of contacts per thread; with fewer, whole solves in two threads save little or no time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,17 +56,17 @@ class ColouredSweep:
         layout: the padded blocks.
         piece_batches: the constant arguments of a sweep over pieces, see ``batch_arguments``; None over balls.
         ball_batches: bodies, records and κ of a sweep over balls, see ``BallSweep``; None over pieces.
-        motion: maps Λ, shape (n_rows,), to v of all bodies and of the idle one, flat.
-        first_batch: first batch of each colour, then the number of batches, shape (n_colours + 1,).
+        motion: maps Λ, shape (n_rows,), to v of all bodies with contacts and of the idle one, flat.
+        slabs: the slabs of contacts.
         slots: position of each entry of padded Λ in the order of the batches.
-        threads: number of threads, fewer than requested if the colours are small.
+        threads: number of threads, fewer than requested if there are few contacts or slabs.
     """
 
     layout: BlockLayout
     piece_batches: tuple[Any, ...] | None
     ball_batches: tuple[Any, ...] | None
     motion: Callable[[FloatArray], FloatArray]
-    first_batch: IntArray
+    slabs: Slabs
     slots: IntArray
     threads: int
 
@@ -79,39 +79,30 @@ class ColouredSweep:
         """
         layout, balls = problem.layout, balls_of(problem)
         pairs = in_pairs(problem.factor_pieces()) if balls is None else balls.directions
-        places, first_batch = order_by_colour(colour_contacts(pairs), LANES)
-        least = MIN_CONTACTS_PER_THREAD if balls is None else MIN_CONTACTS_OF_BALLS_PER_THREAD
-        useful = layout.n_blocks // (least * max(len(first_batch) - 1, 1))
-        shared = first_batch, max(1, min(threads, useful))
+        slabs = divide_into_slabs(pairs)
+        useful = min(layout.n_blocks // MIN_CONTACTS_PER_THREAD, int(slabs.first_slab[1]))
+        shared = slabs, max(1, min(threads, useful))
         if balls is None:
-            return ColouredSweep._over_pieces(problem, sizes, pairs, places, *shared)
-        bodies, records, slots = balls.pack(problem, sizes, places, int(first_batch[-1]))
+            pairs = Pieces(pairs.starts, slabs.chunks, pairs.values, len(slabs.bodies))
+            return ColouredSweep._over_pieces(problem, sizes, pairs, *shared)
+        renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
+        bodies, records, slots = renumbered.pack(problem, sizes, slabs.places, slabs.n_batches)
         data = bodies, records, balls.spin_share
-        return ColouredSweep(layout, None, data, balls.motion, first_batch, slots, shared[1])
+        return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, shared[1])
 
     @staticmethod
     def _over_pieces(
-        problem: ContactProblem, sizes: FloatArray, pairs: Pieces, places: Any, first_batch: IntArray, threads: int
+        problem: ContactProblem, sizes: FloatArray, pairs: Pieces, slabs: Slabs, threads: int
     ) -> "ColouredSweep":
         layout = problem.layout
         free = np.zeros((layout.n_blocks, 3))
         free[:, : layout.width] = layout.pad(problem.free_velocity)
         laws = sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound
         coupling = own_coupling(pairs.starts, pairs.values).reshape(-1)
-        batches = Batches(places, int(first_batch[-1]))
+        batches = Batches(slabs.places, slabs.n_batches)
         data = batch_arguments(pairs, batches, free.reshape(-1), laws, coupling)
-        slots = slots_in_batches(places).reshape(-1, 3)[:, : layout.width].reshape(-1)
-        return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), first_batch, slots, threads)
-
-    @property
-    def n_colours(self) -> int:
-        """Number of colours."""
-        return len(self.first_batch) - 1
-
-    @property
-    def n_batches(self) -> int:
-        """Number of batches."""
-        return int(self.first_batch[-1])
+        slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].reshape(-1)
+        return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), slabs, slots, threads)
 
 
 def _motion(layout: BlockLayout, pairs: Pieces, impulses: FloatArray) -> FloatArray:
@@ -129,25 +120,28 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         self._sweep = sweep
         self._scaled = sweep.motion(start)
         self._before = self._scaled.copy()
-        self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.n_batches))
-        self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
+        self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
+        if start.any():
+            self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
         n_pieces = -(-len(self._scaled) // PIECE_LENGTH) if momentum > 0.0 else 0
-        self._stages = np.concatenate([[0], n_pieces + sweep.first_batch])
-        n_tasks = int(self._stages[-1]) + sweep.n_batches  # ξ or the violations of each batch come last
+        first_batch, n_slabs = sweep.slabs.first_batch, len(sweep.slabs.first_batch) - 1
+        stages = np.concatenate([[0], n_pieces + sweep.slabs.first_slab])
+        n_tasks = int(stages[-1]) + n_slabs  # ξ or the violations of each slab come last
         self._claims, self._done = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
-        self._turns = np.zeros((2, sweep.n_batches))
+        self._turns = np.zeros((2, n_slabs))
         self._past, self._momenta = np.zeros(4, dtype=np.int64), np.zeros(3)
         self._residual: Residual | None = None
-        self._weights = np.zeros(WEIGHTS * LANES * sweep.n_batches if sweep.ball_batches is not None else 0)
-        self._violations = np.zeros(sweep.n_batches)
+        self._weights = np.zeros(WEIGHTS * LANES * int(first_batch[-1]) if sweep.ball_batches is not None else 0)
+        self._violations, self._rows = np.zeros(n_slabs), np.empty(len(start))
         arguments = (
             self._past,
             self._momenta,
-            self._stages,
+            stages,
+            first_batch,
             sweep.piece_batches,
             sweep.ball_batches,
             (self._impulses, self._scaled, self._change, self._before, self._velocity),
-            (self._weights, self._violations),
+            (self._weights, self._violations, sweep.slots, self._rows),
             self._turns,
             self._claims,
             self._done,
@@ -163,6 +157,8 @@ class ColouredIterates(MomentumState, SinglePassIterates):
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
+        if self._has_violations:
+            return self._rows.copy()
         return self._sweep.layout.unpad(self._impulses[self._sweep.slots])
 
     def relative_velocity(self) -> FloatArray:
@@ -173,8 +169,8 @@ class ColouredIterates(MomentumState, SinglePassIterates):
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows and its residual."""
-        impulses = self.impulses()
         if self._sweep.ball_batches is None or not measures_squares(residual):
+            impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
         if residual is not self._residual:
             self._residual = residual
@@ -182,7 +178,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             self._has_violations = False
         if not self._has_violations:
             self._run(0, True)
-        return impulses, ratio(float(np.sqrt(self._violations.max())), residual.scale)
+        return self._rows.copy(), ratio(float(np.sqrt(self._violations.max())), residual.scale)
 
     def _run(self, count: int, measures: bool) -> None:
         self._done[0] = 0
@@ -207,15 +203,16 @@ def _run_windows(thread, threads, calls, states, *arguments):  # type: ignore[no
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _run_window(  # type: ignore[no-untyped-def]
-    thread, threads, past, momenta, stages, pieces, balls, arrays, violations, turns, claims, done
+    thread, threads, past, momenta, stages, first_batch, pieces, balls, arrays, violations, turns, claims, done
 ):
     """Do the share of one thread in a window of sweeps and ξ or violations; return β of the sweep after these.
 
     One of ``pieces`` and ``balls`` is None. Λ, v, the last change of Λ, v before the last sweep and ξ are in
     ``arrays``. ``past`` holds the numbers of earlier sweeps and windows, of sweeps in this window, and whether
-    violations are computed in place of ξ; ``violations`` holds their weights and the largest of each batch.
+    violations and Λ over rows are written in place of ξ; ``violations`` holds weights, the largest violation of each
+    slab, the slot of each row, and Λ over rows.
     ``momenta`` holds the bound and delay of ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each
-    batch in the product that is positive if the iterates turn back (``iteration.momentum``), for even and odd sweeps.
+    slab in the product that is positive if the iterates turn back (``iteration.momentum``), for even and odd sweeps.
     ``claims`` counts how often each task was claimed, and ``done`` the completed tasks of the window.
     """
     sweeps, windows, count = past[0], past[1], past[2]
@@ -225,8 +222,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     if pieces is not None:
         length = len(pieces[0])
     own, others, turn = np.empty(2 * LANES * length), np.empty(2 * LANES * length), np.empty(LANES)
-    n_stages, n_batches = len(stages) - 1, turns.shape[1]
-    needed = 0
+    n_stages, needed = len(stages) - 1, 0
     for sweep in range(sweeps, sweeps + count):
         for stage in range(n_stages):
             begin, size, completed = stages[stage], stages[stage + 1] - stages[stage], 0
@@ -236,67 +232,82 @@ def _run_window(  # type: ignore[no-untyped-def]
                 for task in range(begin + size * share // threads, begin + size * (share + 1) // threads):
                     if claims[task] != sweep or not swap_if_equal(claims, task, sweep, sweep + 1):
                         continue
+                    completed += 1
                     if stage == 0:
                         first = PIECE_LENGTH * task
                         extrapolate(scaled, before, present, first, min(first + PIECE_LENGTH, len(scaled)))
-                    else:
-                        batch = task - stages[1]
-                        turn[:] = 0.0
+                        continue
+                    slab = task - stages[1]
+                    turn[:] = 0.0
+                    for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
                             update_ball_batch(balls, batch, scaled, impulses, change, present, turn, own)
                         if pieces is not None:
                             update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others)
-                        turns[sweep % 2, batch] = turn.sum()
-                    completed += 1
+                    turns[sweep % 2, slab] = turn.sum()
             if completed:
                 add(done, 0, completed)
             needed += size
         wait_for(done, 0, needed)
         present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(done, 0, needed)
-    first = stages[n_stages]
+    data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled)
     if past[3] and balls is not None:
-        completed = _write_violations(thread, threads, windows, first, balls, impulses, scaled, violations, claims)
+        completed = _write_violations(thread, threads, *data, impulses, violations, claims)
     else:
-        completed = _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, claims)
+        completed = _write_xi(thread, threads, *data, pieces, velocity, claims)
     if completed:
         add(done, 0, completed)
-    wait_for(done, 0, needed + n_batches)
+    wait_for(done, 0, needed + turns.shape[1])
     return present
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
-def _write_xi(thread, threads, windows, first, pieces, balls, scaled, velocity, claims):  # type: ignore[no-untyped-def]
-    """Do the share of one thread in ξ, by tasks from ``first`` on, and return the number of completed tasks."""
-    length, n_batches = BALL_LENGTH, len(claims) - first
+def _write_xi(  # type: ignore[no-untyped-def]
+    thread, threads, windows, first_task, n_even, first_batch, balls, scaled, pieces, velocity, claims
+):
+    """Do the share of one thread in ξ, by tasks from ``first_task`` on, and return the number of completed tasks."""
+    length, n_slabs = BALL_LENGTH, len(first_batch) - 1
     if pieces is not None:
         length = len(pieces[0])
     own, completed = np.empty(2 * LANES * length), 0
     for k in range(threads):
         share = (thread + k) % threads
-        for batch in range(n_batches * share // threads, n_batches * (share + 1) // threads):
-            task = first + batch
+        for place in range(n_slabs * share // threads, n_slabs * (share + 1) // threads):
+            task, slab = first_task + place, _slab_at(place, n_even)
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
-                if balls is not None:
-                    write_ball_velocities(balls, batch, scaled, own, velocity)
-                if pieces is not None:
-                    write_piece_velocities(pieces, batch, scaled, own, velocity)
+                for batch in range(first_batch[slab], first_batch[slab + 1]):
+                    if balls is not None:
+                        write_ball_velocities(balls, batch, scaled, own, velocity)
+                    if pieces is not None:
+                        write_piece_velocities(pieces, batch, scaled, own, velocity)
                 completed += 1
     return completed
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _write_violations(  # type: ignore[no-untyped-def]
-    thread, threads, windows, first, balls, impulses, scaled, violations, claims
+    thread, threads, windows, first_task, n_even, first_batch, balls, scaled, impulses, violations, claims
 ):
-    """Do the share of one thread in the violations, by tasks from ``first`` on, as ``_write_xi`` does in ξ."""
-    weights, squares = violations
+    """Do the share of one thread in the violations and in Λ over rows; see ``_write_xi``."""
+    weights, squares, slots, rows = violations
     moves, largest, completed = np.empty(BALL_LENGTH * LANES), np.empty(LANES), 0
     for k in range(threads):
         share = (thread + k) % threads
-        for batch in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):
-            task = first + batch
+        for place in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):
+            task, slab = first_task + place, _slab_at(place, n_even)
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
-                squares[batch] = largest_ball_violation(balls, batch, scaled, impulses, weights, moves, largest)
+                largest[:] = 0.0
+                for batch in range(first_batch[slab], first_batch[slab + 1]):
+                    raise_to_violations(balls, batch, scaled, impulses, weights, moves, largest)
+                squares[slab] = largest_of_lanes(largest)
+                for row in range(len(rows) * place // len(squares), len(rows) * (place + 1) // len(squares)):
+                    rows[row] = impulses[slots[row]]
                 completed += 1
     return completed
+
+
+@njit(inline="always")
+def _slab_at(place, n_even):  # type: ignore[no-untyped-def]
+    """Return the slab at a place in the order of the levels, in which even and odd slabs alternate."""
+    return place // 2 + n_even * (place % 2)

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from ....problems.arrays import IntArray
 from ....problems.contact.matrices.pieces import Pieces
 
 MAX_FIRST_FIT = 63
@@ -28,17 +27,6 @@ def colour_contacts(pieces: Pieces) -> Colouring:
     """Colour the blocks of pieces that come in pairs; the idle chunk belongs to no body."""
     colours, n_colours = _first_fit(pieces.chunks, pieces.n_chunks)
     return Colouring(colours, int(n_colours))
-
-
-def order_by_colour(colouring: Colouring, lanes: int) -> tuple[Any, IntArray]:
-    """Return the place of each block in batches of ``lanes`` blocks of one colour, and the first batch of each colour.
-
-    Within a colour the blocks keep their order. Shapes are (n_blocks,) and (n_colours + 1,).
-    """
-    sizes = np.bincount(colouring.colours, minlength=colouring.n_colours)
-    first_batch = np.zeros(colouring.n_colours + 1, dtype=np.int64)
-    np.cumsum(-(-sizes // lanes), out=first_batch[1:])
-    return _places(colouring.colours, lanes * first_batch[:-1]), first_batch
 
 
 @njit(cache=True)
@@ -66,13 +54,3 @@ def _first_fit(chunks, idle):  # type: ignore[no-untyped-def]
         colours[block] = colour
         n_colours = max(n_colours, colour + 1)
     return colours, n_colours
-
-
-@njit(cache=True)
-def _places(colours, first):  # type: ignore[no-untyped-def]
-    """Return the place of each block; ``first`` is the first place of each colour, which is overwritten."""
-    places = np.empty(len(colours), dtype=np.int64)
-    for block in range(len(colours)):
-        places[block] = first[colours[block]]
-        first[colours[block]] += 1
-    return places

@@ -1,4 +1,4 @@
-"""Conversion of problems to contacts of at most two bodies, for sweeps by colour and on devices."""
+"""Conversion of problems to contacts of at most two bodies, for sweeps in several threads and on devices."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Tasks of sweeps by colour over pieces of W̃: batches of ``sweeps.batches.pieces``."""
+"""Tasks of sweeps in several threads over pieces of W̃: batches of ``sweeps.batches.pieces``."""
 
 from numba import njit, uint64
 

@@ -12,6 +12,7 @@ call, the calling thread waits for threads within the call, and sends those away
 """
 
 import _thread
+import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -108,7 +109,9 @@ class Team:
             raise self._errors.pop()
         return result
 
-    def __del__(self) -> None:
+    def __del__(self, is_ending: Callable[[], bool] = sys.is_finalizing) -> None:
+        if is_ending():  # the process ends its threads, which cannot return to Python any more
+            return
         if self._members:
             _send_away(self._states)
         for member in self._members:

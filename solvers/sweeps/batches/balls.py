@@ -49,6 +49,11 @@ class Balls(NamedTuple):
         )
         return packed
 
+    def renumbered(self, bodies: IntArray, chunks: IntArray) -> "Balls":
+        """Return these balls in the order of ``bodies``; ``chunks`` has the new numbers of both balls of a contact."""
+        contacts = BallRecords(chunks, self.contacts.normals, self.contacts.radii[bodies])
+        return self._replace(contacts=contacts, inverse_masses=np.append(self.inverse_masses[bodies], 0.0))
+
     def motion(self, impulses: FloatArray) -> FloatArray:
         """Return v and τ of all balls, and zeros for surfaces, from Λ over rows; flat from shape (n_balls + 1, 6)."""
         moved = np.zeros(6 * len(self.inverse_masses))

@@ -1,4 +1,4 @@
-"""Sweeps by colour are Gauss–Seidel sweeps in another order, bitwise equal for any number of threads."""
+"""Sweeps over slabs are Gauss–Seidel sweeps in another order, bitwise equal for any number of threads."""
 
 import time
 from typing import Any
@@ -14,7 +14,7 @@ from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.iteration.loop import impulses_and_residual
 from proxbench.solvers.prox import coloured_sorprox
-from proxbench.solvers.prox.parallel import coloured_sweep
+from proxbench.solvers.prox.parallel import coloured_sweep, slabs
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from proxbench.solvers.prox.parallel.team import Team, _Member
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
@@ -33,6 +33,11 @@ def problem_of(name: str) -> ContactProblem:
     return problem
 
 
+def use_threads_for_small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(slabs, "MIN_SLAB", 8)
+
+
 def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[int, ...] = (1, 4, 10)) -> list[Any]:
     """Return the bits of Λ and ξ after each window, from a start that is not zero."""
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.1), threads)
@@ -49,8 +54,7 @@ def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[
 @pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100", "balls"])
 def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, monkeypatch: pytest.MonkeyPatch) -> None:
     used = []
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)  # threads for small problems too
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
+    use_threads_for_small_problems(monkeypatch)
     run = Team.run
 
     def counted(team: Team) -> Any:
@@ -72,8 +76,7 @@ def test_any_number_of_threads_gives_the_same_solution(
     name: str, momentum: float | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The impulses (bitwise), status, iterations and message are equal; measured momentum depends on all of them."""
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
+    use_threads_for_small_problems(monkeypatch)
     monkeypatch.setattr(coloured_sorprox, "check_threads", lambda threads: None)  # more threads than cores, too
     problem, found = problem_of(name), []
     for threads in (1, 2, 4):
@@ -84,11 +87,11 @@ def test_any_number_of_threads_gives_the_same_solution(
     assert found[1:] == [found[0]] * 2
 
 
-def test_small_colours_are_swept_in_one_thread_and_the_message_says_so() -> None:
+def test_few_contacts_are_swept_in_one_thread_and_the_message_says_so() -> None:
     problem = load("funnel-300")
     assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2).threads == 1
     messages = [solve(problem, f"ColouredSORprox(threads={threads})", tolerance=1e-2).message for threads in (1, 2)]
-    assert messages == ["", "1 of 2 threads used, because the colours have few contacts"]
+    assert messages == ["", "1 of 2 threads used, because there are few contacts or slabs"]
 
 
 @pytest.mark.parametrize("name", ["funnel-300", "balls"])
@@ -97,10 +100,9 @@ def test_late_or_missing_threads_do_not_change_the_result(
     name: str, patience: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Running threads take over the tasks of threads that never start, or leave after each window."""
+    use_threads_for_small_problems(monkeypatch)
     problem, threads = problem_of(name), 3
     alone = swept(problem, 1, 0.65)
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     if patience is None:
         monkeypatch.setattr(_Member, "begin", lambda self, function: None)
         monkeypatch.setattr(_Member, "is_idle", lambda self, wait=False: True)
@@ -121,7 +123,7 @@ def test_late_or_missing_threads_do_not_change_the_result(
     "name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box", "balls"]
 )
 @pytest.mark.parametrize(("momentum", "delay"), [(0.0, 0.0), (0.5, 0.0), (0.5, 4.0)])
-def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_colours(
+def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_slabs(
     name: str, momentum: float, delay: float
 ) -> None:
     problem = problem_of(name)
@@ -158,8 +160,7 @@ def test_the_residual_of_a_window_is_that_of_its_impulses(
     name: str, threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is also that of another residual, asked for after the window, and ξ is available after it."""
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
+    use_threads_for_small_problems(monkeypatch)
     problem = problem_of(name)
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), threads)
     iterates, residual = ColouredIterates(sweep, np.zeros(problem.n_rows), 0.6), Residual(problem)
@@ -215,7 +216,7 @@ def test_the_judge_confirms_what_is_solved(name: str) -> None:
     assert judge(problem, solution.impulses).residual <= 1e-6
 
 
-def test_what_cannot_be_coloured_is_declined_with_the_reason() -> None:
+def test_what_cannot_be_swept_over_pairs_of_bodies_is_declined_with_the_reason() -> None:
     solver, rng = create("ColouredSORprox"), np.random.default_rng(1)
     assembled = ContactProblem.from_delassus(np.eye(3), -np.ones(3), 0.3)
     assert "need the factors" in str(solver.supports(assembled))

@@ -4,9 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems.contact.matrices.pieces import Pieces
-from proxbench.solvers.prox.parallel.colouring import MAX_FIRST_FIT, colour_contacts, order_by_colour
-
-LANES = 16
+from proxbench.solvers.prox.parallel.colouring import MAX_FIRST_FIT, colour_contacts
 
 
 def graph(seed: int, n_blocks: int, n_bodies: int, hub: bool = False) -> tuple[Pieces, np.ndarray]:
@@ -47,16 +45,3 @@ def test_first_fit_needs_fewer_colours_than_both_bodies_have_contacts(seed: int,
 def test_a_body_of_many_contacts_needs_exactly_one_colour_for_each() -> None:
     pieces, _ = graph(1, 3 * MAX_FIRST_FIT, 50, hub=True)
     assert colour_contacts(pieces).n_colours == 3 * MAX_FIRST_FIT
-
-
-@settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 2**31), n_blocks=st.integers(0, 150))
-def test_batches_hold_one_colour_each_in_the_order_of_the_contacts(seed: int, n_blocks: int) -> None:
-    colouring = colour_contacts(graph(seed, n_blocks, 60)[0])
-    places, first_batch = order_by_colour(colouring, LANES)
-    assert len(set(places.tolist())) == n_blocks
-    batch_colours = np.searchsorted(first_batch, places // LANES, side="right") - 1
-    assert np.array_equal(batch_colours, colouring.colours)
-    for colour in range(colouring.n_colours):
-        own = places[colouring.colours == colour]
-        assert np.array_equal(own, own[0] + np.arange(len(own)))

@@ -2,6 +2,8 @@
 
 import _thread
 import os
+import subprocess
+import sys
 import time
 from typing import Any
 
@@ -136,7 +138,6 @@ def test_a_pinned_process_gets_one_thread() -> None:
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one core alone")
 def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
-    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_OF_BALLS_PER_THREAD", 1)
     before, during, run = _thread._count(), [], Team.run
 
     def counted(team: Team, *arguments: Any) -> Any:
@@ -150,3 +151,20 @@ def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> No
         prepared.solve(Stop(1e-8))
         assert _thread._count() == before
     assert max(during) == before + 1
+
+
+def test_threads_that_wait_at_the_end_of_a_process_do_not_delay_it() -> None:
+    """They wait for the lock of the interpreter, which it never gives up."""
+    program = """
+import numpy as np
+from proxbench.problems import load
+from proxbench.solvers.prox.parallel import coloured_sweep
+from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
+coloured_sweep.MIN_CONTACTS_PER_THREAD = 1
+problem = load("funnel-300")
+sweep = coloured_sweep.ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2)
+assert sweep.threads == 2
+iterates = coloured_sweep.ColouredIterates(sweep, np.zeros(problem.n_rows), 0.0)
+iterates.sweep(1)
+"""
+    subprocess.run([sys.executable, "-c", program], timeout=120, check=True)

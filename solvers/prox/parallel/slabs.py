@@ -1,0 +1,198 @@
+"""Slabs of contacts in two colours, whose sweeps several threads share, and an order of the bodies that suits them.
+
+A breadth-first search over the bodies, from one far from the others, assigns levels: a contact touches one level or two
+successive ones (the rooted level structure of Cuthill & McKee, 1969; the start is found as by George & Liu, 1979). The
+level of a contact is the lower one of its bodies. A slab holds the contacts of successive levels. Its contacts touch
+bodies of these levels and of the next one, so that slabs that are not neighbours share no movable body. Even slabs are
+of the first colour, odd slabs of the second one.
+
+Components of the graph that share no contact get separate levels, one component after the other.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from ....problems.arrays import IntArray
+from ....problems.contact.matrices.pieces import Pieces
+from ...sweeps.batches.pieces import LANES
+
+MIN_SLAB = 256
+"""Least number of contacts of each slab but the last one; batches of smaller slabs have more empty lanes."""
+
+OPEN_BATCHES = 63
+"""Number of batches that are filled at the same time: one for each bit of a signed integer but its sign."""
+
+
+class Slabs(NamedTuple):
+    """Slabs of contacts, those of the first colour first.
+
+    Attributes:
+        places: place of each contact, batch · LANES + lane, shape (n_contacts,).
+        first_batch: first batch of each slab, then the number of batches, shape (n_slabs + 1,).
+        first_slab: 0, the first slab of the second colour, and the number of slabs.
+        bodies: the bodies with contacts in the order of the search, shape (n_touched,).
+        chunks: positions in ``bodies`` of both bodies of each contact, or ``n_touched`` for the idle chunk, shape
+            (2 · n_contacts,).
+    """
+
+    places: Any
+    first_batch: IntArray
+    first_slab: IntArray
+    bodies: IntArray
+    chunks: IntArray
+
+    @property
+    def n_batches(self) -> int:
+        """Number of batches."""
+        return int(self.first_batch[-1])
+
+
+def divide_into_slabs(pieces: Pieces) -> Slabs:
+    """Divide the contacts of pieces that come in pairs; the idle chunk belongs to no body."""
+    bodies, chunks, levels = _search(pieces.chunks, pieces.n_chunks)
+    slabs, n_slabs = _slabs(chunks, levels, MIN_SLAB)
+    members, ends = _by_colour(slabs, n_slabs)
+    places, first_batch = _fill_batches(chunks, len(bodies), members, ends)
+    first_slab = np.array([0, n_slabs - n_slabs // 2, n_slabs])
+    return Slabs(places, first_batch, first_slab, bodies, chunks)
+
+
+@njit(cache=True)
+def _neighbours(chunks, idle):  # type: ignore[no-untyped-def]
+    """Return the first neighbour of each body in a list of neighbours, and this list."""
+    starts = np.zeros(idle + 2, dtype=np.int64)
+    for side in range(len(chunks)):
+        if chunks[side] != idle and chunks[side ^ 1] != idle:
+            starts[chunks[side] + 2] += 1
+    for body in range(idle):
+        starts[body + 2] += starts[body + 1]
+    found = np.empty(starts[idle + 1], dtype=np.int64)
+    for side in range(len(chunks)):
+        body, other = chunks[side], chunks[side ^ 1]
+        if body != idle and other != idle:
+            found[starts[body + 1]] = other
+            starts[body + 1] += 1
+    return starts, found
+
+
+@njit(cache=True)
+def _search(chunks, idle):  # type: ignore[no-untyped-def]
+    """Return bodies and chunks as in ``Slabs``, and the level of each of these bodies."""
+    starts, found = _neighbours(chunks, idle)
+    levels, queue = np.full(idle + 1, -1, dtype=np.int64), np.empty(idle + 1, dtype=np.int64)
+    n_visited, level = 0, 0
+    for side in range(len(chunks)):
+        body = chunks[side]
+        if body == idle or levels[body] >= 0:
+            continue
+        end = _visit(starts, found, body, n_visited, level, levels, queue)
+        farthest = queue[end - 1]
+        for k in range(n_visited, end):
+            levels[queue[k]] = -1
+        n_visited = _visit(starts, found, farthest, n_visited, level, levels, queue)
+        level = levels[queue[n_visited - 1]] + 1
+    bodies = queue[:n_visited].copy()
+    positions = np.full(idle + 1, n_visited, dtype=np.int64)
+    for k in range(n_visited):
+        positions[bodies[k]] = k
+    return bodies, positions[chunks], levels[bodies]
+
+
+@njit(cache=True)
+def _visit(starts, found, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
+    """Write the levels of all bodies that are connected with ``root``, and queue them; return the end of the queue."""
+    levels[root], queue[begin] = level, root
+    at, end = begin, begin + 1
+    while at < end:
+        body = queue[at]
+        for k in range(starts[body], starts[body + 1]):
+            other = found[k]
+            if levels[other] < 0:
+                levels[other] = levels[body] + 1
+                queue[end] = other
+                end += 1
+        at += 1
+    return end
+
+
+@njit(cache=True)
+def _slabs(chunks, levels, least):  # type: ignore[no-untyped-def]
+    """Return the slab of each contact, and the number of slabs; ``levels`` grow with the bodies."""
+    n_bodies, n_levels = len(levels), (levels[-1] if len(levels) else 0) + 1
+    slabs, sizes = np.zeros(len(chunks) // 2, dtype=np.int64), np.zeros(n_levels, dtype=np.int64)
+    for contact in range(len(slabs)):
+        body = min(chunks[2 * contact], chunks[2 * contact + 1])  # the idle chunk is last
+        if body < n_bodies:
+            slabs[contact] = levels[body]
+        sizes[slabs[contact]] += 1
+    slab, size = 0, 0
+    for level in range(n_levels):
+        if size >= least and sizes[level]:
+            slab, size = slab + 1, 0
+        size += sizes[level]
+        sizes[level] = slab
+    for contact in range(len(slabs)):
+        slabs[contact] = sizes[slabs[contact]]
+    return slabs, slab + 1
+
+
+@njit(cache=True)
+def _by_colour(slabs, n_slabs):  # type: ignore[no-untyped-def]
+    """Return the contacts of the even slabs and those of the odd slabs, slab by slab, and the end of each slab."""
+    ends, members = np.zeros(n_slabs, dtype=np.int64), np.empty(len(slabs), dtype=np.int64)
+    n_even = n_slabs - n_slabs // 2
+    for contact in range(len(slabs)):
+        ends[slabs[contact] // 2 + n_even * (slabs[contact] % 2)] += 1
+    begins = np.cumsum(ends) - ends
+    for contact in range(len(slabs)):
+        slab = slabs[contact] // 2 + n_even * (slabs[contact] % 2)
+        members[begins[slab]] = contact
+        begins[slab] += 1
+    return members, begins
+
+
+@njit(cache=True)
+def _fill_batches(chunks, idle, members, ends):  # type: ignore[no-untyped-def]
+    """Return the place of each contact and the first batch of each slab.
+
+    Each contact of a slab in turn gets the first batch with an empty lane and none of its bodies.
+    """
+    places, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(ends) + 1, dtype=np.int64)
+    taken = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
+    since = np.full(idle + 1, -1, dtype=np.int64)  # the first open batch when they were written
+    used = np.zeros(OPEN_BATCHES, dtype=np.int64)
+    begin, n_batches = 0, 0
+    for slab in range(len(ends)):
+        first_batch[slab] = n_batches
+        base, full, first_open = n_batches, np.int64(0), 0
+        used[:] = 0
+        for k in range(begin, ends[slab]):
+            contact = members[k]
+            a, b = chunks[2 * contact], chunks[2 * contact + 1]
+            closed = full
+            if a != idle and since[a] == base:
+                closed |= taken[a]
+            if b != idle and since[b] == base:
+                closed |= taken[b]
+            batch = first_open
+            while batch < OPEN_BATCHES and (closed >> batch) & 1:
+                batch += 1
+            if batch == OPEN_BATCHES:  # close all of them
+                base, full, batch, first_open = n_batches, np.int64(0), 0, 0
+                used[:] = 0
+            bit, lane = np.int64(1) << batch, used[batch]
+            for body in (a, b):
+                taken[body] = bit | (taken[body] if since[body] == base else 0)
+                since[body] = base
+            used[batch] += 1
+            if used[batch] == LANES:
+                full |= bit
+                while first_open < OPEN_BATCHES and (full >> first_open) & 1:
+                    first_open += 1
+            places[contact] = LANES * (base + batch) + lane
+            n_batches = max(n_batches, base + batch + 1)
+        begin = ends[slab]
+    first_batch[len(ends)] = n_batches
+    return places, first_batch
