@@ -12,7 +12,7 @@ import pytest
 from numba import njit
 from proxbench.problems import load
 from proxbench.solvers import SolverError, Stop, create
-from proxbench.solvers.prox.parallel import coloured_sweep
+from proxbench.solvers.prox.parallel import coloured_sweep, slabs
 from proxbench.solvers.prox.parallel.atomic import add, wait_for
 from proxbench.solvers.prox.parallel.team import AWAY, Team, _Member, joins_call, leave_call
 
@@ -138,6 +138,7 @@ def test_a_pinned_process_gets_one_thread() -> None:
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one core alone")
 def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(slabs, "MIN_SLAB", 8)
     before, during, run = _thread._count(), [], Team.run
 
     def counted(team: Team, *arguments: Any) -> Any:
@@ -158,13 +159,16 @@ def test_threads_that_wait_at_the_end_of_a_process_do_not_delay_it() -> None:
     program = """
 import numpy as np
 from proxbench.problems import load
-from proxbench.solvers.prox.parallel import coloured_sweep
+from proxbench.solvers.prox.parallel import coloured_sweep, slabs
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
-coloured_sweep.MIN_CONTACTS_PER_THREAD = 1
+coloured_sweep.MIN_CONTACTS_PER_THREAD, slabs.MIN_SLAB = 1, 8
 problem = load("funnel-300")
 sweep = coloured_sweep.ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2)
 assert sweep.threads == 2
 iterates = coloured_sweep.ColouredIterates(sweep, np.zeros(problem.n_rows), 0.0)
 iterates.sweep(1)
+release = iterates.sweep  # lives until modules are cleared
 """
-    subprocess.run([sys.executable, "-c", program], timeout=120, check=True)
+    ended = subprocess.run([sys.executable, "-c", program], timeout=120, capture_output=True, text=True)
+    assert ended.returncode == 0
+    assert "Exception" not in ended.stderr
