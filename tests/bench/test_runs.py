@@ -82,7 +82,7 @@ def test_a_problem_file_is_measured_like_the_problem_in_it(finished: Run, tmp_pa
 
 
 @pytest.mark.weekly
-def test_a_run_carries_what_the_package_does_not_hold_and_nothing_else(tmp_path: Path) -> None:
+def test_a_run_stores_exactly_the_problems_that_the_package_lacks(tmp_path: Path) -> None:
     mine, same = falling(), falling("other name")
     made = run([mine, same, "hard-no-motion", "funnel-30"], "SORprox", results=tmp_path, tolerances=1e-1, passes=1)
     assert [file.name for file in (made.folder / "problems").iterdir()] == [f"{mine.digest}.npz"]
@@ -104,9 +104,7 @@ def test_resuming_a_finished_run_changes_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.weekly
-def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_them(
-    finished: Run, tmp_path: Path
-) -> None:
+def test_a_run_is_resumed_from_the_problems_that_it_stores(finished: Run, tmp_path: Path) -> None:
     made = run([falling(), falling("heavy", 2.0)], ["SORprox", "Jprox"], results=tmp_path, tolerances=1e-4, passes=1)
     lost = sorted((made.folder / "cases").iterdir())[::2]
     for file in lost:
@@ -119,7 +117,7 @@ def test_a_run_with_problems_of_its_own_is_finished_where_nothing_else_knows_the
 
 
 @pytest.mark.slow
-def test_a_problem_of_a_plugin_needs_the_plugin_no_more(tmp_path: Path) -> None:
+def test_a_run_is_resumed_without_the_plugin_of_its_problem(tmp_path: Path) -> None:
     plugin = tmp_path / "points.py"
     plugin.write_text(
         "import numpy as np\nfrom proxbench.problems import ContactProblem\n"
@@ -166,7 +164,7 @@ def test_a_carried_problem_that_is_damaged_stops_the_run_by_name(tmp_path: Path)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hard-no-motion", "funnel-30"])
-def test_a_name_of_the_library_stands_for_its_numbers_only(name: str, tmp_path: Path) -> None:
+def test_a_problem_that_differs_from_the_library_problem_of_its_name_is_refused(name: str, tmp_path: Path) -> None:
     assert name in SUITES["all"]
     with pytest.raises(BenchError, match=f"the problem '{name}' differs from the problem of that name"):
         run(falling(name), "SORprox", results=tmp_path)

@@ -127,7 +127,7 @@ def end_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float
 
 
 @given(problem=problems, solver=solvers, seed=seeds, size=st.integers(-6, 3), outside=st.booleans())
-def test_any_start_leaves_a_solver_true_to_its_status_and_is_not_made_worse(
+def test_from_any_start_the_status_is_true_and_the_residual_does_not_increase(
     problem: ContactProblem, solver: Solver, seed: int, size: int, outside: bool
 ) -> None:
     if solver.supports(problem) is not None:

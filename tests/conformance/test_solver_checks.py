@@ -238,7 +238,7 @@ def test_a_solver_that_cannot_be_pickled_is_reported() -> None:
         CHECKS["pickling"].run(Local(""))
 
 
-def test_problems_are_held_to_their_promises() -> None:
+def test_checks_of_problems_detect_violations() -> None:
     rng = np.random.default_rng(0)
 
     def made(answer: Answer | None = None, free_velocity: float = -1.0) -> ContactProblem:

@@ -89,7 +89,7 @@ def test_a_case_under_another_name_does_not_leave_the_folder(copied: Path) -> No
         {"curve": {"iteration": [1], "residual": [float("nan")]}},
     ],
 )
-def test_content_that_makes_no_sense_is_left_out(copied: Path, changes: dict[str, Any]) -> None:
+def test_a_case_file_with_invalid_values_is_reported_as_damaged(copied: Path, changes: dict[str, Any]) -> None:
     forge(next((copied / "cases").glob("*.json")), changes)
     frames = load(copied)
     assert len(frames.cases) == 0
@@ -125,7 +125,7 @@ def test_a_run_from_elsewhere_runs_no_plugin(copied: Path) -> None:
     assert not sprung.exists()
 
 
-def test_a_file_that_is_none_or_absurd_is_left_out(copied: Path) -> None:
+def test_irregular_huge_and_malformed_case_files_are_reported_as_damaged(copied: Path) -> None:
     cases = copied / "cases"
     os.mkfifo(cases / "pipe.json")
     (cases / "folder.json").mkdir()

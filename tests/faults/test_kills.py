@@ -94,7 +94,7 @@ def killed_one(sandbox: Sandbox, run: int, chance: random.Random) -> bool:
 
 
 @pytest.mark.parametrize("least", [1, pytest.param(KILLS, marks=pytest.mark.weekly)])
-def test_a_killed_run_has_stored_what_it_named_leaves_nothing_behind_and_is_finished_later(
+def test_a_killed_run_keeps_its_reported_points_leaves_no_process_and_can_be_resumed(
     least: int, tmp_path: Path, undisturbed: Undisturbed
 ) -> None:
     """The run names a point after it is stored, so every named point is in the file with as many rounds.

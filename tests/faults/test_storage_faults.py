@@ -41,7 +41,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.weekly
-def test_a_file_that_finds_no_room_stops_the_run_and_costs_nothing_finished(
+def test_exceeding_the_file_size_limit_stops_the_run_and_keeps_finished_cases(
     sandbox: Sandbox, undisturbed: Path
 ) -> None:
     sizes = sorted(file.stat().st_size for file in undisturbed.rglob("*.json"))
@@ -73,7 +73,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
-def test_a_full_disk_and_a_read_only_one(
+def test_a_full_or_read_only_disk_is_reported_and_the_run_can_be_resumed(
     undisturbed: Path, small_disk: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = small_disk / "it"
@@ -135,7 +135,7 @@ def spoiled(tmp_path_factory: pytest.TempPathFactory) -> SpoiledRuns:
 
 @pytest.mark.weekly
 @pytest.mark.parametrize("how", SPOILED)
-def test_a_folder_that_is_spoiled_meanwhile_is_whole_at_the_end(
+def test_a_run_completes_although_its_folder_is_damaged_meanwhile(
     how: str, spoiled: SpoiledRuns, undisturbed: Path
 ) -> None:
     folder = spoiled.results / how

@@ -64,7 +64,9 @@ def test_residual_of_one_row_is_zero_at_the_solution(
         ([-1.0, 3.0, 4.0], [2.8, -0.84, -1.12]),  # of min ½‖f + b‖² over ‖f_T‖ ≤ ½ f_N
     ],
 )
-def test_an_elliptic_cone(offset: list[float], solution: list[float], unit: float) -> None:
+def test_the_residual_of_an_elliptic_cone_is_zero_only_at_its_solution(
+    offset: list[float], solution: list[float], unit: float
+) -> None:
     model = model_of([CONE], offset, coefficient=0.5, unit=unit)
     assert judge_own_model(model, solution) < 1e-15
     assert judge_own_model(model, [solution[0], solution[1] + 0.1, solution[2]]) > 1e-3

@@ -31,7 +31,7 @@ def test_what_is_written_is_read_again(name: Name) -> None:
 @pytest.mark.parametrize(
     "text", ["", "a b", "f(", "f()()", "f(**x)", "f(1)", "f(x=y)", "f(x=__import__('os'))", "a.b", "[f]", "f(" * 500]
 )
-def test_what_is_no_name_is_refused_in_one_sentence_with_an_example(text: str) -> None:
+def test_an_invalid_name_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(ProblemError, match=r"as a scene; write a name, or a name with options: funnel\(balls=100\)"):
         read(text)
 

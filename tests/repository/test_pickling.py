@@ -9,7 +9,7 @@ import proxbench.bench
 PACKAGES = Path(proxbench.bench.__file__).parents[1]
 
 
-def test_only_the_way_to_a_case_is_pickled_and_nothing_is_evaluated() -> None:
+def test_pickle_and_exec_are_used_only_in_the_listed_modules() -> None:
     """A run reads only JSON, arrays and Python literals; it sends pickles to its cases, but accepts none from them."""
     pickling = {
         "pickle": {"worker.py", "fork_server.py", "child.py", "solver_checks.py"},

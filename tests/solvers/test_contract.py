@@ -196,7 +196,7 @@ def test_the_time_limit_is_kept(name: str) -> None:
     assert solution.iterations < 10**6
 
 
-def test_a_prepared_object_may_give_its_number_of_threads_but_nothing_else_by_that_name() -> None:
+def test_the_number_of_threads_of_a_prepared_object_is_a_positive_integer() -> None:
     def prepared(threads: Any) -> Any:
         return SimpleNamespace(solve=lambda stop, start=None, observe=None: None, threads=threads)
 
@@ -215,7 +215,7 @@ def box() -> ContactProblem:
 
 
 @pytest.mark.parametrize("name", [*STARTED, "Fallback(NSGS)", "ProximalPoint", "HybridNewton", "ClarabelSOCP", "Lemke"])
-def test_a_tolerance_alone_is_no_stop(name: str) -> None:
+def test_a_tolerance_instead_of_a_stop_is_refused(name: str) -> None:
     with pytest.raises(SolverError, match=r"^solve takes a Stop, such as Stop\(1e-6\), not a value of type float"):
         create(name).prepare(box()).solve(1e-6)  # type: ignore[arg-type]
 

@@ -70,7 +70,7 @@ def test_solve_accepts_the_name_and_the_file_of_a_problem(tmp_path: Path) -> Non
         np.testing.assert_array_equal(solve(given).impulses, expected)
 
 
-def test_an_unknown_limit_is_named_and_a_start_has_its_own_call() -> None:
+def test_solve_refuses_unknown_arguments_and_shows_how_to_pass_a_start() -> None:
     with pytest.raises(SolverError, match="solve has no argument `foo`; it takes max_iterations and max_seconds"):
         solve("funnel-30", foo=1)
     with pytest.raises(

@@ -62,7 +62,7 @@ def test_a_figure_that_is_accepted_by_name_has_a_commit_of_its_own(tmp_path: Pat
     assert commits == {FIRST: "def", **dict.fromkeys(OTHERS, "abc")}
 
 
-def test_the_last_base_counts_and_the_first_one_is_named_to_see_what_adds_up(
+def test_the_last_base_is_compared_and_the_first_is_suggested_for_the_total_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bases = [f'[[bases]]\ncommit = "{number}00000000"\nreason = "r"\n' for number in range(3)]
@@ -91,7 +91,7 @@ def test_the_last_base_counts_and_the_first_one_is_named_to_see_what_adds_up(
         (f'{BASE}[accepted."{FIRST}"]\ncommit = "d"', "a commit and a reason for each base and figure"),
     ],
 )
-def test_what_accepts_nothing_or_gives_no_reason_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
+def test_an_entry_without_a_commit_figure_or_reason_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(BenchError, match=sentence):
         accepted(written(tmp_path, text))
 

@@ -111,7 +111,7 @@ def test_exported_problem_can_be_imported_and_run(tmp_path: Path, capsys: Captur
     assert "there" in capsys.readouterr().out
 
 
-def test_a_file_that_calls_its_problem_like_a_path_is_exported_under_its_own_name(tmp_path: Path) -> None:
+def test_a_problem_with_the_name_of_a_path_is_exported_under_the_name_of_its_file(tmp_path: Path) -> None:
     save_problem(load("hard-sticking-box").renamed("../../elsewhere"), tmp_path / "deep" / "mine.npz")
     assert run_command(["export", "fclib", f"{tmp_path}/deep/mine.npz", "--output", f"{tmp_path}/deep/out"]) == 0
     assert {file.name for file in tmp_path.rglob("*.hdf5")} == {"mine.hdf5"}

@@ -46,7 +46,7 @@ def test_an_error_that_a_memory_error_caused_is_one_of_memory(error: BaseExcepti
     assert _is_caused_by_memory(error) is is_memory
 
 
-def test_errors_that_cause_each_other_end_the_search() -> None:
+def test_a_cycle_of_error_causes_does_not_loop_forever() -> None:
     first, second = ValueError("first"), ValueError("second")
     first.__cause__, second.__cause__ = second, first
     assert not _is_caused_by_memory(first)

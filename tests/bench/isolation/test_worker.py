@@ -92,13 +92,13 @@ def test_a_fault_keeps_traceback_and_output() -> None:
     assert len(record.stderr) <= 4000
 
 
-def test_a_solver_that_a_signal_kills_leaves_the_place_in_its_code() -> None:
+def test_the_record_of_a_solver_killed_by_a_signal_shows_where_it_crashed() -> None:
     printed = carried_out("segfault").record().stderr
     assert "in do_segfault" in printed
     assert "Extension modules" not in printed
 
 
-def test_what_a_solver_replaces_in_its_process_is_found_and_reaches_no_judge() -> None:
+def test_a_solver_that_replaces_functions_of_the_framework_misbehaves() -> None:
     record = carried_out("patch").record()
     assert (record.outcome, record.points) == (Outcome.MISBEHAVED, [])
     assert "it replaced " in record.reason

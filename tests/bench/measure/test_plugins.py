@@ -69,7 +69,7 @@ def written(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.mark.slow
-def test_a_file_s_names_can_be_measured(written: Callable[..., Path], tmp_path: Path) -> None:
+def test_solvers_and_problems_of_a_plugin_file_can_be_measured(written: Callable[..., Path], tmp_path: Path) -> None:
     use_plugin_files([written(GOOD)])
     assert "Filed" in available()
     assert solver_spec("Filed(relaxation = 1.5)").name == "Filed(relaxation=1.5)"

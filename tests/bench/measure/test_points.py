@@ -53,7 +53,7 @@ def test_an_excluded_round_does_not_count() -> None:
     assert not found.measured.is_excluded
 
 
-def test_a_point_without_another_round_shows_what_the_clock_counted_and_is_excluded() -> None:
+def test_a_point_with_excluded_rounds_alone_shows_their_times_and_is_excluded() -> None:
     found = joined(point(one_round(0, 5.0, "preempted")), point(one_round(1, 7.0, "unsteady"))).measured
     assert found is not None
     assert found.total_seconds.median == 6.0
@@ -88,7 +88,9 @@ def test_passes_are_counted_in_each_session_of_a_run() -> None:
 
 
 @pytest.mark.parametrize(("excluded", "is_late"), [(["preempted", ""], False), (["preempted", "unsteady"], True)])
-def test_a_time_limit_is_that_of_others_only_where_all_rounds_are_excluded(excluded: list[str], is_late: bool) -> None:
+def test_a_time_limit_is_attributed_to_other_programs_only_if_all_rounds_are_excluded(
+    excluded: list[str], is_late: bool
+) -> None:
     rounds = [timed_round(number, 9.0, excluded=why) for number, why in enumerate(excluded)]
     found = Point(
         tolerance=1e-4, outcome=Outcome.TIME_LIMIT, status="time limit", reason="", measured=measured_in(rounds)

@@ -18,7 +18,7 @@ def case_of(solver: str, status: Status, outcome: Outcome, residual: float) -> C
 
 
 @pytest.mark.parametrize("size", [1e9, 1e16, 1e200])
-def test_huge_impulses_refute_no_honest_claim(size: float) -> None:
+def test_huge_impulses_do_not_refute_a_true_claim_of_infeasibility(size: float) -> None:
     own, coulomb = verdicts(load("hard-squeezed"), [size, size], Model.COULOMB)  # type: ignore[arg-type]
     outcome = point_outcome(Status.SOLVED, TOLERANCE, Model.COULOMB, own, coulomb)
     assert outcome is Outcome.WRONG

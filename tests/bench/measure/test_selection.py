@@ -123,7 +123,7 @@ def test_a_known_name_goes_before_a_folder_of_that_name(tmp_path: Path, monkeypa
         assert list(select(None, place).families) == ["boxes-000"]
 
 
-def test_what_is_named_itself_must_be_sound(tmp_path: Path) -> None:
+def test_explicitly_named_problems_must_be_valid_and_unique(tmp_path: Path) -> None:
     folder = broken(filled(tmp_path, {"boxes": 1}))
     with pytest.raises(ProblemError, match="is damaged"):
         select([folder / "boxes-damaged.npz"], "quick")

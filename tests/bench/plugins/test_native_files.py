@@ -79,7 +79,7 @@ def test_a_fault_costs_its_own_process(
     assert not failed.value.reason.endswith(".")
 
 
-def test_the_process_that_judges_knows_a_library_as_data(sweeps: Path) -> None:
+def test_the_judging_process_does_not_load_the_library(sweeps: Path) -> None:
     spec = solver_spec(f"Shared({sweeps}, options='relaxation=1.5')")
     assert not spec.is_built_in
     assert spec.source == f"shared library {sweeps} (pgs 1.0)"

@@ -16,7 +16,7 @@ def test_states_follow_from_the_share_of_the_friction_bound() -> None:
     assert count_states(states).tolist() == [2, 1, 1]
 
 
-def test_a_closed_contact_without_friction_slips_and_nonsense_is_open() -> None:
+def test_a_closed_frictionless_contact_slips_and_a_nan_impulse_is_open() -> None:
     layout = layout_of(Laws.contacts(0.0, 1, 3))
     assert contact_states(layout, np.array([[1.0], [0.0], [np.nan]])).tolist() == [2, 0, 0]
 

@@ -46,7 +46,7 @@ def test_curves_that_move_keep_the_axis_that_they_need(values: list[float]) -> N
     assert axis_range(values, 1e-6) is None
 
 
-def test_a_recording_of_a_block_at_rest_opens_with_such_axes(
+def test_a_recording_of_a_block_at_rest_has_axes_that_do_not_magnify_rounding(
     tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     scene, file = make_scene("block_on_incline(speed=0.0)"), tmp_path / "block.rrd"

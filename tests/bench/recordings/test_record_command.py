@@ -45,7 +45,7 @@ def test_solvers_are_recorded_and_listed(capsys: pytest.CaptureFixture[str], tmp
     assert document["solves"][0]["residual"] < 1e-4
 
 
-def test_json_holds_even_where_nothing_is_finite(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_json_is_valid_even_if_a_residual_is_not_finite(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     line = f"record hard-immovable --solver SORprox --output {tmp_path}/a.rrd --json"
     assert run_command(line.split()) == 0
     document = json.loads(capsys.readouterr().out, parse_constant=lambda word: pytest.fail(word))

@@ -119,7 +119,7 @@ def test_given_places_are_used_and_must_fit(tmp_path: Path, read_back: Callable[
     assert not (tmp_path / "b.rrd").exists()
 
 
-def test_what_has_nothing_to_show_is_refused(tmp_path: Path) -> None:
+def test_a_recording_without_contacts_or_solvers_is_refused(tmp_path: Path) -> None:
     empty = ContactProblem.from_delassus(np.zeros((0, 0)), np.zeros(0), 0.3)
     with pytest.raises(BenchError, match="no contacts"):
         record_solves(empty, [create("SORprox")], STOP, tmp_path / "a.rrd")

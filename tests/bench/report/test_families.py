@@ -50,7 +50,7 @@ def test_the_summary_of_a_family_is_that_of_a_run_over_it_alone(grouped: RunFram
 
 
 @pytest.mark.slow
-def test_families_are_shown_where_they_say_more_than_the_problems(grouped: RunFrames) -> None:
+def test_families_are_shown_only_if_there_are_several_and_one_has_several_problems(grouped: RunFrames) -> None:
     assert families(grouped) == ["algebraic", "flow"]
     assert families(grouped.only(["hard-counterexample", "hard-immovable"])) == []
     assert families(grouped.only(["hard-counterexample", "funnel-30"])) == []

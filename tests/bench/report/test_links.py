@@ -136,7 +136,7 @@ def test_a_run_whose_files_cannot_be_written_is_printed_and_says_why(
 
 
 @pytest.mark.weekly
-def test_files_that_cannot_be_written_fail_no_run_of_which_nothing_failed(
+def test_report_files_that_cannot_be_written_do_not_make_a_successful_run_fail(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = f"run --problem hard-tresca-joint --solver SORprox --tolerance 1e-4 --output {tmp_path} --run-id it"

@@ -39,7 +39,7 @@ def in_use() -> Iterator[None]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stepper", ["Moreau(step=1e-3)", "Extrapolated(tolerance=1e-4, min_step=1e-6)"])
-def test_a_scene_of_a_plugin_moves_in_the_bits_of_the_same_scene_here(stepper: str) -> None:
+def test_a_plugin_scene_moves_bit_by_bit_like_the_local_scene(stepper: str) -> None:
     def state(scene: str) -> bytes:
         reached = simulate(make_simulation_plan(scene, stepper=stepper, duration=0.13)).state
         return reached.position.tobytes() + reached.velocity.tobytes() + reached.impulses.tobytes()

@@ -45,7 +45,7 @@ def point_of(problem: ContactProblem, impulses: np.ndarray) -> Point:
     return Point(tolerance=1e-4, outcome=Outcome.SOLVED, reason="", status="solved", measured=measured)
 
 
-def test_a_row_says_that_a_fast_ball_hides_a_pile_that_falls() -> None:
+def test_a_local_residual_far_above_the_judged_one_is_noted() -> None:
     problem = pile_under_a_fast_ball()
     impulses = np.array([0.0, 0.0, 0.0, FAST / (1e9 + 1.0)])
     verdict = judge(problem, impulses)
@@ -57,7 +57,7 @@ def test_a_row_says_that_a_fast_ball_hides_a_pile_that_falls() -> None:
     )
 
 
-def test_a_row_says_nothing_where_the_worst_contact_is_solved_as_well() -> None:
+def test_no_note_is_given_if_the_worst_contact_is_solved_too() -> None:
     problem = pile_under_a_fast_ball()
     impulses = np.linalg.solve(problem.delassus().toarray(), -problem.free_velocity)
     assert (impulses >= 0.0).all()
@@ -66,7 +66,7 @@ def test_a_row_says_nothing_where_the_worst_contact_is_solved_as_well() -> None:
 
 @pytest.mark.parametrize(("local", "is_noted"), [(0.9 * LOCAL_RATIO, False), (1.1 * LOCAL_RATIO, True)])
 @pytest.mark.parametrize(("residual", "is_above_rounding"), [(1e-7, True), (1e-16, False)])
-def test_the_ratio_counts_above_rounding(
+def test_the_ratio_of_residuals_is_noted_only_above_rounding(
     local: float, is_noted: bool, residual: float, is_above_rounding: bool
 ) -> None:
     point = point_of(pile_under_a_fast_ball(), np.zeros(4))
@@ -121,7 +121,7 @@ def test_times_of_a_call_of_a_library_are_noted() -> None:
     assert alone == "times are those of one call of the library, without preparation"
 
 
-def test_the_machine_explains_a_ratio_and_an_allowance() -> None:
+def test_longer_times_are_explained_up_to_a_ratio_plus_an_allowance() -> None:
     """The longest explained time is a multiple of the repeated one plus an allowance."""
     for repeated in (0.0, 1e-3, 10.0):
         longest = EXPLAINED_RATIO * repeated + ALLOWANCE_SECONDS

@@ -93,7 +93,7 @@ def test_one_disturbed_round_of_many_moves_a_ratio_little() -> None:
     assert ratio(rounds(times), rounds(np.ones(9))).value == pytest.approx(2.6)
 
 
-def test_a_ratio_and_that_of_the_others_are_reciprocal() -> None:
+def test_swapping_the_solvers_inverts_their_ratio_and_its_interval() -> None:
     chance = default_rng(3)
     mine, others = rounds(np.exp(quiet(chance, 8))), rounds(np.exp(quiet(chance, 8)))
     there, back = ratio(mine, others), ratio(others, mine)

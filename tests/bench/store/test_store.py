@@ -166,7 +166,9 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         Store.create(tmp_path / "file" / "run")
 
 
-def test_a_place_that_is_no_run_is_named_with_what_is_there(tmp_path: Path, store: Store, record: RunRecord) -> None:
+def test_a_path_that_is_not_a_run_is_refused_with_what_was_found_there(
+    tmp_path: Path, store: Store, record: RunRecord
+) -> None:
     store.write_run(record)
     (tmp_path / "empty").mkdir()
     (tmp_path / "it.bundle").write_bytes(b"")

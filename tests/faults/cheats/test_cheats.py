@@ -50,7 +50,7 @@ def test_iterations_are_those_that_were_observed() -> None:
 
 @pytest.mark.alone
 @pytest.mark.weekly
-def test_work_that_goes_on_elsewhere_is_waited_for_on_the_clock() -> None:
+def test_the_time_of_a_solve_includes_the_wait_for_asynchronous_work() -> None:
     points = measured(Elsewhere()).points
     assert {point.outcome for point in points} == {Outcome.SOLVED}
     assert all(point.measured is not None and point.measured.solve_seconds.min >= 0.02 for point in points)

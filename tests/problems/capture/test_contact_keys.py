@@ -23,7 +23,7 @@ def test_a_corner_keeps_its_name_when_contacts_come_in_another_order_and_the_box
     assert again == tuple(first[corner] for corner in [3, 0, 2, 1])
 
 
-def test_a_contact_that_vanished_leaves_its_name_to_a_new_one_only() -> None:
+def test_the_key_of_a_vanished_contact_is_reused_only_for_a_new_contact() -> None:
     pair = ["floor | box"]
     first = distinct_keys(4 * pair, anchors([0, 1, 2, 3]))
     two = distinct_keys(2 * pair, anchors([2, 3]), first, anchors([0, 1, 2, 3]))

@@ -95,7 +95,7 @@ def test_a_reset_of_the_state_ends_a_capture(tmp_path: Path, monkeypatch: pytest
         next(steps)
 
 
-def test_a_model_that_explodes_is_one_sentence_and_leaves_no_log(
+def test_a_diverging_model_is_reported_in_one_sentence_without_a_log_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

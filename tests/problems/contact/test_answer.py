@@ -28,7 +28,7 @@ def test_parts_that_do_not_fit_are_named(known: dict[str, Any], words: str) -> N
         Answer(**known).check(3)
 
 
-def test_of_several_solutions_the_nearest_counts_and_else_the_known_sums() -> None:
+def test_the_error_is_that_to_the_nearest_solution_or_else_of_the_known_sums() -> None:
     several = Answer(impulses=(np.zeros(3), np.array([1.0, 1.0, 1.0])))
     assert several.impulse_error([1.0, 1.25, 1.0]) == 0.25
     assert Answer(**SUM).impulse_error([1.0, 1.5, 7.0]) == 0.5

@@ -72,7 +72,7 @@ def test_entries_that_are_stored_as_zero_couple_nothing() -> None:
     assert list(components(ContactProblem.from_delassus(matrix, -np.ones(2), dim=1))) == [0, 1]
 
 
-def test_a_contact_is_around_the_one_that_bounds_its_friction_and_the_other_way_round() -> None:
+def test_a_contact_and_the_one_that_bounds_its_friction_are_neighbours() -> None:
     """Of three contacts that G does not couple, the first bounds the friction of the third."""
     problem = load("hard-remote-partner")
     problem = ContactProblem.from_delassus(np.eye(problem.n_rows), -np.ones(problem.n_rows), laws=problem.laws)

@@ -161,7 +161,7 @@ def sweeps(problem: ContactProblem, count: int) -> np.ndarray:
     ("masses", "count", "residual", "impulse_error", "relative"),
     [([1.0, 1e6], 20_000, 0.98, 0.98, 4.9e-5), ([1.0] * 9 + [100.0], 1000, 3.9e-2, 0.33, 5.3e-4)],
 )
-def test_heavy_on_light_is_judged_by_velocity_where_impulses_deceive(
+def test_at_large_mass_ratios_velocities_show_errors_that_relative_impulses_hide(
     masses: list[float], count: int, residual: float, impulse_error: float, relative: float
 ) -> None:
     from proxbench.problems.hard.stacks import stack
@@ -278,7 +278,9 @@ def test_rolling_friction_by_hand(c: tuple[float, ...], impulses: tuple[float, .
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("moment", "violation"), [(0.0, 0.0), (0.04, 0.0), (0.06, np.inf)])
-def test_a_moment_beyond_its_bound_is_infinite_where_its_length_vanishes(moment: float, violation: float) -> None:
+def test_the_cone_violation_of_a_moment_is_infinite_if_its_length_scale_underflows(
+    moment: float, violation: float
+) -> None:
     """ℓ = √(α_N/α_R) underflows, so a moment of any size is larger than all forces."""
     laws = Laws.contacts(0.5, 2, 1).with_rolling(0.05, 1)
     problem = ContactProblem.from_delassus(np.diag([1e-300, 1e-300, 1e30]), np.zeros(3), laws=laws)
@@ -391,6 +393,6 @@ def test_without_friction_both_models_have_the_same_residual(impulse: float, fre
         assert judge(problem, (0.0, 0.0, 0.0, impulse), model).residual == pytest.approx(violation, rel=1e-12)
 
 
-def test_rounding_hides_nothing_where_nothing_moves() -> None:
+def test_the_rounding_error_is_zero_if_no_impulse_moves_anything() -> None:
     still = Residual(ContactProblem.from_delassus(np.eye(3), np.zeros(3), 0.5))
     assert still.rounding(np.ones(3)) == 0.0

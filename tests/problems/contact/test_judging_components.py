@@ -47,7 +47,7 @@ def test_the_residual_of_problems_side_by_side_is_the_largest_of_theirs(seed: in
 
 
 @pytest.mark.parametrize("still", [0.0, 1e-14])
-def test_a_component_at_rest_counts_against_the_whole(still: float) -> None:
+def test_a_component_at_rest_is_judged_relative_to_the_whole_problem(still: float) -> None:
     problem = ContactProblem.from_delassus(np.eye(2), (-1.0, -still), dim=1)
     verdict = judge(problem, (1.0, 1e-3))
     assert verdict.residual == pytest.approx(1e-3, rel=1e-9)

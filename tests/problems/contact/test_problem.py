@@ -95,7 +95,7 @@ def test_construction_copies_and_freezes() -> None:
             array.reshape(-1)[0] = 1.0
 
 
-def test_the_digest_knows_numbers_and_nothing_else() -> None:
+def test_the_digest_depends_on_the_numbers_alone() -> None:
     digest = ContactProblem.from_delassus(G, C, 0.3).digest
     assert ContactProblem.from_delassus(sp.csc_array(G), list(C), [0.3]).digest == digest
     assert ContactProblem.from_delassus(G, C, 0.3, name="x", provenance={"seed": 1}).digest == digest

@@ -65,7 +65,7 @@ def test_points_inside_stay(sides: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["hard-mixed-laws", "hard-tresca-joint", "hard-sliding-block", "hard-sticking-box"])
-def test_projected_impulses_are_admissible_stay_when_projected_again_and_leave_the_given_ones(name: str) -> None:
+def test_projection_is_admissible_and_idempotent_and_does_not_modify_its_argument(name: str) -> None:
     problem = load(name)
     given_impulses = np.random.default_rng(3).normal(size=problem.n_rows)
     kept = given_impulses.copy()

@@ -48,7 +48,7 @@ def test_the_largest_held_velocity_is_that_of_dense_arrays(size: float) -> None:
 
 @pytest.mark.parametrize("n_rows", [1, 2, 3])
 @pytest.mark.parametrize("normal", [0.5, 2.0])
-def test_a_law_that_slides_is_violated_by_its_rounding_at_least_and_one_that_sticks_by_nothing(
+def test_a_sliding_law_is_violated_by_at_least_its_rounding_and_a_resting_one_by_zero(
     n_rows: int, normal: float
 ) -> None:
     """With h = αΛ at the bound b, the rounding of h and of its projection is 9ub + u‖h‖."""
@@ -65,7 +65,7 @@ def test_a_law_that_slides_is_violated_by_its_rounding_at_least_and_one_that_sti
 
 
 @pytest.mark.parametrize("n_rows", [1, 2])
-def test_a_ball_of_more_rows_without_motion_is_violated_like_one_of_fewer(n_rows: int) -> None:
+def test_an_additional_row_of_zeros_does_not_change_the_violation_of_a_law(n_rows: int) -> None:
     rng = np.random.default_rng(2)
     residuals = []
     for rows in (n_rows, n_rows + 1):

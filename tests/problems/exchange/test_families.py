@@ -70,7 +70,7 @@ def test_a_sample_has_its_size_and_every_family_its_share_to_within_one(
     count=st.integers(1, 200),
     seed=st.integers(0, 9),
 )
-def test_an_even_sample_has_as_many_of_each_family_but_of_those_that_have_fewer(
+def test_an_even_sample_takes_equally_many_of_each_family_or_all_of_a_small_one(
     sizes: dict[str, int], count: int, seed: int
 ) -> None:
     families = families_of(sizes)

@@ -75,7 +75,7 @@ def test_a_description_that_makes_no_sense_gets_one_sentence(text: str, words: s
     assert "\n" not in str(caught.value)
 
 
-def test_a_description_in_other_letters_or_without_end_is_refused(folder: Path) -> None:
+def test_a_description_that_is_not_utf8_or_exceeds_the_size_limit_is_refused(folder: Path) -> None:
     (folder / "suite.toml").write_bytes(b"name = '\xff'")
     with pytest.raises(ProblemError, match="is not valid TOML"):
         list_folder(folder)
@@ -84,7 +84,7 @@ def test_a_description_in_other_letters_or_without_end_is_refused(folder: Path) 
         list_folder(folder)
 
 
-def test_files_of_one_name_in_several_folders_are_told_apart_and_in_one_folder_named(folder: Path) -> None:
+def test_equal_names_in_two_folders_are_distinguished_and_in_one_folder_reported(folder: Path) -> None:
     shutil.copy(folder / "boxes-1.npz", folder / "deep")
     suite = list_folder(folder)
     assert names(suite) == ["boxes-1", "boxes-2", "deep-boxes-1", "rocks-1", "rocks-2"]

@@ -140,7 +140,7 @@ def indefinite(least: float) -> np.ndarray:
     return 0.5 * (matrix + matrix.T)
 
 
-def test_a_delassus_matrix_with_a_small_negative_eigenvalue_is_taken_by_name_only(tmp_path: Path) -> None:
+def test_a_small_negative_eigenvalue_of_the_delassus_matrix_is_projected_only_on_request(tmp_path: Path) -> None:
     path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-3e-8)))
     with pytest.raises(
         ProblemError,
@@ -165,7 +165,7 @@ def test_the_command_for_one_remedy_keeps_the_other(tmp_path: Path) -> None:
     assert read_fclib(path, "lower", "project").n_rows == 6
 
 
-def test_a_matrix_that_is_far_from_semidefinite_is_refused_in_spite_of_the_name(tmp_path: Path) -> None:
+def test_a_matrix_far_from_semidefinite_is_refused_even_if_projection_is_requested(tmp_path: Path) -> None:
     path = write_data(tmp_path / "p.hdf5", local_data(matrix=indefinite(-2 * MAX_NEGATIVE)))
     with pytest.raises(ProblemError, match="replaces only negative eigenvalues up to 1e-06"):
         read_fclib(path, indefinite="project")

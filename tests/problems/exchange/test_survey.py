@@ -28,7 +28,7 @@ def test_the_estimated_rank_of_known_problems_is_that_of_their_eigenvalues(name:
     assert estimated_rank(load(name)) == (values > 1e-9 * values[-1]).sum()
 
 
-def test_rows_that_move_nothing_have_no_rank() -> None:
+def test_zero_rows_do_not_count_towards_the_rank() -> None:
     assert estimated_rank(ContactProblem.from_delassus(np.diag([1.0, 0.0, 0.0]), np.ones(3), 0.5)) == 1
     assert estimated_rank(ContactProblem.from_delassus(np.zeros((3, 3)), np.ones(3), 0.5)) == 0
 

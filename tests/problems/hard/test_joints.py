@@ -60,7 +60,7 @@ def test_sweeps_come_to_the_tensions_too(solver: str) -> None:
 
 
 @pytest.mark.parametrize(("cranks", "rank"), [(2, 8), (3, 11), (5, 17)])
-def test_a_parallel_crank_more_than_two_takes_nothing_from_the_motion(cranks: int, rank: int) -> None:
+def test_each_parallel_crank_beyond_the_second_is_redundant(cranks: int, rank: int) -> None:
     problem = parallelogram(cranks)
     delassus = problem.delassus().toarray()
     assert np.linalg.matrix_rank(delassus, tol=1e-10) == rank == delassus.shape[0] - (cranks - 2)
@@ -88,7 +88,7 @@ def test_what_redundant_joints_push_their_bodies_with_is_right_to_ten_digits(cra
     assert found == pytest.approx(problem.answer.values, abs=1e-10 * np.abs(problem.answer.values).max())
 
 
-def test_a_pin_written_eight_times_bears_a_quarter_of_the_rod_all_together() -> None:
+def test_eight_copies_of_a_pin_together_carry_a_quarter_of_the_weight_of_the_rod() -> None:
     for copies in (1, 8):
         problem = pendulum(copies)
         impulses = solve(problem, "NSGS", tolerance=1e-12).impulses

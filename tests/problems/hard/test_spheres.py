@@ -57,7 +57,7 @@ def test_a_rolling_sphere_stops_when_its_speed_is_used_up(solver: str) -> None:
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
-def test_spheres_in_all_directions_do_everything_and_are_known(axes: int) -> None:
+def test_spheres_that_stick_roll_and_slide_in_all_directions_have_known_impulses(axes: int) -> None:
     problem = many_resisting_spheres(60, axes)
     assert problem.answer is not None
     (known,) = problem.answer.impulses

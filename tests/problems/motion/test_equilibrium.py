@@ -239,7 +239,7 @@ def least_friction_is_refused(problem: ContactProblem) -> bool:
     return True
 
 
-def test_what_cannot_be_asked_is_refused_in_one_sentence() -> None:
+def test_invalid_arguments_are_refused_in_one_sentence() -> None:
     given = ContactProblem.from_delassus(np.eye(3), [-1.0, 0.0, 0.0], 0.3)
     with pytest.raises(ProblemError, match="lacks the factors"):
         find_equilibrium(given)

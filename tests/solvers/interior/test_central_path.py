@@ -17,7 +17,7 @@ def test_it_ends_at_an_answer_under_every_law(name: str) -> None:
     assert judge(problem, solution.impulses).residual <= 1e-7
 
 
-def test_it_passes_the_turns_of_a_path() -> None:
+def test_a_path_that_turns_back_is_followed_to_the_solution() -> None:
     """The path of pile-100 turns back twice."""
     problem = load("pile-100")
     followed = solve(problem, "CentralPath", tolerance=1e-8, max_iterations=400)
@@ -77,7 +77,7 @@ def test_a_series_is_its_polynomial() -> None:
     assert np.abs(series.manifold_vector(0.5) - expected).max() <= 1e-14
 
 
-def test_a_bound_by_another_contact_is_refused_in_words() -> None:
+def test_friction_bounded_by_another_contact_is_declined_with_the_reason() -> None:
     reason = create("CentralPath").supports(load("hard-remote-partner"))
     assert reason is not None
     assert "bounded by the unilateral law of another contact" in reason

@@ -68,7 +68,7 @@ def test_a_determinant_near_the_boundary_keeps_its_digits() -> None:
 
 
 @given(p=interior(), q=interior(), seed=st.integers(0, 1000))
-def test_a_cone_of_four_lanes_is_one_of_three_in_other_axes(p: Vector, q: Vector, seed: int) -> None:
+def test_rotations_and_a_zero_fourth_lane_do_not_change_a_cone(p: Vector, q: Vector, seed: int) -> None:
     """A fourth lane of zeros is added and all axes are rotated: the matrix rotates, its determinant is unchanged."""
     turn = np.eye(4)
     turn[1:, 1:] = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]

@@ -12,7 +12,7 @@ from proxbench.solvers.interior.progress import Progress
 
 
 @pytest.mark.parametrize("order", [2, 3, 5])
-def test_the_end_of_a_series_leaves_the_path_with_the_order_after_its_last(order: int) -> None:
+def test_the_error_of_a_series_has_the_order_after_its_last_term(order: int) -> None:
     """The residual of the equations at a is O(aᴺ⁺¹): halving a multiplies it by 2⁻⁽ᴺ⁺¹⁾."""
     problem = load("funnel-30")
     method = CentralPath(order=order)

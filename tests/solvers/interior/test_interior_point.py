@@ -83,7 +83,7 @@ def test_a_start_near_the_answer_takes_fewer_steps_than_a_cold_one() -> None:
 
 
 @pytest.mark.parametrize(("name", "friction"), [("funnel-30", 0.0), ("funnel-30", 1e-9), ("hard-sticking-box", 1e4)])
-def test_no_friction_and_huge_friction_are_limits_like_any_other(name: str, friction: float) -> None:
+def test_problems_without_friction_and_with_huge_friction_are_solved(name: str, friction: float) -> None:
     problem = load(name)
     other = ContactProblem.from_delassus(problem.delassus(), problem.free_velocity, friction)
     solution = solve(other, "InteriorPoint", tolerance=1e-6)
@@ -124,7 +124,7 @@ def test_a_time_limit_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert time.thread_time() - began <= 0.5 + 0.2
 
 
-def test_laws_without_a_partner_and_with_another_s_are_all_bounded() -> None:
+def test_friction_with_fixed_bounds_and_bounds_of_other_contacts_is_solved() -> None:
     """A contact, a joint with dry friction, and a brake that the contact's impulse presses."""
     laws = Laws.in_order([0, 1, 1], np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.3, 0.1]), np.array([-1, -1, 0]))
     problem = ContactProblem.from_delassus(np.eye(3), [-1.0, 2.0, -3.0], laws=laws)

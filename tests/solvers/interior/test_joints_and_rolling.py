@@ -28,7 +28,7 @@ def test_joints_alone_are_a_linear_system(solver: str) -> None:
 
 @pytest.mark.parametrize("solver", JOINTS)
 @pytest.mark.parametrize("name", ["hard-four-bar-redundant-20", "hard-pendulum-copies-8", "hard-chain-10-bottom-1e4"])
-def test_redundant_joints_and_heavy_chains_push_their_bodies_as_known(solver: str, name: str) -> None:
+def test_redundant_joints_and_heavy_chains_agree_with_their_known_answers(solver: str, name: str) -> None:
     problem = load(name)
     solution = solve(problem, solver, tolerance=1e-9)
     assert solution.status is Status.SOLVED
@@ -58,7 +58,7 @@ def test_contradicting_joints_are_proved_infeasible(solver: str) -> None:
         "hard-linked-3-axes",
     ],
 )
-def test_bodies_that_resist_rolling_move_as_known(name: str) -> None:
+def test_bodies_with_rolling_friction_agree_with_their_known_answers(name: str) -> None:
     problem = load(name)
     solution = solve(problem, "InteriorPoint", tolerance=1e-8)
     assert solution.status is Status.SOLVED

@@ -88,7 +88,7 @@ def test_steps_without_gain_end_a_solve_as_stalled() -> None:
     assert solution.iterations < 2000
 
 
-def test_only_a_check_of_the_gain_ends_a_solve_without_one() -> None:
+def test_a_solve_without_gain_ends_only_when_the_gain_is_checked() -> None:
     """The residual may stay large on most of a path while τ rises; Newton steps without gain end the solve."""
     problem = load("funnel-30")
     residual, rng = Residual(problem), np.random.default_rng(1)
@@ -117,7 +117,7 @@ def test_a_fruitless_run_from_a_start_ends_early_and_the_solve_continues_as_from
     assert progress.best_residual == residual.judged(problem, progress.best)
 
 
-def test_the_solution_of_a_failed_run_from_zero_is_the_better_one_of_the_run_before() -> None:
+def test_a_failed_run_from_zero_returns_the_better_impulses_of_the_run_before_it() -> None:
     problem = load("funnel-30")
     near = solve(problem, "SORprox", tolerance=1e-3).impulses
     progress = Progress(problem, Residual(problem), Stop(1e-12), None, flops=1.0, first=near, is_warm=True)

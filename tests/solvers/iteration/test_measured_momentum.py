@@ -93,7 +93,7 @@ def test_coloured_sweeps_follow_the_rate_too() -> None:
     assert counts[1] <= counts[0]
 
 
-def test_only_measured_is_accepted_as_text_for_momentum() -> None:
+def test_the_only_string_accepted_for_momentum_is_measured() -> None:
     with pytest.raises(SolverError, match="'measured'"):
         create("SORprox", momentum="fast")
     with pytest.raises(SolverError, match="momentum_delay"):

@@ -79,7 +79,7 @@ def test_a_program_that_ends_is_an_error_of_the_solve(faulty_program: Path, faul
         faulty(faulty_program, fault).prepare(load("hard-stack-10")).solve(Stop())
 
 
-def test_what_it_prints_beside_its_answers_is_refused(faulty_program: Path) -> None:
+def test_other_text_on_its_standard_output_is_refused(faulty_program: Path) -> None:
     with pytest.raises(
         BrokenInterfaceError, match=r"does not begin an answer; write answers to standard output .* error\.$"
     ):
@@ -104,7 +104,7 @@ def test_a_message_that_is_too_short_is_refused_in_a_sentence(read: Callable[[Me
 
 
 @pytest.mark.parametrize(("fault", "shape"), [("short", r"\(9,\)"), ("long", r"\(11,\)")])
-def test_an_answer_of_the_wrong_length_is_none(faulty_program: Path, fault: str, shape: str) -> None:
+def test_impulses_of_the_wrong_length_are_a_fault(faulty_program: Path, fault: str, shape: str) -> None:
     problem = load("hard-stack-10")
     solution = faulty(faulty_program, fault).prepare(problem).solve(Stop())
     assert f"impulses of shape {shape}".replace("\\", "") in str(solution_fault(problem, solution))

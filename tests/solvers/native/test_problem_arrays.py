@@ -116,7 +116,7 @@ def test_the_structures_have_the_layout_of_the_header(tmp_path: Path) -> None:
     assert list(map(int, done.stdout.split())) == wanted
 
 
-def test_the_header_is_one_of_c_and_of_cpp(tmp_path: Path) -> None:
+def test_the_header_also_compiles_as_cpp(tmp_path: Path) -> None:
     source = tmp_path / "empty.cpp"
     source.write_text('#include "proxbench.h"\nint main() { return PB_SOLVED; }\n')
     assert build_in_cpp(tmp_path / "empty", source).exists()

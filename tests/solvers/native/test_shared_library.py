@@ -63,7 +63,7 @@ def test_laws_that_it_does_not_declare_are_refused(faulty_library: Path, name: s
 
 
 @pytest.mark.parametrize("fault", ["overrun", "underrun"])
-def test_a_number_beside_the_impulses_is_noticed(faulty_library: Path, fault: str) -> None:
+def test_a_write_outside_the_impulses_is_detected(faulty_library: Path, fault: str) -> None:
     prepared = faulty(faulty_library, fault).prepare(ten_contacts())
     with pytest.raises(BrokenInterfaceError, match="wrote beyond the 30 impulses"):
         prepared.solve(Stop())

@@ -52,7 +52,7 @@ def test_known_answers_are_met(name: str) -> None:
     assert judge(problem, solution.impulses).velocity_error <= 1e-10  # type: ignore[operator]
 
 
-def test_it_finishes_what_sweeps_have_begun() -> None:
+def test_after_sweeps_it_solves_a_stack_that_sweeps_alone_do_not_solve() -> None:
     """Two blocks, the upper one 10⁴ times heavier: each sweep passes on 10⁻⁴ of the weight."""
     problem = load("hard-stack-2-top-1e4")
     swept = solve(problem, "SORprox", tolerance=1e-10, max_iterations=5000)
@@ -83,7 +83,7 @@ def test_the_best_iterate_is_returned() -> None:
 
 
 @pytest.mark.parametrize("length", [1, 2, 3, 7])
-def test_a_cycle_of_any_length_is_detected_and_a_rest_is_a_stall(length: int) -> None:
+def test_cycles_of_any_length_are_detected_and_constant_iterates_are_a_stall(length: int) -> None:
     repeats = CycleDetector(np.array([-1.0]))
     for count in range(8 * length + 8):
         assert repeats.status is None

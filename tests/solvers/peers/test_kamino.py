@@ -15,14 +15,14 @@ SOLVERS = ["KaminoPADMM", "KaminoPADMM(acceleration=False)"]
 
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("problem", ["hard-sticking-box", "funnel-30", "funnel-frictionless-30"])
-def test_coulomb_friction_is_solved_to_the_judge(name: str, problem: str) -> None:
+def test_the_judge_confirms_solutions_under_coulomb_friction(name: str, problem: str) -> None:
     posed = load(problem)
     solution = create(name).prepare(posed).solve(Stop(1e-4, max_seconds=60.0))
     assert solution.status is Status.SOLVED
     assert judge(posed, solution.impulses).residual <= 1e-4
 
 
-def test_all_laws_find_their_rows() -> None:
+def test_rows_of_all_laws_are_mapped_to_the_order_of_kamino() -> None:
     """Bilateral rows, bounded friction, a unilateral law and contacts, in another order than Kamino's."""
     kinds = [
         LawKind.UNILATERAL,

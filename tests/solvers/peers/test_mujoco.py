@@ -56,7 +56,7 @@ def test_compliance_is_the_residual_of_one_contact() -> None:
         assert solved(problem, algorithm, 0.8) == pytest.approx([0.8 * 12.0])
 
 
-def test_all_laws_find_their_rows() -> None:
+def test_rows_of_all_laws_are_mapped_to_the_order_of_mujoco() -> None:
     """Bilateral rows, bounded friction, and planar and spatial contacts, in another order than MuJoCo's."""
     kinds = [
         LawKind.UNILATERAL,

@@ -22,7 +22,7 @@ BEST = SOLVERS[1]
 
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("problem", ["hard-sticking-box", "hard-duplicated-slider", "funnel-30", "funnel-100"])
-def test_coulomb_friction_is_solved_to_the_judge(name: str, problem: str) -> None:
+def test_the_judge_confirms_solutions_under_coulomb_friction(name: str, problem: str) -> None:
     posed = load(problem)
     solution = create(name).prepare(posed).solve(Stop(1e-6, max_seconds=60.0))
     assert solution.status is Status.SOLVED

@@ -201,7 +201,7 @@ def test_a_planar_slip_that_goes_on_is_found_before_the_other_one_is_tried(
     assert len(calls) == 1
 
 
-def test_of_the_slips_that_fit_a_spatial_contact_takes_the_nearest_to_the_one_that_was() -> None:
+def test_of_two_possible_slip_directions_the_nearer_to_the_previous_one_is_chosen() -> None:
     """If a contact can jam, two directions of slip are solutions; the one next to the previous impulse is kept."""
     delassus = np.array([[1.35, 0.17, 3.06], [0.17, 0.14, 0.17], [3.06, 0.17, 8.08]])
     free = np.array([0.93, -0.52, 4.04])
@@ -215,7 +215,7 @@ def test_of_the_slips_that_fit_a_spatial_contact_takes_the_nearest_to_the_one_th
         assert direction @ old[1:] == pytest.approx((directions @ old[1:]).max(), abs=1e-9)
 
 
-def test_friction_that_leads_nowhere_is_drawn_back_until_its_contact_pushes() -> None:
+def test_undetermined_friction_is_reduced_until_the_normal_impulse_is_nonnegative() -> None:
     """With S = 0 and a > 0, Λ_N = n0 − hᵀΛ_T reaches 0 along the present Λ_T; here n0 = 0.1 and h = (5, 0)."""
     root = np.array([1.0, 5.0, 0.0])
     delassus, free = np.outer(root, root), -0.1 * root
@@ -253,7 +253,7 @@ def scattered_blocks(rng: np.random.Generator, count: int, dim: int) -> tuple[np
     ("dim", "n_blocks"), [pytest.param(3, 100_000, marks=pytest.mark.weekly), (2, 20_000), (3, 20_000)]
 )
 @pytest.mark.parametrize("warm", [False, True])
-def test_all_of_many_blocks_are_solved(dim: int, n_blocks: int, warm: bool) -> None:
+def test_random_blocks_of_any_spectrum_and_friction_are_solved(dim: int, n_blocks: int, warm: bool) -> None:
     """Any spectrum within 12 decades and any μ up to 10: the residual is the rounding of the terms of ξ.
 
     The judge treats uncoupled contacts as separate problems, so a thousand are judged at once.

@@ -50,7 +50,7 @@ def test_a_step_is_cut_where_the_last_two_increments_oppose_each_other_and_do_no
     assert swept([0.0] * (FIRST - 2) + list(last_two)).cuts == cuts
 
 
-def test_increments_are_compared_rarely_and_ever_more_rarely_while_nothing_is_cut() -> None:
+def test_increments_are_compared_less_often_while_no_step_is_reduced() -> None:
     """An oscillation between two comparisons is not detected; a lasting one is reduced at each of them."""
     assert swept([0.0] * (FIRST - 3) + [1.0, -1.0, 0.0]).cuts == 0
     assert swept([0.0] * (FIRST + INTERVALS[1] - 2) + [1.0, -1.0]).cuts == 1
@@ -58,7 +58,7 @@ def test_increments_are_compared_rarely_and_ever_more_rarely_while_nothing_is_cu
 
 
 @pytest.mark.parametrize("at", [FIRST - 1, FIRST - 2])
-def test_a_jump_from_outside_is_no_increment(at: int) -> None:
+def test_an_external_change_of_the_impulses_is_not_an_increment(at: int) -> None:
     iterates = Scripted([1.0] * 2 * FIRST)
     safeguarded = SafeguardedIterates(iterates)  # type: ignore[arg-type]
     safeguarded.sweep(at)

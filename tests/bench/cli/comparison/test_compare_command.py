@@ -32,7 +32,9 @@ def test_the_exit_code_is_that_of_the_conditions(
 
 
 @pytest.mark.slow
-def test_pages_and_json(runs: tuple[str, str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_comparison_is_written_as_markdown_or_json(
+    runs: tuple[str, str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     page = tmp_path / "page.md"
     assert run_command(["compare", runs[0], runs[2], "--markdown", str(page), "--quiet"]) == 0
     assert capsys.readouterr().out == f"page     {page}\n"

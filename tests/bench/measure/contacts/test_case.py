@@ -330,7 +330,7 @@ def test_a_curve_that_cannot_be_is_misbehaviour(iterations: Any, count: int, mon
 @pytest.mark.parametrize(
     ("calls", "claimed", "expected"), [(10, 5, 10), (5, 5, 5), (0, 5, 5), (10, -5, 5), (10, True, 5), (10, 0, 10)]
 )
-def test_the_observer_counts_iterations_where_it_is_called_and_contradicts(
+def test_iterations_are_those_of_the_observer_if_they_contradict_the_claimed_ones(
     calls: Any, claimed: Any, expected: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = {"iterations": [1], "calls": calls, "claimed": claimed}

@@ -250,7 +250,7 @@ def test_garbage_is_not_collected_on_the_clock_and_is_again_afterwards(clock: Cl
     assert gc.isenabled()
 
 
-def test_collections_after_the_warm_up_do_not_visit_what_it_left(clock: Clock) -> None:
+def test_garbage_collections_after_the_warm_up_skip_the_objects_that_it_left(clock: Clock) -> None:
     measurement = measured(Timed(clock))
     visited = len(gc.get_objects())
     try:

@@ -166,9 +166,7 @@ def test_a_first_solve_in_other_units_starts_as_far_from_the_solution_as_the_tim
 
 
 @pytest.mark.parametrize(("seconds", "fresh", "n"), [(1.0, [1.0], 1), (0.01, [0.01], 2), (0.01, [0.1, 0.01], 4)])
-def test_first_solves_follow_until_enough_more_of_them_are_explained_than_not(
-    seconds: float, fresh: list[float], n: int
-) -> None:
+def test_first_solves_are_repeated_until_explained_ones_prevail(seconds: float, fresh: list[float], n: int) -> None:
     controls = Scripted(fresh)
     assert [one.seconds for one in controls.first_solves(STOP, seconds, lambda: seconds)][:1] == fresh[:1]
     assert controls.n_asked == n
@@ -184,7 +182,7 @@ def test_only_slow_first_solves_and_slow_copies_are_compared_with_one_more_round
 
 
 @pytest.mark.parametrize(("seconds", "loaded"), [(0.1, 0), (1e-4, 2)])
-def test_kernels_are_loaded_for_slow_copies_alone_and_only_as_often_as_a_copy_may_have_compiled_some(
+def test_kernels_are_loaded_only_after_slow_copies_that_may_have_compiled_some(
     seconds: float, loaded: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[None] = []
@@ -236,7 +234,7 @@ class OtherWay(Scripted):
 
 
 @pytest.mark.parametrize(("of_copies", "after_variants"), [(10, 1e-3), (12, 1e-3), (4, 0.1)])
-def test_slow_first_solves_accuse_after_copies_that_are_as_long_or_after_variants(
+def test_slow_first_solves_are_a_fault_after_equally_slow_copies_or_after_variants(
     of_copies: int, after_variants: float
 ) -> None:
     with pytest.raises(Fault, match=r"take 0\.1 s and repeated ones take 0\.001 s"):

@@ -190,7 +190,7 @@ def test_a_reference_is_kept_as_far_as_it_is_simulated(tmp_path: Path, monkeypat
     assert simulated == [0.0, -1.0, 1.0, 2.0]
 
 
-def test_a_variable_step_that_flickers_is_given_up_and_says_where(
+def test_a_simulation_that_takes_too_many_steps_is_given_up_and_reports_its_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(task.TrajectoryTask, "max_solves", 300)

@@ -78,7 +78,7 @@ def test_a_ball_at_rest_is_carried_by_an_upward_impulse_below_it(
     assert content.curve("/curves/residual")[5] < -11
 
 
-def test_curves_hold_every_step_and_shapes_every_so_many(
+def test_curves_contain_every_step_and_poses_every_fifth_step(
     tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     scene = make_scene("funnel(balls=30)")
@@ -95,7 +95,7 @@ def test_curves_hold_every_step_and_shapes_every_so_many(
     assert "'3D'" in str(content.blueprint)
 
 
-def test_a_system_that_cannot_turn_and_one_of_two_sizes_are_drawn(
+def test_balls_of_two_sizes_that_cannot_rotate_are_drawn(
     tmp_path: Path, read_back: Callable[[Path], Any], record: Callable[..., None]
 ) -> None:
     system = BallSystem(np.array([0.01, 0.02]), np.ones(2), [], 3)

@@ -66,7 +66,7 @@ def test_another_version_of_the_library_bundles_again(bundler: Bundler, monkeypa
     assert bundler.calls == 2
 
 
-def test_a_folder_that_cannot_be_written_is_not_necessary(bundler: Bundler, tmp_path: Path) -> None:
+def test_charts_are_drawn_without_a_writable_cache_folder(bundler: Bundler, tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("not a folder")
     assert asked_again() == asked_again()
     assert bundler.calls == 2

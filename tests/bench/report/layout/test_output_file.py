@@ -31,7 +31,7 @@ def test_results_have_the_permissions_of_any_new_file(mask: int, tmp_path: Path)
     assert stat.S_IMODE((tmp_path / "a.npz").stat().st_mode) == 0o666 & ~mask
 
 
-def test_a_result_that_replaces_another_has_them_too(mask: int, tmp_path: Path) -> None:
+def test_a_replaced_result_has_the_permissions_of_any_new_file(mask: int, tmp_path: Path) -> None:
     file = tmp_path / "a"
     file.write_bytes(b"old")
     file.chmod(0o600)

@@ -308,7 +308,7 @@ def test_colours_follow_the_theme_and_paper_is_white(browser: Chromium, referenc
 
 
 @pytest.mark.slow
-def test_paper_keeps_a_heading_with_what_follows_it(browser: Chromium, reference: Path) -> None:
+def test_printed_pages_do_not_break_after_a_heading(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     script = "[...new Set([...document.querySelectorAll('h2, h3, h4')].map(one => getComputedStyle(one).breakAfter))]"
     browser.call("Emulation.setEmulatedMedia", media="print", features=[])

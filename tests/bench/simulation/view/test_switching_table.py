@@ -53,13 +53,13 @@ def test_the_table_says_which_period_it_shows_and_the_mean_which_times_it_is_of(
     assert "27 switching points at 21 instants\n" in text
 
 
-def test_one_section_to_the_next_is_no_mean() -> None:
+def test_a_single_time_between_sections_is_not_called_a_mean() -> None:
     text = printed(pecking(1.25))
     assert "complete period 1 of 1" in text
     assert "(the only one, from section to section: row 2 to the next row 2)" in text
 
 
-def test_more_times_from_section_to_section_than_complete_periods_are_no_contradiction() -> None:
+def test_there_may_be_more_times_between_sections_than_complete_periods() -> None:
     text = printed(pecking(2 + 1 / 12, first=1))  # from row 2 to row 2 of the period after the next
     assert "1 of 1 complete period, from row 1 to the next row 1, has the 12" in text
     assert "(the last of 2, from section to section" in text

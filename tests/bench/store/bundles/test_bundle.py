@@ -53,7 +53,9 @@ def test_a_bundle_holds_the_run_as_it_is_stored(made: Run, honest: Bundle) -> No
         assert honest.problem(name).digest == made.problem(name).digest
 
 
-def test_equal_runs_are_equal_files_and_a_file_is_replaced_only_by_wish(made: Run, file: Path, tmp_path: Path) -> None:
+def test_bundles_of_equal_runs_are_identical_and_replaced_only_with_force(
+    made: Run, file: Path, tmp_path: Path
+) -> None:
     moved = shutil.copytree(made.folder, tmp_path / "elsewhere")
     again = bundle(moved, tmp_path / "again.bundle")
     assert again.read_bytes() == file.read_bytes()
@@ -104,7 +106,9 @@ def test_impulses_that_solve_another_problem_do_not_agree(honest: Bundle, tmp_pa
     assert all(" on sliding pair: " in sentence for sentence in found)
 
 
-def test_a_name_of_the_library_stands_for_its_numbers_only(honest: Bundle, tmp_path: Path) -> None:
+def test_a_problem_that_differs_from_the_library_problem_of_its_name_is_reported(
+    honest: Bundle, tmp_path: Path
+) -> None:
     easy = harder().renamed("funnel-30")
     run = replace(honest.run, carried={**honest.run.carried, "funnel-30": easy.digest})
     forged = dataclasses.replace(honest, run=run, carried={**honest.carried, "funnel-30": easy})
@@ -115,7 +119,7 @@ def test_a_name_of_the_library_stands_for_its_numbers_only(honest: Bundle, tmp_p
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd.npz", "/etc/passwd", "nowhere.hdf5", "funnel-10000"])
-def test_a_problem_that_is_nowhere_is_looked_up_in_no_file(
+def test_a_problem_of_unknown_name_is_not_looked_up_in_files(
     name: str, honest: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("proxbench.bench.store.bundles.bundle.load", None)
@@ -123,7 +127,7 @@ def test_a_problem_that_is_nowhere_is_looked_up_in_no_file(
         honest.problem(name)
 
 
-def test_the_numbers_of_the_library_count_where_both_have_them(honest: Bundle) -> None:
+def test_the_library_takes_precedence_over_a_bundled_problem_of_the_same_name(honest: Bundle) -> None:
     held = load("funnel-30")
     both = dataclasses.replace(honest, carried={"funnel-30": held.renamed("funnel-30", answer="easy")})
     assert "answer" not in both.problem("funnel-30").provenance

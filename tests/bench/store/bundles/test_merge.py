@@ -164,7 +164,7 @@ def test_warm_cases_of_one_problem_that_start_differently_are_not_put_together(h
 @pytest.mark.parametrize(
     ("plan", "word"), [({"passes": 1}, "number of passes"), ({"tolerances": [1e-2, 1e-5, 1e-6]}, "tolerances")]
 )
-def test_runs_on_other_terms_are_not_put_together(
+def test_runs_with_different_settings_are_not_merged(
     plan: dict[str, Any], word: str, honest: Bundle, file: Path, tmp_path: Path
 ) -> None:
     other = part(honest, tmp_path / "other.bundle", honest.run.plan.problems, **plan)

@@ -50,7 +50,7 @@ def test_a_velocity_that_rounding_hides_is_found() -> None:
 
 
 @pytest.mark.parametrize("name", ["hard-scaled-rows", "hard-scaled-tower-10", "hard-stack-10-bottom-1e8"])
-def test_right_answers_are_certified_whatever_a_product_of_norms_bounds(name: str) -> None:
+def test_correct_solutions_are_certified_although_a_bound_by_norms_is_larger(name: str) -> None:
     problem = load(name)
     assert problem.answer is not None
     impulses, delassus = np.array(problem.answer.impulses)[0], abs(problem.delassus()).toarray()
@@ -70,7 +70,7 @@ def test_accurate_velocities_are_exact_to_their_bound(name: str, size: float) ->
         assert abs(Fraction(found) - right) <= Fraction(2.0**-53) * abs(right) + Fraction(hidden)
 
 
-def test_impulses_of_zero_hide_nothing() -> None:
+def test_zero_impulses_have_no_rounding_error() -> None:
     problem = ContactProblem.from_delassus(np.eye(3), [1.0, 2.0, -3.0], laws=Laws.contacts(0.5, 3, 1))
     velocity, rounding = problem.accurate_velocity(np.zeros(3))
     assert (rounding == 0.0).all()
@@ -111,7 +111,7 @@ def test_known_impulses_of_stacks_are_judged_exactly(name: str) -> None:
     assert Residual(problem).judged(problem, impulses) == judge(problem, impulses).residual
 
 
-def test_friction_that_moves_nothing_under_a_bound_beyond_the_range_is_judged() -> None:
+def test_friction_without_effect_is_judged_although_its_bound_overflows() -> None:
     laws = Laws.contacts(2.0, 2, 2)
     problem = ContactProblem.from_delassus(np.diag([1.0, 0.0, 1.0, 1.0]), [1.0, 0.0, 1.0, 0.0], laws=laws)
     assert judge(problem, [1.7e308, 0.0, 0.0, 0.0]).residual >= 1.0
@@ -119,7 +119,7 @@ def test_friction_that_moves_nothing_under_a_bound_beyond_the_range_is_judged() 
 
 @pytest.mark.parametrize("impulse", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_impulses_that_are_no_numbers_solve_no_contact_without_an_effect(dim: int, impulse: float) -> None:
+def test_nonfinite_impulses_do_not_solve_a_contact_even_if_they_have_no_effect(dim: int, impulse: float) -> None:
     """With G = 0 the products of impulses are not finite either, and the contact separates."""
     velocity = np.zeros(dim)
     velocity[0] = 1.0

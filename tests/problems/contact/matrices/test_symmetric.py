@@ -23,28 +23,28 @@ def with_least_eigenvalue(n: int, least: float) -> np.ndarray:
 
 @pytest.mark.parametrize("n", [3, 12, MAX_DENSE_ROWS - 1])
 @pytest.mark.parametrize("part", [0.4, 0.8])
-def test_few_rows_are_decided_at_the_tolerance(n: int, part: float) -> None:
+def test_small_matrices_are_accepted_or_refused_exactly_at_the_tolerance(n: int, part: float) -> None:
     ContactProblem.from_delassus(with_least_eigenvalue(n, -part * NEGATIVE_TOLERANCE), -np.ones(n), dim=1)
     with pytest.raises(ProblemError, match="eigenvalue of"):
         ContactProblem.from_delassus(with_least_eigenvalue(n, -NEGATIVE_TOLERANCE / part), -np.ones(n), dim=1)
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_many_rows_are_refused_where_an_eigenvalue_stands_apart(dim: int) -> None:
+def test_large_matrices_with_an_isolated_negative_eigenvalue_are_refused(dim: int) -> None:
     n = 2 * MAX_DENSE_ROWS - 2 * MAX_DENSE_ROWS % 6 + 6
     ContactProblem.from_delassus(with_least_eigenvalue(n, 0.0), -np.ones(n), dim=dim)
     with pytest.raises(ProblemError, match="eigenvalue of"):
         ContactProblem.from_delassus(with_least_eigenvalue(n, -0.5), -np.ones(n), dim=dim)
 
 
-def test_a_matrix_of_few_eigenvalues_is_read_to_the_end() -> None:
+def test_large_matrices_with_a_single_distinct_eigenvalue_are_accepted() -> None:
     ContactProblem.from_delassus(np.eye(300), -np.ones(300))
     ContactProblem.from_delassus(np.zeros((300, 300)), np.ones(300))
 
 
 @pytest.mark.parametrize("change", ["none", "mirrored", "alone", "minor", "diagonal"])
 @pytest.mark.parametrize("part", [0.5, 2.0])
-def test_a_matrix_is_as_sound_in_entries_as_it_is_in_one_array(change: str, part: float) -> None:
+def test_sparse_and_dense_forms_of_a_matrix_pass_the_same_checks(change: str, part: float) -> None:
     """One change violates symmetry, a 2 × 2 minor or the sign of a diagonal entry, within or beyond a tolerance."""
     rng, tolerance = np.random.default_rng(7), 1e-3
     for _ in range(20):

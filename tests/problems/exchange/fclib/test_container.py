@@ -73,7 +73,7 @@ def reserved(file: h5py.File, folder: Path) -> None:
         (reserved, "/v has no data: its space was reserved, but not written"),
     ],
 )
-def test_what_leads_out_of_the_file_or_has_no_bytes_in_it_is_refused(
+def test_links_external_data_and_unwritten_data_are_refused(
     make: Callable[[h5py.File, Path], None], words: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "f.hdf5"
@@ -148,7 +148,9 @@ def test_texts_are_one_printable_line_of_limited_length(tmp_path: Path) -> None:
         assert root.text("none") == ""
 
 
-def test_what_is_no_file_of_ours_to_read_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_other_than_regular_hdf5_files_are_refused_without_waiting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "text.hdf5").write_text("no HDF5")
     (tmp_path / "empty.hdf5").write_bytes(b"")
     (tmp_path / "folder.hdf5").mkdir()

@@ -169,7 +169,7 @@ def test_a_solution_is_stored_with_its_velocities_and_confirmed_by_the_judge(for
     assert (tmp_path / "again.hdf5").read_bytes().count(IMPULSES.tobytes()) == 1
 
 
-def test_a_stored_solution_that_is_none_is_not_taken_for_one(tmp_path: Path) -> None:
+def test_a_stored_solution_that_does_not_solve_the_problem_is_ignored(tmp_path: Path) -> None:
     zeros = write_data(tmp_path / "zeros.hdf5", local_data(), **{"solution/r": np.zeros(6)})
     assert read_fclib(zeros).answer is None
     wrong = read_fclib(write_data(tmp_path / "wrong.hdf5", local_data(), **{"solution/r": 0.5 * IMPULSES}))
@@ -199,7 +199,7 @@ def test_a_stored_solution_that_is_none_is_not_taken_for_one(tmp_path: Path) -> 
         ({"solution/r": np.zeros(5)}, "solution/r must have 6 entries, got 5"),
     ],
 )
-def test_what_is_not_treated_or_makes_no_problem_gets_one_sentence(
+def test_unsupported_or_inconsistent_content_is_refused_in_one_sentence(
     changes: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     path = write_data(tmp_path / "p.hdf5", local_data(), **changes)

@@ -257,7 +257,7 @@ def without(data: Data, group: str) -> Data:
         (made.local_data() | {"fclib_local/spacedim": np.array([5])}, "imply 2 contacts of 5 rows each"),
     ],
 )
-def test_parts_that_do_not_belong_together_get_one_sentence(data: Data, words: str, tmp_path: Path) -> None:
+def test_inconsistent_parts_are_refused_in_one_sentence(data: Data, words: str, tmp_path: Path) -> None:
     path = write_data(tmp_path / "p.hdf5", data)
     with pytest.raises(ProblemError, match=words) as caught:
         load(path)

@@ -60,7 +60,7 @@ def test_a_pickle_is_refused_and_not_run(tmp_path: Path) -> None:
         assert not (tmp_path / "sprung").exists()
 
 
-def test_a_bomb_is_refused_before_it_is_unpacked() -> None:
+def test_an_archive_beyond_the_size_limit_is_refused_before_it_is_unpacked() -> None:
     block = bytes(2**24)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -119,7 +119,7 @@ def test_indices_outside_a_matrix_are_refused() -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(0, 8 * len(WHOLE) - 1), st.integers(0, len(WHOLE)))
-def test_a_flipped_bit_or_a_cut_is_refused_or_harmless(bit: int, end: int) -> None:
+def test_a_flipped_bit_or_truncation_is_refused_or_does_not_change_the_problem(bit: int, end: int) -> None:
     flipped = bytearray(WHOLE)
     flipped[bit // 8] ^= 1 << bit % 8
     for content in (bytes(flipped), WHOLE[:end]):

@@ -57,7 +57,7 @@ def test_a_changed_number_is_noticed(tmp_path: Path) -> None:
         ('{"nothing": 1}', "not a problem file"),
     ],
 )
-def test_what_is_no_problem_gets_one_sentence(text: str, words: str, tmp_path: Path) -> None:
+def test_invalid_json_problems_are_refused_with_the_path(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "p.json").write_text(text)
     with pytest.raises(ProblemError, match=words) as caught:
         load(tmp_path / "p.json")

@@ -94,7 +94,7 @@ def test_a_saved_problem_is_loaded_by_its_path_as_text_or_path(tmp_path: Path) -
         assert (again.name, again.digest) == (problem.name, problem.digest)
 
 
-def test_a_file_that_load_would_not_know_as_one_is_refused_before_it_is_written(tmp_path: Path) -> None:
+def test_a_file_name_that_load_would_not_recognise_is_refused_before_writing(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"name it mine\.npz"):
         save_problem(load("hard-groove"), tmp_path / "mine")
     assert list(tmp_path.iterdir()) == []

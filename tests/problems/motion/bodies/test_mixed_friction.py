@@ -42,7 +42,7 @@ def test_a_pair_keeps_its_coefficient_while_others_come_and_go() -> None:
     assert friction[0][0] != friction[0][1]
 
 
-def test_all_but_the_laws_is_that_of_the_balls() -> None:
+def test_mixed_friction_changes_nothing_but_the_contact_laws() -> None:
     velocity = np.random.default_rng(0).normal(size=18)
     mixed = balls(MixedFriction(0.1, 0.9)).assemble(ROW.ravel(), velocity, 1e-3)
     plain = balls().assemble(ROW.ravel(), velocity, 1e-3)

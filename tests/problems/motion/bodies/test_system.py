@@ -32,7 +32,7 @@ def test_a_coefficient_of_restitution_lies_between_0_and_1(name: str, values: li
         two_blocks(**{name: values})
 
 
-def test_only_overlaps_deeper_than_tolerated_are_reported_and_with_them_all() -> None:
+def test_all_overlaps_are_reported_if_one_exceeds_the_tolerance() -> None:
     system, position = two_blocks(), np.array([-0.2, -0.1])
     assert system.overlaps(position, 0.2) is None
     found = system.overlaps(position, 0.15)

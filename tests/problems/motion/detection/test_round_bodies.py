@@ -229,7 +229,7 @@ def test_without_coal_one_sentence_says_how_to_install_it(monkeypatch: pytest.Mo
     assert len(contacts(CYLINDER, HalfSpace(), at((0.0, 0.0, 0.4)), 0.1).gap)
 
 
-def test_many_capsules_on_one_box_find_room() -> None:
+def test_each_of_many_capsules_on_one_box_has_its_contacts() -> None:
     shapes = (*[CAPSULE] * 50, BOX)
     poses = np.tile([[0.0, 0.0, 0.6, *LYING]], (51, 1))
     pairs = np.column_stack([np.arange(50), np.full(50, 50)])

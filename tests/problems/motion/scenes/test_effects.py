@@ -86,7 +86,7 @@ def test_planar_is_the_motion_of_a_spatial_scene_that_stays_in_its_plane() -> No
     assert 3 * rows[0] == 2 * rows[1] > 0
 
 
-def test_strength_matters() -> None:
+def test_each_effect_of_nonzero_strength_changes_the_motion() -> None:
     still, _, _ = motion([Gravity()])
     for effect in (Drag(1.0), Spring(5.0, (0.0, 0.0, 0.0)), Friction(0.3), Restitution(0.5)):
         moved, _, _ = motion([Gravity(), effect])

@@ -56,7 +56,7 @@ def test_a_scene_keeps_its_own_ending_in_the_world() -> None:
     assert left.name == "left-world"
 
 
-def test_a_completed_scene_ends_in_the_world_whatever_was_replaced_in_it() -> None:
+def test_a_completed_scene_ends_if_a_body_leaves_the_world_whatever_was_replaced_in_it() -> None:
     system, start = stack()
     scene = bare_scene("stack", {}, system, start)
     for changed in (replace(scene, ending=None), replace(scene, observables=()), scene):

@@ -211,7 +211,7 @@ def test_a_general_system_is_projected_as_the_same_system_of_balls() -> None:
     assert not np.array_equal(ends[0], position)
 
 
-def test_the_way_is_the_nearest_one_in_the_metric_of_a_full_mass_matrix() -> None:
+def test_the_projected_position_is_nearest_in_the_metric_of_a_full_mass_matrix() -> None:
     """δq = M⁻¹ w (wᵀM⁻¹w)⁻¹ (−g − d) for one contact along w."""
     root = np.random.default_rng(3).normal(size=(4, 4))
     mass = root @ root.T + np.eye(4)

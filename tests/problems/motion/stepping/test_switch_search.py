@@ -158,7 +158,7 @@ def test_the_root_of_a_lower_degree_bounds_what_is_known_of_a_margin() -> None:
     assert many[1] > 1e-3
 
 
-def test_two_values_are_in_doubt_by_half_of_the_way_and_one_announces_nothing() -> None:
+def test_two_values_predict_a_switch_to_half_the_remaining_time_and_one_predicts_none() -> None:
     margins = Margins(falling(lambda position: position), 10.0)
     assert recorded(margins, lambda time: [2.0, 1.0 - time], [0.0]).next_switch(0.0) == (np.inf, np.inf)
     due, doubt = recorded(margins, lambda time: [2.0, 1.0 - time], [0.2]).next_switch(0.2)

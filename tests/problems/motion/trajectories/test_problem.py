@@ -54,7 +54,7 @@ def test_the_error_of_an_end_is_the_largest_difference_over_the_way() -> None:
     assert measure.estimates({1.0: {"q0": 1.1, "q1": 1.6}})[ERROR].error == pytest.approx(0.1)
 
 
-def test_what_seeds_have_in_common_cancels_in_the_error() -> None:
+def test_the_error_compares_each_seed_with_its_own_reference() -> None:
     (point,) = POUR.estimates({0.0: {HEIGHT: 1.2}, 1.0: {HEIGHT: 3.2}}).values()
     assert (point.error, point.low, point.high) == pytest.approx((0.1, 0.1, 0.1))
     (point,) = POUR.estimates({0.0: {HEIGHT: 1.1}, 1.0: {HEIGHT: 3.3}}).values()

@@ -27,5 +27,5 @@ def test_arguments_are_the_arrays_of_laws_and_layout(seed: int, n_contacts: int,
 
 
 @pytest.mark.parametrize("name", ["hard-four-bar", "hard-resisting-spheres-30", "hard-mixed-laws"])
-def test_joints_rolling_friction_and_contacts_of_different_widths_have_none(name: str) -> None:
+def test_the_kernel_takes_no_joints_rolling_friction_or_contacts_of_different_widths(name: str) -> None:
     assert law_arguments(load(name).laws) is None

@@ -67,7 +67,7 @@ def test_a_prepared_problem_is_solved_again_with_the_same_bits() -> None:
     assert not np.shares_memory(first.impulses, second.impulses)
 
 
-def test_observed_solves_and_short_time_limits_go_by_parts() -> None:
+def test_observed_solves_and_short_time_limits_use_the_separate_parts() -> None:
     prepared = without_parts(load("hard-tower-3"))
     with pytest.raises(PartsError):
         prepared.solve(Stop(1e-8), observe=lambda iteration, impulses: None)
@@ -93,7 +93,7 @@ def test_the_kernel_keeps_the_shortest_time_limit_for_which_it_is_used(n_rows: i
 @pytest.mark.parametrize(
     "stop", [Stop(1e-8, max_iterations=7), Stop(1e-300)], ids=["iteration limit", "beyond rounding"]
 )
-def test_a_solve_that_sweeps_do_not_end_goes_by_parts(stop: Stop) -> None:
+def test_a_solve_that_sweeps_do_not_finish_uses_the_separate_parts(stop: Stop) -> None:
     with pytest.raises(PartsError):
         without_parts(load("hard-tower-3")).solve(stop)
 
@@ -113,7 +113,7 @@ ROD, SINGULAR = np.array([[2.0, 1.0], [1.0, 2.0]]), np.diag([0.0, 1.0])
     ],
     ids=["at rest", "tiny velocities", "infeasible", "joints", "mixed laws", "many rows"],
 )
-def test_other_problems_go_by_parts(problem: ContactProblem) -> None:
+def test_problems_that_the_kernel_does_not_support_use_the_separate_parts(problem: ContactProblem) -> None:
     assert prepare_small(problem, prepare_by_parts) is None
 
 

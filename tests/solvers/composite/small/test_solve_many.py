@@ -110,7 +110,7 @@ def test_one_problem_is_not_a_list() -> None:
         solve_many(one)
 
 
-def test_what_is_no_problem_is_named_by_its_place() -> None:
+def test_an_item_that_is_not_a_problem_is_reported_with_its_index() -> None:
     some: Any = [load("hard-tower-3"), 3]
     with pytest.raises(SolverError, match=r"problems\[1\] must be a ContactProblem, a name or a path, not int"):
         solve_many(some)

@@ -50,7 +50,7 @@ def test_the_sign_of_the_determinant_is_that_of_the_dense_matrix(seed: int) -> N
     assert factors.determinant_sign() == np.linalg.slogdet(dense)[0] == np.prod(signs)
 
 
-def test_other_numbers_of_one_pattern_need_no_other_order() -> None:
+def test_one_elimination_order_serves_all_values_of_a_pattern() -> None:
     pattern, right = grid(5), np.ones(75)
     factors = BlockLU(pattern.indptr, pattern.indices, 3)
     for seed in range(3):
@@ -60,7 +60,7 @@ def test_other_numbers_of_one_pattern_need_no_other_order() -> None:
         assert np.abs(matrix @ factors.solve(right) - right).max() < 1e-12
 
 
-def test_a_correction_solves_stiff_blocks_as_an_elimination_would() -> None:
+def test_one_correction_reduces_the_residual_of_stiff_blocks_to_rounding() -> None:
     """With I + 10⁷ VVᵀ on the diagonal, the residual of the equations is the rounding of their terms."""
     pattern, width = grid(4), 6
     random = np.random.default_rng(0)

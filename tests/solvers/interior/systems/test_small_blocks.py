@@ -28,7 +28,7 @@ def test_rows_in_another_order_have_the_sign_of_the_permutation() -> None:
 
 
 @pytest.mark.parametrize("entry", [0.0, np.nan, np.inf, 1e-320])
-def test_what_has_no_finite_inverse_has_no_sign(entry: float) -> None:
+def test_the_sign_is_zero_for_blocks_without_a_finite_inverse(entry: float) -> None:
     blocks = np.array([np.eye(2), np.diag([1.0, entry])])
     assert invert(blocks, np.empty_like(blocks)) == 0.0
 

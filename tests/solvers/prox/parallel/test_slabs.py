@@ -54,7 +54,7 @@ def test_slabs_of_one_colour_share_no_body(seed: int, n_contacts: int, n_bodies:
 
 @settings(max_examples=60, deadline=None)
 @contacts
-def test_each_contact_has_its_own_lane_beside_contacts_of_other_bodies(
+def test_each_contact_has_its_own_lane_and_contacts_of_a_batch_share_no_body(
     seed: int, n_contacts: int, n_bodies: int, reach: int
 ) -> None:
     pairs = neighbouring(seed, n_contacts, n_bodies, reach)

@@ -99,7 +99,7 @@ def test_the_residual_of_one_pass_is_that_of_the_impulses(seed: int, size: float
     assert found == pytest.approx(residual(impulses, problem.relative_velocity(impulses)), rel=1e-9, abs=1e-13)
 
 
-def test_the_residual_of_one_pass_is_not_a_number_where_an_impulse_is_none() -> None:
+def test_the_residual_of_one_pass_is_not_finite_if_an_impulse_is_nan() -> None:
     problem = heap(2)
     start = np.zeros(problem.n_rows)
     start[7] = np.nan

@@ -44,7 +44,7 @@ def test_a_funnel_is_swept_in_batches_and_its_iterates_are_those_of_the_delassus
     assert np.abs(first - second).max() <= 1e-12 * np.abs(first).max()
 
 
-def test_contacts_with_bounds_of_others_are_not_dealt_into_batches() -> None:
+def test_contacts_whose_friction_other_contacts_bound_are_not_batched() -> None:
     """A batch contains only the bounds of its own contacts; here neighbours bound each other's friction."""
     rng, n = np.random.default_rng(3), 32
     directions = sp.block_diag([rng.normal(size=(12, 3)) for _ in range(n)], format="csc")  # two bodies per contact
