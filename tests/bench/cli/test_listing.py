@@ -42,7 +42,7 @@ def test_a_problem_is_described_by_its_sizes_friction_and_form(
     head, line = (line for line in capsys.readouterr().out.splitlines() if line.startswith("  "))
     assert head.split() == ["contacts", "rows", "friction", "form"]
     assert line.split() == [name, *words.split()]
-    assert line.index(words.split()[-1]) == head.index("form")  # in the column that the head names
+    assert line.index(words.split()[-1]) == head.index("form")  # in the column of this heading
 
 
 @pytest.mark.slow
@@ -75,7 +75,7 @@ def test_names_stay_in_one_line_where_no_terminal_shows_them(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("COLUMNS")
-    monkeypatch.setattr(sys, "__stdout__", None)  # like a pipe, wherever the tests run
+    monkeypatch.setattr(sys, "__stdout__", None)  # as into a pipe, even if the tests run in a terminal
     listed = listing_rows("scenes")
     print_listing(listed)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  ")]
@@ -115,7 +115,7 @@ def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_famili
     print_listing(listing_rows("problems", suite))
     lines = capsys.readouterr().out.splitlines()
     names = [line.split()[0] for line in lines if line.startswith("  ")]
-    assert names[0] == "contacts"  # the heads
+    assert names[0] == "contacts"  # the headings
     assert sorted(names[1:]) == sorted(suite_members(suite))
     sizes = [int(line.partition("(")[2].rstrip(")")) for line in lines if re.fullmatch(r"\S.* \(\d+\)", line)]
     assert sum(sizes) == len(suite_members(suite))

@@ -163,7 +163,7 @@ def test_a_table_that_goes_to_a_pipe_keeps_names_and_commands_in_one_piece(
     finished_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
-    monkeypatch.setattr(sys, "__stdout__", None)  # like a pipe, wherever the tests run
+    monkeypatch.setattr(sys, "__stdout__", None)  # as into a pipe, even if the tests run in a terminal
     assert run_command(["report", str(finished_run), "--no-charts"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert (

@@ -1,4 +1,4 @@
-"""A supervisor wakes for its signals and restores them, and ends without a case if its run no longer waits."""
+"""A supervisor reads signals from a pipe, then restores their defaults; it ends early if its run no longer waits."""
 
 import os
 import signal

@@ -110,7 +110,7 @@ def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
 @pytest.mark.parametrize("last", ["solved", "time limit"])
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_point_that_only_the_last_pass_reaches_needs_no_other_pass(number: int, last: str) -> None:
-    """The first pass ended at a coarser point, late under load. A point of the first pass alone needs another pass."""
+    """One pass ends at the coarser point by a time limit under load. A point that only pass 0 reaches needs pass 1."""
     plan = replace(PLAN, passes=2)
     coarse, fine = case("slow", STEADY[:2], STEADY[:1]).points
     reached = [timed_round(number, 9.0, excluded="preempted")]

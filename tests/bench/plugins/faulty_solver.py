@@ -60,7 +60,7 @@ def in_any_direction(problem: ContactProblem) -> str:
 
 
 def sizes(problem: ContactProblem) -> str:
-    """Numbers of G and of the laws that neither order nor tangents change."""
+    """Return numbers of G and of the laws that do not depend on the order or the tangents of contacts."""
     delassus = problem.delassus().toarray()
     friction = problem.laws.friction_coefficient.sum(), problem.laws.fixed_bound.sum()
     return (
@@ -73,10 +73,10 @@ REMEMBERED: dict[str, Callable[[ContactProblem], str]] = {
     "remembers contacts in any order": in_any_order,
     "remembers tangents of any direction": in_any_direction,
 }
-"""How a faulty solver recognises a problem, to which it gives its first solution again."""
+"""How a faulty solver recognises a problem, for which it returns its first solution again."""
 
 SLOWLY = ("remembers contacts in any order", "remembers tangents of any direction")
-"""Faults that do not save the solve, so that only the answers reveal them, not the times."""
+"""Faults that take as long as a solve, so that the answers reveal them, but not the times."""
 
 started: list[object] = []
 """Started processes; Python warns if a running one is garbage-collected."""
@@ -168,7 +168,7 @@ class _Faulty:
 
 
 def the_only_copy(problem: ContactProblem) -> Any:
-    """Return the rows of the one contact that the last one repeats, None if it repeats none or several."""
+    """Return the rows of the contact that the last contact duplicates; None if it duplicates none or several."""
     if not problem.n_contacts or problem.n_rows % problem.n_contacts:
         return None
     contacts = np.arange(problem.n_rows).reshape(problem.n_contacts, -1)

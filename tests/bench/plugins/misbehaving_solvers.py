@@ -1,4 +1,4 @@
-"""Solvers that break every rule, each in its own way, for tests in a child process."""
+"""Solvers that each break one rule, for tests in a child process."""
 
 import atexit
 import contextlib
@@ -300,7 +300,7 @@ class _Prepared:
 
 
 def patch_everything() -> None:
-    """Replace the judge, the store and the clock in favour of the solver."""
+    """Replace the judge, the store and the clock by versions that favour the solver."""
     import proxbench.bench.measure.contacts.case
     import proxbench.bench.store.outcome
     import proxbench.bench.store.store

@@ -31,7 +31,7 @@ def read_slowly(file: Any) -> Any:
 
 
 def meet() -> None:
-    """Wait until two processes have come here."""
+    """Wait until two processes have reached this point."""
     folder = Path(os.environ["NUMBA_CACHE_DIR"])
     (folder / f"{os.getpid()}.met").touch()
     deadline = time.monotonic() + 60.0

@@ -15,7 +15,7 @@ PLUGIN = Path(__file__).resolve().parents[1] / "plugins" / "scene_plugin.py"
 
 @pytest.fixture
 def recorded(tmp_path: Path, read_back: Callable[[Path], Any]) -> Iterator[Callable[[str], Any]]:
-    """Simulates a scene of the plugin, and returns its recording."""
+    """Return a function that simulates a scene of the plugin and returns its recording."""
 
     def record(scene: str) -> Any:
         film = tmp_path / "a.rrd"

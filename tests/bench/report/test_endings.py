@@ -1,4 +1,4 @@
-"""Endings of cases as texts."""
+"""Endings of cases are described in words."""
 
 import pandas as pd
 import pytest

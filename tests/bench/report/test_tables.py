@@ -155,9 +155,10 @@ def test_means_compare_only_what_all_solvers_support(finished_run: Path) -> None
     without = frames.cases[frames.cases["problem"] != "funnel-30"]
     none = summary_table(replace(frames, cases=without)).set_index("solver")
     assert (fewer["common"] == 2).all()
-    pd.testing.assert_frame_equal(fewer[means], none[means])  # the gap of one solver omits the problem for all
+    pd.testing.assert_frame_equal(fewer[means], none[means])  # a problem that one solver lacks is omitted for all
     all_own = [f"own_{mean}" for mean in means]
-    pd.testing.assert_frame_equal(fewer[all_own].drop("SORprox"), whole[all_own].drop("SORprox"))  # beside all its own
+    # own means include all problems of a solver
+    pd.testing.assert_frame_equal(fewer[all_own].drop("SORprox"), whole[all_own].drop("SORprox"))
     assert fewer.loc["SORprox", all_own].tolist() == fewer.loc["SORprox", means].tolist()
     own = whole.index != "SORprox"
     assert fewer[own]["correct_1e-04"].equals(whole[own]["correct_1e-04"])  # the success of other solvers is unchanged

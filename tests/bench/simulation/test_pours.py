@@ -104,8 +104,8 @@ def test_penetrations_vanish_with_projection(flow: Simulation, jam: Simulation) 
     allowed = float(jam.plan.scene.options["projection"] or 0.0)
     assert jam.steps["penetration"][-1] <= 1.11 * allowed
     assert jam.steps["penetration"][jam.steps["time"] > 0.4].max() <= 0.03
-    # fresh impacts are moved apart too; depths of states are extrapolated over half a step, here of less than 3 m/s,
-    # along normals of balls that turn about each other meanwhile: s²/2 over the distance of 2 radii
+    # new contacts are moved apart, too; their depths are extrapolated over half a step, in which balls of less than
+    # 3 m/s move by s; the normal turns, which changes the depth by s²/2 over the distance of 2 radii
     way = 0.5 * flow.plan.stepper.shortest_step(flow.plan.scene) * 3.0 / flow.plan.scene.length
     assert flow.steps["penetration"].max() <= 1.11 * allowed + way**2 / 4.0
 

@@ -64,7 +64,7 @@ class _MovingOn(event.Listener):  # type: ignore[misc]
         self.solver.now += 1000.0
 
     def on_end(self, event: Any) -> None:
-        """Nothing more takes time."""
+        """Do nothing: the end of a compilation takes no time."""
 
 
 def test_fixed_steps_take_as_long_as_they_would_with_compiled_kernels(

@@ -41,7 +41,7 @@ def test_rows_describe_the_accepted_steps() -> None:
 
 
 def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a clock that advances by a second only in one-step solves, seconds are numbers of solves.
+    """The clock advances by one second in each one-step solve, so seconds are numbers of solves.
 
     A step is accepted only after the next one was tried, and rejected attempts of a search take time as well.
     """
@@ -54,7 +54,7 @@ def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(StepCounter, "take", timed)
     monkeypatch.setattr(variable_stepper, "perf_counter", lambda: now[0])
     steps = simulate(plan()).steps
-    assert len(set(steps["solves"])) > 3  # of equal rows, one could have the time of another
+    assert len(set(steps["solves"])) > 3  # if rows were equal, exchanged times would not be noticed
     assert (steps["rejected"] > 0).any()
     np.testing.assert_array_equal(steps["seconds"], steps["solves"])
 

@@ -96,7 +96,8 @@ def test_every_report_states_how_steady_the_machine_was_and_warns_above_a_limit(
 ) -> None:
     run = timed(stored, probes, busy, excluded)
     for page in shown(run, tmp_path):
-        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)  # of rounds in use
+        # probes of excluded rounds do not count
+        assert (f"probes differ by a factor of {probes[1]:.2f}" in page) == (not excluded)
         assert f"other programs used {busy:.1f} cores" in page
         assert warning in page
         assert any(word in page for word in ("UNSTEADY", "BUSY", "EXCLUDED")) == bool(warning)

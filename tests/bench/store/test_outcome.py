@@ -45,7 +45,7 @@ def test_other_endings_keep_their_name(status: Status) -> None:
 
 
 def test_a_relaxed_residual_is_not_compared_with_rounding() -> None:
-    """Where the residual under its own model is zero, a Coulomb residual of rounding still is a solution."""
+    """If the residual under its own model is zero, a Coulomb residual of rounding size is still accepted."""
     for own in (0.0, 0.1 * ROUNDING, ROUNDING):
         assert outcome(Status.SOLVED, own, 0.9 * RELAXED_FACTOR * ROUNDING, Model.CONVEX) is Outcome.SOLVED
         assert outcome(Status.SOLVED, own, 1.1 * RELAXED_FACTOR * ROUNDING, Model.CONVEX) is Outcome.RELAXED

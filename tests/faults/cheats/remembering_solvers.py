@@ -237,7 +237,7 @@ class WhenCollecting(Remembering):
 
 
 class KnowsCopies(Remembering):
-    """Takes every other process than its first one for one that solves a copy."""
+    """Assumes that every process other than its first one solves a copy."""
 
     def solve(self, problem: ContactProblem, stop: Stop, observe: Any) -> Solution:
         key = self.key(problem), stop.tolerance

@@ -40,7 +40,7 @@ ONE_OF_EACH_KIND = {
     *("WhenCollecting", "KnowsCopies", "Choosy", "AheadInBareThread", "Orphaning", "ReplacingSorted"),
     *("SometimesZero", "Lazy", "LateInPrepare", "Hopeless"),
 }
-"""A cheat for each rule that finds one; the others are weekly."""
+"""One cheat for each rule that detects cheats; the other cheats are weekly."""
 
 
 def with_marks(name: str) -> Any:

@@ -42,7 +42,7 @@ def test_every_case_has_something_known() -> None:
 
 
 def last_bits(problem: ContactProblem, impulses: np.ndarray) -> float:
-    """Return the residual of four roundings of the largest impulse; no vector of doubles is much better."""
+    """Return the residual due to four rounding errors of the largest impulse; doubles allow hardly less."""
     residual = Residual(problem)
     return 4.0 * UNIT * residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
 

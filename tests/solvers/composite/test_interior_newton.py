@@ -91,7 +91,7 @@ def test_it_factorises_over_contacts_if_pairs_touch_once() -> None:
 
 @pytest.mark.parametrize(("name", "is_cheap"), [("bodies-stack-10", True), ("pile-400-mixed-1", False)])
 def test_cone_programs_are_tried_where_one_takes_the_work_of_a_few_steps(name: str, is_cheap: bool) -> None:
-    """20 f / 3 GHz is compared with 20 steps: on a stack m decides; on a pile of balls, f, which grows faster."""
+    """A cone program is cheap on a stack; on a pile of balls, its operations grow faster than the work of a step."""
     problem = load(name)
     operations = first_method(problem).prepare(problem).system.flops
     assert (cone_programs(problem, operations) is not None) is is_cheap

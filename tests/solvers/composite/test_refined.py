@@ -40,7 +40,7 @@ def test_iterates_are_those_of_the_solver_until_a_refinement_lowers_the_residual
 
 @pytest.mark.parametrize("scale", [1e-6, 1e-3])
 def test_impulses_with_the_states_of_the_solution_are_corrected_to_rounding(scale: float) -> None:
-    """A block pressed down by 1 m/s and pulled by 5 m/s slides: Λ = (1, −μ, 0), wherever near it a step begins."""
+    """A block pressed down by 1 m/s and pulled by 5 m/s slides with Λ = (1, −μ, 0); any start near it is corrected."""
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), (-1.0, 5.0, 0.0), 0.3)
     residual = Residual(problem)
     near = np.array([1.0, -0.3, 0.0]) * (1.0 + scale)

@@ -75,7 +75,7 @@ def test_restarts_repeat_only_after_the_work_has_doubled(monkeypatch: pytest.Mon
 def test_restarts_respect_their_share_of_the_work(
     before: float, least: float, expected: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The limit is 0.3 s of a stopped clock; one Newton step, but no sweep, may exceed the share."""
+    """The clock stands still, so the time limit of 0.3 s is not reached; only one Newton step may exceed the share."""
     monkeypatch.setattr("proxbench.solvers.iteration.stopping.time", SimpleNamespace(perf_counter=lambda: 0.0))
     monkeypatch.setattr(restarts_module, "MIN_WORK", least)
     problem = load("hard-squeezed")

@@ -87,7 +87,7 @@ def test_accelerated_sweeps_continue_from_the_best_impulses_of_slow_sweeps(
 
 
 def test_diverging_sweeps_are_not_resumed() -> None:
-    """Within the first window: accelerated sweeps begin at the best impulses, then the other parts follow."""
+    """Sweeps diverge in the first window; accelerated sweeps start from the best impulses, then other parts follow."""
     problem = load("funnel-30-late")
 
     def growing(start: np.ndarray) -> Iterator[np.ndarray]:

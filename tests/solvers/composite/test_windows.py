@@ -64,7 +64,7 @@ def test_windows_that_gain_a_digit_are_not_measured() -> None:
 
 
 def test_a_window_takes_the_work_of_a_fixed_number_of_steps() -> None:
-    """Rolling friction makes sweeps slow; the window is 20 w / s, up to rounding down."""
+    """Rolling friction makes sweeps slow; the window is the work of ``MAX_STEPS`` steps over that of a sweep."""
     sequence = sequence_on("pile-100-rolling")
     problem, longest = sequence.problem, longest_window(sequence)
     work = MAX_STEPS * step_seconds(problem, first_method(problem).prepare(problem).system.flops)
@@ -74,7 +74,7 @@ def test_a_window_takes_the_work_of_a_fixed_number_of_steps() -> None:
 
 @pytest.mark.parametrize("name", ["pile-100", "pile-400-mixed-1", "funnel-planar-1000", "hard-chain-100"])
 def test_nothing_is_prepared_where_the_limit_cannot_decide(name: str) -> None:
-    """w ≥ 0.3 ms + 5 µs · m for any number of operations."""
+    """A step takes at least 0.3 ms + 5 µs per row; ``MAX_STEPS`` steps of this time exceed the windows here."""
     sequence = sequence_on(name)
     assert longest_window(sequence) >= window_lengths(sequence.problem)[-1]
     assert not sequence.prepared

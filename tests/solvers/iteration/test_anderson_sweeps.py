@@ -80,7 +80,7 @@ def test_observed_impulses_satisfy_the_cones() -> None:
 
 
 def test_an_extrapolation_that_misleads_is_undone() -> None:
-    """The map contracts towards 0; extrapolation reaches 0 immediately, where a trap sends it far away."""
+    """The map contracts towards 0, but jumps by 100 near 0, which is where the extrapolation leads."""
     mixed = AndersonSweeps(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + 100.0), np.ones(1)), np.ones(1), 1)
     mixed.sweep(3 * FIRST_WINDOW)
     assert mixed.impulses() == pytest.approx(100.0 * 0.9 ** (FIRST_WINDOW - 1), rel=1e-3)
@@ -92,7 +92,7 @@ def test_an_extrapolation_that_misleads_is_undone() -> None:
 def test_an_extrapolation_is_undone_if_it_moves_more_than_twice_as_far_as_the_window_before(
     trap: float, is_undone: bool
 ) -> None:
-    """The window before moved by 0.9³ − 0.9⁶ = 0.198; the trap adds a displacement at the extrapolated point."""
+    """The window before moved by 0.9³ − 0.9⁶ = 0.198; the map adds ``trap`` at the extrapolated point."""
     mixed = AndersonSweeps(Map(lambda x: np.where(x > 0.01, 0.9 * x, x + trap), np.ones(1)), np.ones(1), 1)
     mixed.sweep(3 * FIRST_WINDOW)
     away = trap * 0.9 ** (FIRST_WINDOW - 1)

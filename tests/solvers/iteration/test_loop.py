@@ -92,7 +92,7 @@ def test_a_residual_at_the_rounding_limit_is_a_stall(solver: str, masses: list[f
 def test_rounding_is_not_a_stall_if_the_best_impulses_lead_to_the_solution(
     name: str, solver: str, tolerance: float
 ) -> None:
-    """Rows have units 10⁹ apart: sweeps stop at one Λ, but another Λ is the best in their own arithmetic."""
+    """Units of rows differ by 10⁹: sweeps stop at one Λ, but another Λ has the least residual in their arithmetic."""
     problem = load(name)
     solution = create(solver).prepare(problem).solve(Stop(tolerance, 10**6))
     assert solution.status is Status.SOLVED
@@ -100,7 +100,7 @@ def test_rounding_is_not_a_stall_if_the_best_impulses_lead_to_the_solution(
 
 
 def test_a_failed_rounding_test_doubles_the_waiting_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Λ is constant, its ξ is rounding and the judge's residual is 1: judging a sweep takes as long as the sweep."""
+    """Λ is constant, ξ is zero up to rounding, and the judge's residual is 1; judging takes as long as a sweep."""
     problem, calls = ContactProblem.from_delassus(np.eye(1), (-1.0,), dim=1), 0
 
     def judged(*arguments: object) -> float:

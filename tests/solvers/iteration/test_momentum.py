@@ -43,7 +43,7 @@ def test_each_sweep_extrapolates_the_last_change_unless_it_turned_back(momentum:
 @pytest.mark.parametrize("delay", [0.0, 4.0])
 @pytest.mark.parametrize("name", ["funnel-planar-30", "funnel-frictionless-300", "funnel-30", "funnel-300"])
 def test_all_forms_give_the_same_iterates_to_rounding(name: str, delay: float) -> None:
-    """The last one is swept in batches."""
+    """The last problem is swept in batches."""
     problem, options = load(name), {"relaxation": 1.1, "momentum": 0.8, "momentum_delay": delay}
     first, second = (history(problem, form, 40, **options) for form in ("delassus", "factors"))
     assert np.abs(first - second).max() <= 1e-11 * np.abs(first).max()

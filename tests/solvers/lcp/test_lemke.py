@@ -195,7 +195,7 @@ def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
 
 @pytest.mark.parametrize("seed", [1, 372, 927, 1325, 1550, 2914, 2962])
 def test_a_ray_at_the_rounding_limit_proves_nothing(seed: int) -> None:
-    """By construction, c = −G (λ, 0) with contacts that oppose each other; paths through them may end on rays."""
+    """A solution exists, because c = −G (λ, 0); paths over opposite contacts may still end on rays by rounding."""
     if seed == 1:
         family = Family(n_contacts=6, dim=2, n_dofs=6, mass_exponent=4, density=1.0, friction=0.0)
     else:

@@ -1,4 +1,4 @@
-"""The last line of captured output: where it is read, and how much of it is shown."""
+"""The last line of captured output: from which position it is read, and how much of it is shown."""
 
 import os
 from pathlib import Path

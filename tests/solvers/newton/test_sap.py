@@ -27,7 +27,7 @@ def test_derivatives_of_projections_agree_with_differences(name: str, seed: int)
 
 
 def test_derivatives_are_symmetric_and_between_zero_and_one() -> None:
-    """A projection onto a convex set is the gradient of a convex function, and does not expand."""
+    """A projection onto a convex set is the gradient of a convex function, and is nonexpansive."""
     cone = ConeProblem.of(load("funnel-100"))
     points = np.random.default_rng(0).normal(size=(cone.layout.n_blocks, cone.layout.width))
     found = _derivatives(cone, points)

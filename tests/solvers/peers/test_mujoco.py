@@ -121,7 +121,7 @@ def test_a_run_counts_the_time_of_the_constraint_stage_alone(captured: CapturedS
     task = MeasuringTask(data, built_in("MuJoCo"))
     answer, _ = task.answer("round", (Stop(1e-6, max_iterations=5000, max_seconds=20.0), 0.0))
     (prepare,), (solve,), (uncounted,) = answer["prepare"], answer["solve"], answer["uncounted"]
-    assert prepare == 0.0 < solve < uncounted  # a judgement alone takes longer
+    assert prepare == 0.0 < solve < uncounted  # judging alone takes longer than the solve
     carried = MeasuringTask(data, replace(built_in("MuJoCo"), source="a plugin"))
     answer, _ = carried.answer("round", (Stop(1e-6, max_iterations=5000, max_seconds=20.0), 0.0))
     assert answer["uncounted"] == []

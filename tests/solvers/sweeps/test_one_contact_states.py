@@ -1,4 +1,4 @@
-"""The selected state of one contact: the usual one, a refined slip, or the least wrong of all candidates."""
+"""The selected state of one contact: the usual one, a refined slip, or the candidate that violates the law least."""
 
 import numpy as np
 import pytest

@@ -93,7 +93,7 @@ def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_i
     late = point(1e-2, Outcome.TIME_LIMIT, "time limit", "preempted")
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="")
     assert made_case(late, number=1).is_pending(0)
-    assert not made_case(late, rest, number=1).is_pending(1)  # while the time limit is the latest result
+    assert not made_case(late, rest, number=1).is_pending(1)  # not before the coarser point is solved
     assert made_case(point(1e-2, passes=2), rest, number=1).is_pending(1)
     assert not made_case(point(1e-2, Outcome.TIME_LIMIT, "time limit"), number=1).is_pending(0)
 

@@ -167,7 +167,7 @@ def test_solves_of_the_known_problem_warm_the_caches_before_first_solves(
 
 def test_a_round_has_the_threads_that_the_prepared_solver_names() -> None:
     problem = load("funnel-100")
-    for threads, expected in ((1, None), (2, 1)):  # its colours have less than 250 contacts per thread
+    for threads, expected in ((1, None), (2, 1)):  # its colours have fewer than 250 contacts per thread
         solver = ColouredSORprox(threads=threads)
         assert Measurement(problem, solver).round(Stop(1e-2), 0.0)[0].threads == expected
 
@@ -233,7 +233,7 @@ def test_an_observed_solve_is_not_timed(clock: Clock) -> None:
     clock.reading = 1.0
     measured(solver).observe(STOP)
     assert solver.observed == [True]
-    assert clock.now == 100.0 + 7.0 + 3.0  # a copy and a solve, but no reading
+    assert clock.now == 100.0 + 7.0 + 3.0  # the times of a copy and of a solve; the clock is not read
 
 
 @pytest.mark.parametrize("raises", [False, True])

@@ -22,7 +22,7 @@ SAME = ["problem", "solver", "tolerance", "outcome", "residual", "iterations"]
 """Columns of points that depend on no clock."""
 
 N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "4"))
-"""Problems of the sweep; with PROXBENCH_CLUSTER=200 it is as large as one that needs a cluster."""
+"""Number of problems of the run; PROXBENCH_CLUSTER=200 gives a run that is large enough to need a cluster."""
 
 
 def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

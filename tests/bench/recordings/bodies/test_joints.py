@@ -39,10 +39,10 @@ def test_a_hanging_pendulum_is_pulled_at_its_hinge_against_its_weight(
     np.testing.assert_allclose(origin, 0.0, atol=1e-5)
     radius = scene.system.shapes[0].bounding_radius  # type: ignore[attr-defined]
     np.testing.assert_allclose(vector, [0.0, 0.0, REFERENCE_LENGTH * radius], atol=1e-2 * radius)
-    assert MAX_RATIO > 1.0  # all forces are nearly equal, none is cut
+    assert MAX_RATIO > 1.0  # all forces are nearly equal, so no arrow is shortened
     assert "blue" in content.static("/about", "TextDocument:text")[0]
     assert " 9.8 N" in content.static("/about", "TextDocument:text")[0]
-    assert str(content.blueprint).count("'active contacts'") == 1  # in the first layout, not in the last one
+    assert str(content.blueprint).count("'active contacts'") == 1  # in the first layout only
 
 
 def test_colours_tell_joints_with_friction_and_motors_apart() -> None:

@@ -37,7 +37,7 @@ def asked_again() -> str:
 
 def test_another_process_reads_the_same_script_from_the_cache_folder(bundler: Bundler) -> None:
     assert drawing_script() == asked_again() == bundler("window.vegaEmbed = vegaEmbed;")
-    assert bundler.calls == 2  # one of them by the line above
+    assert bundler.calls == 2  # the second call is the one in the line above
 
 
 @pytest.mark.parametrize("spoiled", [b"", b"// 1\nalert(1);", b"\xff\xfe"])

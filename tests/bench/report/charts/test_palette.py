@@ -28,7 +28,7 @@ WHITE = np.array([0.95047, 1.0, 1.08883])
 
 
 def lab(colour: str, eyes: str) -> NDArray[np.float64]:
-    """CIELAB coordinates of a colour as a reader with these eyes sees it."""
+    """Return the CIELAB coordinates of a colour as seen by a reader with this colour vision."""
     share = np.array(rgb(colour)) / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     x, y, z = TO_XYZ @ np.clip(DICHROMATS[eyes] @ linear, 0.0, 1.0) / WHITE

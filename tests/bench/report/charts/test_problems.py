@@ -41,7 +41,7 @@ def test_a_solver_has_the_same_colour_in_every_chart(finished_run: Path) -> None
 def test_legends_name_the_solvers_that_are_shown(finished_run: Path) -> None:
     names = in_legends(json.loads(problem_chart(load(finished_run), "funnel-30").to_json()))
     assert {"SORprox", "ClarabelSOCP"} <= names
-    assert "Misbehaving(raise)" not in names  # it has nothing to show
+    assert "Misbehaving(raise)" not in names  # it has no points
 
 
 @pytest.mark.slow
@@ -90,7 +90,7 @@ def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished_ru
 def test_one_chart_of_every_problem_and_those_of_the_run_are_written(finished_run: Path, tmp_path: Path) -> None:
     files = write_charts(load(finished_run), tmp_path)
     names = {file.name for file in files}
-    charts = ("funnel-30", "hard-counterexample", "summary-success", "summary-time")  # hard-immovable: nothing finite
+    charts = ("funnel-30", "hard-counterexample", "summary-success", "summary-time")  # hard-immovable: no finite value
     assert names == {f"{chart}.{kind}" for chart in charts for kind in ("svg", "png")}
     for file in files:
         begin = file.read_bytes()[:200]

@@ -94,7 +94,7 @@ def without(frames: RunFrames, solvers: list[str], families: list[str]) -> RunFr
 
 
 def profile_of(tables: dict[str, pd.DataFrame], name: str, view: str = COMMON, family: str = ALL) -> pd.DataFrame:
-    """The numbers of a profile to 1e-6, over all families or one, in a view that has problems."""
+    """Return a profile to 1e-6 over all families or one, in ``view``, or over every problem if that view is empty."""
     table = tables[name]
     own = table[(table["family"] == family) & (table["accuracy"] == 1e-6 if "accuracy" in table else True)]
     if "view" in own:

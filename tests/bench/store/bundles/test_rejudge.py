@@ -161,12 +161,12 @@ def forged(bundle: Bundle, indices: Sequence[int], attack: Attack, path: Path) -
 
 
 def is_lie(name: str, case: CaseRecord) -> bool:
-    """Whether an attack makes a false statement, beyond rounding."""
+    """Return whether an attack makes a statement that is false beyond rounding."""
     measured = finest(case)[1]
     impulses = measured.impulses[0].unpacked(case.n_rows)
     if name == "a right claim that counts as wrong":
         return case.points[0].outcome in (Outcome.SOLVED, Outcome.RELAXED)
-    if name == "another model":  # a contact that sticks fulfils several
+    if name == "another model":  # a sticking contact satisfies several models
         return case.problem == "funnel-30"
     if "residual" in name and "local" not in name and "coarse" not in name:
         return (measured.residual or 0.0) > 1e-9

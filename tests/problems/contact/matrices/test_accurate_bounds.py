@@ -42,7 +42,7 @@ def random_problem(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np
 
 
 def braced(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a problem with a copy of every row, in another order, whose impulses push the other way: WΛ = 0."""
+    """Return a problem with a copy of every row, in another order, and with opposite impulses: WΛ = 0."""
     directions, inverse, impulses = random_problem(rng)
     order = rng.permutation(len(impulses))
     return np.hstack([directions, directions[:, order]]), inverse, np.append(impulses, -impulses[order])

@@ -63,7 +63,7 @@ def test_a_planar_contact_with_rolling_friction_has_three_rows(tmp_path: Path) -
     path = write_data(tmp_path / "p.hdf5", {"fclib_global_rolling/spacedim": np.array([3]), **data})
     problem = read_fclib(path)
     assert problem.laws.kind.tolist() == [LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_ROLLING]
-    assert judge(problem, np.array([2.0, -1.0, -0.5])).residual < 1e-15  # the limit of rounding
+    assert judge(problem, np.array([2.0, -1.0, -0.5])).residual < 1e-15  # zero up to rounding
     write_fclib(problem, tmp_path / "again.hdf5")
     assert read_fclib(tmp_path / "again.hdf5").digest == problem.digest
 

@@ -100,7 +100,7 @@ def test_a_cylinder_that_rolls_far_from_the_centre_of_a_slab_is_in_contact_at_ev
 
 @pytest.mark.parametrize(("is_upright", "count"), [(False, 2), (True, 12)])
 def test_features_last_while_a_cylinder_turns_about_its_axis(is_upright: bool, count: int) -> None:
-    """A feature of a lying cylinder stays at its end of the line of contact, that of an upright one at a body point."""
+    """Features stay at the ends of the contact line of a lying cylinder, and at points fixed to an upright one."""
     labels, rng = [], np.random.default_rng(0)
     for turn in np.linspace(0.0, 2.0, 101):
         poses = on_slab(turn, 0.1 + 0.1 * turn, is_upright)

@@ -126,7 +126,7 @@ def test_only_what_is_closer_than_the_margin_is_reported(margin: float) -> None:
 
 @pytest.mark.parametrize(("near", "far"), [(0.5e-6, 1.5e-6), (0.99e-6, 1.01e-6), (1.5e-6, 0.5e-6), (-0.2, 0.3)])
 def test_clipped_corners_lie_on_the_edges_of_the_polygon(near: float, far: float) -> None:
-    """With both ends beyond the plane, its intersection with the line of the edge lies outside of the edge."""
+    """If both ends are beyond the plane, it meets the line of the edge outside the edge."""
     polygon = np.zeros((8, 3))
     polygon[:4, :2] = [[near, 0.0], [far, 1.0], [-1.0, 1.0], [-1.0, 0.0]]
     corners, edges = np.empty((8, 3)), np.empty(8, dtype=np.int64)

@@ -130,7 +130,7 @@ def test_the_event_driven_reference_returns_to_the_section_more_accurately_than_
             (switch.law, switch.contact, switch.after)
             for step in steps
             for switch in step.switches
-            if 1e-6 < switch.begin < PERIOD - 1e-6  # the section itself is an event of one, and the start of the other
+            if 1e-6 < switch.begin < PERIOD - 1e-6  # the section is an event of one motion, and the start of the other
         ]
         for steps in (reference, stepped)
     ]

@@ -26,7 +26,7 @@ MIN_STEP, MAX_STEP = 1e-8, 1e-2
 
 
 class Announced:
-    """Margins that announce a switching point at a given time, or always immediately."""
+    """Margins that predict a switching point at the given time ``due``, or always immediately."""
 
     def __init__(self, due: float | None, doubt: float = 0.0) -> None:
         self.due, self.doubt = due, doubt
@@ -55,7 +55,7 @@ def test_a_step_ends_just_before_a_switch_that_is_announced(monkeypatch: pytest.
     assert search.limited_length(1.0 - 0.5 * MAX_STEP, MAX_STEP) == pytest.approx(
         0.5 * (MAX_STEP - MIN_STEP), rel=1e-12
     )
-    assert search.limited_length(1.0 - 1.1 * MAX_STEP, MAX_STEP) == MAX_STEP  # in sight, but not within the step
+    assert search.limited_length(1.0 - 1.1 * MAX_STEP, MAX_STEP) == MAX_STEP  # predicted, but not within the step
     assert search.limited_length(1.0 - 0.5 * MIN_STEP, MAX_STEP) == MIN_STEP
 
 
@@ -93,7 +93,7 @@ def test_nested_intervals_halve_a_step_and_keep_it_until_the_switch_is_passed() 
     search.record_switch(State(1.0, np.zeros(1), np.zeros(1)))
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert [search.length_after_step(now, 4e-3, 1.0) for now in (1.0, 1.004)] == [4e-3, 4e-3]
-    assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the attempt has passed
+    assert search.length_after_step(1.0041, 4e-3, 1.0) == 8e-3  # the end of the failed attempt has passed
     assert search.length_after_step(1.01, 4e-3, 1.0) == 8e-3
     assert search.length_after_switch(1.0, 8e-3, switched_after(0.0)) == 4e-3
     assert search.length_after_switch(1.004, 8e-3, switched_after(0.0)) == 4e-3  # beyond the first attempt
@@ -220,9 +220,9 @@ def test_a_force_that_ends_after_its_last_evaluation_is_noticed_at_the_end_of_a_
     counter = StepCounter(system, create("SORprox"), Stop(1e-13, 1000))
     sequence = take_sequence(counter, start, 1.0, count, None)
     if slope * (2 * count - 1) / (2 * count) < -1.0:
-        assert sequence.end is None  # it has ended before the last evaluation
+        assert sequence.end is None  # the force has ended before its last evaluation
     else:
-        is_seen = count > 1  # one value is a constant
+        is_seen = count > 1  # a single value gives a constant
         assert Margins(system, 1.0).has_ended_force(sequence.substeps, sequence.states) is (has_ended and is_seen)
 
 

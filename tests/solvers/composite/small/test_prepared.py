@@ -122,7 +122,7 @@ class PartsError(Exception):
 
 
 def without_parts(problem: ContactProblem) -> PreparedSmall:
-    """Return the prepared kernel, whose solves raise an exception where they would run the parts."""
+    """Return the prepared kernel, whose solves raise an exception instead of running the parts."""
 
     def refuse(problem: ContactProblem) -> Any:
         raise PartsError

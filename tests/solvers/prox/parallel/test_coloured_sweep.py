@@ -159,7 +159,7 @@ def test_the_velocity_is_that_of_the_impulses(name: str) -> None:
 def test_the_residual_of_a_window_is_that_of_its_impulses(
     name: str, threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is also that of another residual, asked for after the window, and ξ is available after it."""
+    """A second ``Residual`` object gives the same value after the window, and ξ is available then."""
     use_threads_for_small_problems(monkeypatch)
     problem = problem_of(name)
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), threads)

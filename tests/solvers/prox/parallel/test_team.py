@@ -52,7 +52,7 @@ def test_each_thread_takes_part_in_each_call(threads: int) -> None:
     for call in range(1, 4):
         assert team.run() == call
         assert parts.tolist() == [call] * threads
-    assert starts.max() <= 3  # a thread that has left in between starts again
+    assert starts.max() <= 3  # a thread that has ended between calls is started again
     assert _thread._count() == before + threads - 1
     del team
     assert _thread._count() == before
@@ -63,7 +63,7 @@ def test_a_thread_that_has_left_takes_part_again() -> None:
     team = Team(2, _count_parts, parts, starts)
     team.run()
     deadline = time.monotonic() + 30.0
-    while team._states[1] != AWAY:  # it leaves after a millisecond
+    while team._states[1] != AWAY:  # it ends after a millisecond
         assert time.monotonic() < deadline
         time.sleep(1e-3)
     time.sleep(0.05)
@@ -72,7 +72,7 @@ def test_a_thread_that_has_left_takes_part_again() -> None:
 
 
 def test_a_call_does_not_wait_for_a_thread_that_has_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Such a thread is sent away, so that it cannot begin its part after the call."""
+    """Such a thread is marked as away, so that it cannot begin its part after the call."""
     parts = np.zeros(2, dtype=np.int64)
     begun: list[Any] = []
     with monkeypatch.context() as patch:
@@ -98,7 +98,7 @@ def test_a_kernel_that_raises_in_any_thread_raises_each_time_and_leaves_no_threa
             raise ArithmeticError
         if number == 0:
             deadline = time.monotonic() + 30.0
-            while (states[1:] != AWAY).any() and time.monotonic() < deadline:  # others end before the call does
+            while (states[1:] != AWAY).any() and time.monotonic() < deadline:  # the others end before the call returns
                 time.sleep(1e-3)
 
     team = Team(3, kernel)
@@ -155,7 +155,7 @@ def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_threads_that_wait_at_the_end_of_a_process_do_not_delay_it() -> None:
-    """They wait for the lock of the interpreter, which it never gives up."""
+    """They wait for the lock of the interpreter, which the process never releases."""
     program = """
 import numpy as np
 from proxbench.problems import load

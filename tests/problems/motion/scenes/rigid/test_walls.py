@@ -45,7 +45,7 @@ def test_a_struck_wall_loses_bricks_and_its_energy_never_grows() -> None:
     assert energies[-1] < 0.9 * energies[0]
     assert wall.moved(step.state) > 0.1
     given = system.masses[-1] * wall.speed
-    assert 0.0 < momenta[-1] < given  # friction of the ground takes momentum
+    assert 0.0 < momenta[-1] < given  # friction of the ground removes momentum
 
 
 def test_a_ball_whose_weight_moves_nothing_leaves_the_wall_its_momentum_at_the_impact() -> None:

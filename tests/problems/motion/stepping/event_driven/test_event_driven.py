@@ -33,7 +33,7 @@ def simulate(system: MechanicalSystem, start: State, until: float, solver: Any =
 
 
 def cycle(periods: float) -> Motion:
-    """Return the motion from the section on, without the event in which the cycle leaves it."""
+    """Return the motion that starts at the section, without the event at its start."""
     motion = simulate(woodpecker(), section_start(), periods * PERIOD)
     return Motion([event for event in motion.events if event.time > 1e-6], motion.phases, motion.end)
 
@@ -66,7 +66,7 @@ def test_time_stepping_converges_to_it_from_the_published_start() -> None:
     until, errors = 0.13, []
     motion = simulate(woodpecker(), published_start(), until)
     for steps in (250, 2250):
-        state = motion.at(0.0)  # the published numbers penetrate by a rounding of 9e-7 m, which the reference removes
+        state = motion.at(0.0)  # the reference removes the penetration of 9e-7 m by rounding of the published numbers
         for step in MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12), until / steps).steps(state, steps):
             state = step.state
         errors.append(float(np.abs(state.position - motion.end.position).max()))
